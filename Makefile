@@ -78,12 +78,12 @@ SEE_splat         := base
 SEE_rig           := base capture/views splat
 SEE_scene         := base nn code splat
 SEE_entropy       := base nn code splat scene
-SEE_warm          := base nn capture/views splat rig
+SEE_warm          := base nn capture/views capture/survey splat rig
 SEE_train/plan    := base
 SEE_train/fit     := base nn capture/views code splat rig scene entropy train/plan
 SEE_train/pack    := base nn capture/views code splat rig scene entropy train/plan train/fit
 SEE_train/run     := base nn capture/views code splat rig scene entropy warm train/plan train/fit train/pack
-SEE_measure       := base capture/views capture/files rig
+SEE_measure       := base capture/views capture/files capture/survey rig
 SEE_exchange      := base capture/views capture/files code splat rig measure
 SEE_cli           := base nn capture/views capture/files capture/loaders capture/read capture/survey capture/synth code splat rig scene entropy warm train/plan train/run measure exchange
 

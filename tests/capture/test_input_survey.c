@@ -4,6 +4,7 @@
  * room, and is to be found with its size; and in the room as it is, nothing.
  */
 #include "capture_files.h"
+#include "order.h"
 #include "pose.h"
 #include "survey.h"
 #include "synth_capture.h"
@@ -67,13 +68,6 @@ static double angle_from(const double x[3], const saga_shot *a,
     return acos(pq / sqrt(pp * qq)) * 180 / 3.14159265358979;
 }
 
-static int by_value(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
-
 TEST_WITH(room_should_have_nothing_to_mind, make_room, free_room)
 {
     const saga_capture *const c = *state;
@@ -87,7 +81,7 @@ TEST_WITH(room_should_have_nothing_to_mind, make_room, free_room)
     for (int k = 0; k < 3; k++) {
         for (size_t i = 0; i < c->n_points; i++)
             x[i] = c->points[i].position[k];
-        qsort(x, c->n_points, sizeof *x, by_value);
+        qsort(x, c->n_points, sizeof *x, saga_by_value);
         middle[k] = x[c->n_points / 2];
     }
     for (int v = 0; v < N_VIEWS; v++) {

@@ -7,9 +7,10 @@
  * double.
  */
 #include "capture.h"
-#include "exposure.h"
+#include "exposure_match.h"
 #include "flat_state.h"
 #include "error.h"
+#include "order.h"
 #include "testing.h"
 #include "tiny_training.h"
 
@@ -518,13 +519,6 @@ TEST(camera_should_see_the_cube_as_the_view_the_world)
 
 /* --- Depth --------------------------------------------------------------- */
 
-static int by_value(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
-
 /* Depths that the sweep trusts, against the true ones. */
 TEST(sights_should_have_the_true_depth)
 {
@@ -545,7 +539,7 @@ TEST(sights_should_have_the_true_depth)
         if (saga_flat_look(f, view, frame, x + 0.5, y + 0.5, &s))
             error[n++] = fabs(s.depth - truth) / truth;
     }
-    qsort(error, (size_t)n, sizeof *error, by_value);
+    qsort(error, (size_t)n, sizeof *error, saga_by_value);
     printf("flat: %d of 900 sights trusted, depth off by %.1f %% median, "
            "%.0f %% p90\n", n, 100 * error[n / 2], 100 * error[n * 9 / 10]);
     /* A pixel is 1 / 65 and the baseline a fifth of the depth or more: one

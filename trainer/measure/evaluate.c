@@ -8,6 +8,7 @@
 #include "alloc.h"
 #include "change.h"
 #include "error.h"
+#include "exposure.h"
 #include "file.h"
 #include "montage.h"
 #include "threads.h"
@@ -23,9 +24,6 @@ enum { DIFFERENCE_GAIN = 4 };
 
 /* --- The comparison ------------------------------------------------------ */
 
-/* Sums of products over all pixels of a channel. */
-typedef struct { uint64_t made_made, made_true, true_true; } tones;
-
 /* A view's sums over its frames. */
 typedef struct {
     saga_score_sum each;    /* of pictures on their own */
@@ -33,7 +31,7 @@ typedef struct {
     double median_psnr, median_mse; /* the temporal median picture's, means */
     double temporal_mse;    /* of what changes from picture to picture */
     int n_steps;            /* number of such changes */
-    tones tone[3];
+    saga_exposure_sums exposure[3]; /* of each channel */
 } sums;
 
 typedef struct {
@@ -146,41 +144,14 @@ static void compare_time(const comparison *c, int view, int frame)
     memcpy(c->before[view], c->rgb, n);
 }
 
-static void compare_tones(const comparison *c, int view, int frame)
-{
-    const uint8_t *const truth = saga_capture_frame(c->capture, view, frame);
-    const size_t n = saga_view_frame_nbytes(&c->capture->views[view]);
-
-    for (size_t k = 0; k < 3; k++) {
-        tones *const t = &c->sum[view].tone[k];
-
-        for (size_t i = k; i < n; i += 3) {
-            t->made_made += (uint64_t)(c->rgb[i] * c->rgb[i]);
-            t->made_true += (uint64_t)(c->rgb[i] * truth[i]);
-            t->true_true += (uint64_t)(truth[i] * truth[i]);
-        }
-    }
-}
-
-/* The mean of (f x made - truth)^2, of the best f for each channel. */
+/* Returns the mean of (f x made - truth)^2, with the best f of each channel. */
 static double exposed_mse(const comparison *c, int view)
 {
     const saga_shot *const v = &c->capture->views[view];
     const double n = (double)saga_view_frame_nbytes(v) *
                      (c->eval->n_frames - v->n_missing);
-    double sum = 0;
 
-    for (size_t k = 0; k < 3; k++) {
-        const tones *const t = &c->sum[view].tone[k];
-        const double both = (double)t->made_true;
-
-        /* The sum of (f m - t)^2 is least at f = (m t) / (m m), where it is
-         * t t - (m t)^2 / (m m). */
-        sum += (double)t->true_true;
-        if (t->made_made > 0)
-            sum -= both * both / (double)t->made_made;
-    }
-    return sum / n;
+    return saga_exposure_error(c->sum[view].exposure) / n;
 }
 
 bool saga_eval_draw_film(void *state, uint8_t *rgb, const saga_eval *eval,
@@ -231,7 +202,9 @@ static bool compare_one(const comparison *c, int view, int frame)
     saga_score_add(&c->sum[view].each, &score);
     compare_change(c, view, frame);
     compare_time(c, view, frame);
-    compare_tones(c, view, frame);
+    saga_exposure_add(c->sum[view].exposure, c->rgb,
+                      saga_capture_frame(c->capture, view, frame),
+                      saga_view_frame_nbytes(&c->capture->views[view]));
     return write_picture(c, view, frame);
 }
 

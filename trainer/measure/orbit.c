@@ -3,6 +3,7 @@
 
 #include "alloc.h"
 #include "error.h"
+#include "order.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -163,13 +164,6 @@ static bool find_middle(saga_orbit *o, const saga_shot *shots, int n)
     return true;
 }
 
-static int by_value(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
-
 /* Finds the range of the cameras' angles, without the widest gap between two of
  * them. */
 static void find_sweep(saga_orbit *o, const saga_shot *shots, int n,
@@ -183,7 +177,7 @@ static void find_sweep(saga_orbit *o, const saga_shot *shots, int n,
         split(level, o, &shots[s]);
         angle[s] = atan2(dot(level, o->side), dot(level, o->ahead));
     }
-    qsort(angle, (size_t)n, sizeof *angle, by_value);
+    qsort(angle, (size_t)n, sizeof *angle, saga_by_value);
     /* The gap over the seam at -pi and pi is the first candidate; another one
      * moves the end of the range behind the seam. */
     gap = angle[0] + 2.0 * pi - angle[n - 1];

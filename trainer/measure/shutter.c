@@ -2,6 +2,7 @@
 #include "shutter.h"
 
 #include "alloc.h"
+#include "order.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -122,13 +123,6 @@ static saga_shutter_found find_alone(const saga_shutter *of)
     };
 }
 
-static int ascending(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
-
 /* The film's things are sheared in time as most cameras see them. */
 static double median_readout(const saga_shutter_found *found, int n,
                              double *scratch)
@@ -138,7 +132,7 @@ static double median_readout(const saga_shutter_found *found, int n,
     for (int i = 0; i < n; i++)
         if (!isnan(found[i].readout))
             scratch[known++] = found[i].readout;
-    qsort(scratch, (size_t)known, sizeof *scratch, ascending);
+    qsort(scratch, (size_t)known, sizeof *scratch, saga_by_value);
     return known ? 0.5 * (scratch[(known - 1) / 2] + scratch[known / 2]) : 0;
 }
 

@@ -9,6 +9,7 @@
 #include "flat_state.h"
 
 #include "alloc.h"
+#include "plane_sweep.h"
 #include "threads.h"
 
 #include <math.h>
@@ -226,7 +227,7 @@ static void look_part(void *user, size_t part)
     const saga_rng r = saga_rng_stream(f->o.seed, FLAT_RNG_GROW);
     const size_t w = (size_t)f->canvas.camera.width, pixels = n_pixels(f);
     const int side = 1 << j->picture.mip;
-    const saga_range of = saga_part(j->n, SAGA_FLAT_LOOKS, part);
+    const saga_range of = saga_part(j->n, SAGA_PLANE_PART, part);
 
     for (size_t i = of.begin; i < of.end; i++) {
         /* Stratified: one draw in each n-th of the sum, so that large errors
@@ -246,8 +247,8 @@ static void look_part(void *user, size_t part)
 static void look_where_wrong(job *j)
 {
     saga_parallel(&(saga_tasks){
-        .run = look_part, .user = j, .n = saga_n_parts(j->n, SAGA_FLAT_LOOKS),
-        .ns = (double)SAGA_FLAT_LOOK_NS * j->n });
+        .run = look_part, .user = j, .n = saga_n_parts(j->n, SAGA_PLANE_PART),
+        .ns = (double)SAGA_PLANE_NS * j->n });
 }
 
 static bool grow_from_picture(saga_flat *f, const places *p, uint32_t n,

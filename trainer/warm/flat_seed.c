@@ -6,6 +6,7 @@
 #include "flat_state.h"
 
 #include "alloc.h"
+#include "plane_sweep.h"
 #include "threads.h"
 
 #include <math.h>
@@ -13,7 +14,7 @@
 #include <string.h>
 
 enum {
-    PATCH = SAGA_FLAT_PATCH,
+    PATCH = SAGA_PATCH,
     N_NEIGHBOURS = 3     /* whose distance gives the scale */
 };
 
@@ -118,7 +119,7 @@ typedef struct { const sights *all; const saga_flat *f; size_t from; } job;
 
 static saga_range pixels_of(const job *j, size_t part)
 {
-    const saga_range of = saga_part(j->all->n - j->from, SAGA_FLAT_LOOKS,
+    const saga_range of = saga_part(j->all->n - j->from, SAGA_PLANE_PART,
                                     part);
 
     return (saga_range){ j->from + of.begin, j->from + of.end };
@@ -155,8 +156,8 @@ static void look_at_pixels(const sights *all, const saga_flat *f, size_t from)
 {
     job j = { all, f, from };
     saga_tasks t = { .run = look_part, .user = &j,
-                     .n = saga_n_parts(all->n - from, SAGA_FLAT_LOOKS),
-                     .ns = (double)SAGA_FLAT_LOOK_NS *
+                     .n = saga_n_parts(all->n - from, SAGA_PLANE_PART),
+                     .ns = (double)SAGA_PLANE_NS *
                            (double)(all->n - from) };
 
     saga_parallel(&t);

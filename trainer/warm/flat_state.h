@@ -41,24 +41,10 @@ struct saga_flat {
 typedef struct saga_flat_sight {
     double position[3];         /* world */
     double depth, footprint;    /* world; size of a pixel there */
-    double cost, contrast;      /* of the match; mean cost over depths */
     real rgb[3];
     real t_centre, log2_width;
     bool still;
 } saga_flat_sight;
-
-/* Another view saw the same place darker, by these logarithms. */
-typedef struct saga_flat_ratio {
-    int view;
-    double log[3];
-} saga_flat_ratio;
-
-enum {
-    SAGA_FLAT_PATCH = 2,        /* pixels around the one that is compared */
-    SAGA_FLAT_NEAR = 6,         /* views that it is compared with */
-    SAGA_FLAT_LOOKS = 8,        /* pixels that a thread looks at at once */
-    SAGA_FLAT_LOOK_NS = 50000   /* nanoseconds that it takes for one */
-};
 
 /* flat_set.c */
 /* Makes room for n primitives, values kept. */
@@ -90,10 +76,6 @@ bool saga_flat_look(const saga_flat *f, int view, int frame, double u,
  * views where its colour fits; false where none does. */
 bool saga_flat_look_at_point(const saga_flat *f, const saga_point *p,
                              saga_flat_sight *s);
-/* Compares a pixel with what the nearest views see of its place; returns how
- * many do, 0 where its depth is a guess. */
-int saga_flat_compare(const saga_flat *f, int view, int frame, double u,
-                      double v, saga_flat_ratio ratio[SAGA_FLAT_NEAR]);
 
 /* flat_seed.c */
 /* Makes the first primitives. */

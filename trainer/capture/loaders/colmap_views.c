@@ -5,6 +5,7 @@
 #include "error.h"
 #include "file.h"
 #include "notes.h"
+#include "order.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -107,12 +108,6 @@ bool saga_colmap_take_points(saga_listing *listing, const saga_colmap *model,
     return true;
 }
 
-static int by_value(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* Compares every observation with the loaded camera, through the lens: tells a
  * wrong convention or a wrong size at once. */
 bool saga_colmap_measure(saga_source *s, const saga_colmap *model,
@@ -149,7 +144,7 @@ bool saga_colmap_measure(saga_source *s, const saga_colmap *model,
         n++;
     }
     if (n > 0) {
-        qsort(e, (size_t)n, sizeof *e, by_value);
+        qsort(e, (size_t)n, sizeof *e, saga_by_value);
         s->n_observations = n;
         s->reprojection_median = e[n / 2];
         s->reprojection_p90 = e[(size_t)n * 9 / 10];

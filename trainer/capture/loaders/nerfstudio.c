@@ -34,6 +34,7 @@
 #include "load.h"
 #include "moments.h"
 #include "notes.h"
+#include "order.h"
 #include "picture.h"
 #include "ply.h"
 #include "pose.h"
@@ -346,12 +347,6 @@ static int entry_order(const void *a, const void *b)
     return strcmp(x->file, y->file);
 }
 
-static int by_time(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 static int count_times(const reader *r)
 {
     int n = 0;
@@ -455,7 +450,7 @@ static int count_moments(const reader *r, double *times)
             times[n++] = r->entries[i].time;
     if (n == 0)
         return 0;
-    qsort(times, n, sizeof *times, by_time);
+    qsort(times, n, sizeof *times, saga_by_value);
     /* Times closer than a millionth of the span are one, printed
      * differently. */
     const double least = 1e-6 * (times[n - 1] - times[0]);

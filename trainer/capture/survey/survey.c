@@ -2,6 +2,8 @@
 #include "survey.h"
 
 #include "alloc.h"
+#include "exposure.h"
+#include "order.h"
 #include "pose.h"
 
 #include <math.h>
@@ -31,21 +33,6 @@ typedef struct places {
     size_t n;
     double middle[3];
 } places;
-
-static int by_value(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-/* Sorts x; NaN of none. */
-static double median(double *x, size_t n)
-{
-    if (n == 0)
-        return (double)NAN;
-    qsort(x, n, sizeof *x, by_value);
-    return x[n / 2];
-}
 
 static void note(saga_survey *s, const char *format, ...) SAGA_PRINTF(2, 3);
 
@@ -156,7 +143,7 @@ static bool find_places(places *p, const saga_capture *c, saga_error *error)
     for (int k = 0; x && k < 3; k++) {
         for (size_t i = 0; i < p->n; i++)
             x[i] = p->at[i][k];
-        p->middle[k] = median(x, p->n);
+        p->middle[k] = saga_median(x, p->n);
     }
     free(x);
     return x != NULL;
@@ -233,11 +220,6 @@ static void find_overlap(saga_survey *survey, const saga_capture *c,
 
 /* ------------------------------------------------------------------ colours */
 
-static double luma(const double rgb[3])
-{
-    return 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];
-}
-
 /* What a view shows at a place in the first frame; display values. */
 static bool colour_at(const saga_capture *c, int v, const double place[3],
                       double rgb[3])
@@ -267,15 +249,8 @@ static size_t common_colour(const saga_capture *c, const double place[3],
         n++;
     }
     for (size_t k = 0; k < 3; k++)
-        rgb[k] = median(scratch + k * most, n);
+        rgb[k] = saga_median(scratch + k * most, n);
     return n;
-}
-
-/* Light is the display value to the power 2.2; very dark and saturated places
- * tell nothing. */
-static bool tells_exposure(double a, double b)
-{
-    return a > 16.0 && a < 240.0 && b > 16.0 && b < 240.0;
 }
 
 /* Compares a view with the common colours: (places, 3), NaN where fewer than
@@ -288,10 +263,11 @@ static void compare_view(saga_survey_view *one, const saga_capture *c, int v,
     /* Exposure: the median of log2 of light against the others'. */
     for (size_t i = 0; i < p->n; i++)
         if (!isnan(common[3 * i]) && colour_at(c, v, p->at[i], rgb) &&
-            tells_exposure(luma(rgb), luma(common + 3 * i)))
-            x[n++] = 2.2 * log2(luma(rgb) / luma(common + 3 * i));
-    one->stops = n >= FEW_COLOURS ? median(x, n) : (double)NAN;
-    const double gain = isnan(one->stops) ? 1.0 : exp2(one->stops / 2.2);
+            saga_exposure_compare(x + n, rgb, common + 3 * i))
+            n++;
+    one->stops = n >= FEW_COLOURS ? saga_median(x, n) : (double)NAN;
+    const double gain = isnan(one->stops)
+        ? 1.0 : saga_exposure_gain(one->stops);
     /* Colour: what differs once that is evened out. */
     n = 0;
     for (size_t i = 0; i < p->n; i++) {
@@ -302,7 +278,7 @@ static void compare_view(saga_survey_view *one, const saga_capture *c, int v,
             x[n] += fabs(rgb[k] / gain - common[3 * i + (size_t)k]) / 3.0;
         n++;
     }
-    one->colour = n >= FEW_COLOURS ? median(x, n) : (double)NAN;
+    one->colour = n >= FEW_COLOURS ? saga_median(x, n) : (double)NAN;
 }
 
 static bool compare_colours(saga_survey *survey, const saga_capture *c,
@@ -432,7 +408,7 @@ static bool measure(saga_survey *s, const saga_capture *c, places *p,
         find_nearest(s, c, p->middle);
         for (size_t v = 0; v < n_views; v++)
             angle[v] = s->views[v].angle;
-        s->typical_angle = median(angle, n_views);
+        s->typical_angle = saga_median(angle, n_views);
     }
     free(seen);
     free(angle);

@@ -3,7 +3,7 @@
 
 #include "alloc.h"
 #include "clock.h"
-#include "exposure.h"
+#include "exposure_match.h"
 #include "hierarchy.h"
 #include "policy.h"
 #include "start.h"

@@ -1,0 +1,100 @@
+/* SPDX-License-Identifier: MIT */
+#include "exposure.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+
+#include <cmocka.h>
+
+enum { N_VIEWS = 5, N_PAIRS = 400 };
+
+/* Four cameras learn; the third is half as bright and reddish, the fifth is in
+ * no pair. */
+static const int train[] = { 0, 1, 2, 3 };
+static const double factor[N_VIEWS][3] = {
+    { 1, 1, 1 }, { 1.2, 1.2, 1.2 }, { 0.6, 0.5, 0.4 }, { 1, 0.9, 1.1 },
+    { 1, 1, 1 }
+};
+
+/* Makes pairs of every two cameras; each seventh shows two surfaces, and so any
+ * ratio. */
+static void make_pairs(saga_exposure_pair *at)
+{
+    for (int i = 0; i < N_PAIRS; i++) {
+        at[i].a = i % 4;
+        at[i].b = (i + 1 + i / 4 % 3) % 4;
+        for (int k = 0; k < 3; k++)
+            at[i].log[k] = i % 7 == 0
+                ? 0.9 - 0.31 * (i % 5)
+                : log(factor[at[i].a][k] / factor[at[i].b][k]);
+    }
+}
+
+static void pairs_should_give_the_factors_back(void **state)
+{
+    saga_exposure_pair at[N_PAIRS];
+    const saga_exposure_pairs pairs = { at, N_PAIRS, N_VIEWS, train, 4 };
+    double found[3 * N_VIEWS], sum[3] = { 0 };
+    saga_error error;
+
+    (void)state;
+    make_pairs(at);
+    assert_true(saga_exposure_solve(found, &pairs, &error));
+    for (int v = 0; v < 4; v++)
+        for (int k = 0; k < 3; k++) {
+            sum[k] += found[3 * v + k];
+            /* What evens out is one over what was planted; relative to the
+             * first camera, since a common factor shows in no pair. */
+            assert_true(fabs(found[3 * v + k] - found[k] +
+                             log(factor[v][k] / factor[0][k])) < 0.02);
+        }
+    for (int k = 0; k < 3; k++) {
+        assert_true(fabs(sum[k]) < 1e-9);
+        assert_true(found[3 * 4 + k] == 0);
+    }
+    /* The widest range is that of blue, from 0.4 to 1.2. */
+    assert_true(fabs(saga_exposure_span(found, &pairs) - log(3)) < 0.04);
+}
+
+static void places_should_tell_stops_unless_cut_off(void **state)
+{
+    static const double grey[] = { 100, 100, 100 }, white[] = { 250, 250, 250 };
+    double stops, twice[3];
+
+    (void)state;
+    /* Twice the light is 2^(1 / 2.2) of a display value. */
+    for (int k = 0; k < 3; k++)
+        twice[k] = 100 * exp2(1 / 2.2);
+    assert_true(saga_exposure_compare(&stops, twice, grey));
+    assert_true(fabs(stops - 1) < 1e-12);
+    assert_true(fabs(saga_exposure_gain(1) - twice[0] / 100) < 1e-12);
+    assert_false(saga_exposure_compare(&stops, grey, white));
+}
+
+static void error_should_be_what_the_best_factor_leaves(void **state)
+{
+    /* Red is half of the truth, green is right but for one of two pixels, blue
+     * is nothing where 3 is true. */
+    static const uint8_t made[] = { 10, 20, 0, 30, 20, 0 };
+    static const uint8_t truth[] = { 20, 20, 3, 60, 10, 3 };
+    saga_exposure_sums sums[3] = { { 0 } };
+
+    (void)state;
+    saga_exposure_add(sums, made, truth, sizeof made);
+    /* Green: f = 600 / 800, (15 - 20)^2 + (15 - 10)^2 = 50; blue: 9 + 9. */
+    assert_true(fabs(saga_exposure_error(sums) - 68) < 1e-9);
+}
+
+int main(void)
+{
+    static const struct CMUnitTest tests[] = {
+        cmocka_unit_test(pairs_should_give_the_factors_back),
+        cmocka_unit_test(places_should_tell_stops_unless_cut_off),
+        cmocka_unit_test(error_should_be_what_the_best_factor_leaves),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,20 @@
+/* SPDX-License-Identifier: MIT */
+#include "order.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+int saga_by_value(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+
+    return (x > y) - (x < y);
+}
+
+double saga_median(double *x, size_t n)
+{
+    if (n == 0)
+        return (double)NAN;
+    qsort(x, n, sizeof *x, saga_by_value);
+    return x[n / 2];
+}

@@ -1,0 +1,180 @@
+/* SPDX-License-Identifier: MIT */
+#include "exposure.h"
+
+#include "alloc.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* -------------------------------------------- of a place that may be hidden */
+
+#define DISPLAY_GAMMA 2.2
+
+/* Very dark places have noise, and saturated ones no light that was counted. */
+static bool tells(double luma)
+{
+    return luma > 16.0 && luma < 240.0;
+}
+
+/* The weights of R, G, B are those of BT.709. */
+static double luma_of(const double rgb[3])
+{
+    return 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];
+}
+
+bool saga_exposure_compare(double *stops, const double rgb[3],
+                           const double others[3])
+{
+    const double a = luma_of(rgb), b = luma_of(others);
+    if (!tells(a) || !tells(b))
+        return false;
+    *stops = DISPLAY_GAMMA * log2(a / b);
+    return true;
+}
+
+double saga_exposure_gain(double stops)
+{
+    return exp2(stops / DISPLAY_GAMMA);
+}
+
+/* ---------------------------------------------------- of patches that match */
+
+/* A view's factor is the weighted mean of what its pairs ask for, the others'
+ * factors given, again and again; weights fall with what is left unexplained,
+ * as the L1 norm's do, since some pairs are of different surfaces. */
+enum {
+    N_ROUNDS = 60,
+    LEAST_PAIRS = 40     /* of a view, to believe in its factor */
+};
+
+#define UNEXPLAINED 0.01 /* whose weight is half of the best */
+#define WRONG 0.2        /* what differs by more counts as that */
+
+typedef struct solver {
+    const saga_exposure_pairs *pairs;
+    int *n_of;           /* (n_views) pairs */
+    double *sum;         /* (n_views, 2) weighted sum, weights */
+} solver;
+
+static void count_pairs(const solver *s)
+{
+    for (size_t i = 0; i < s->pairs->n; i++) {
+        s->n_of[s->pairs->at[i].a]++;
+        s->n_of[s->pairs->at[i].b]++;
+    }
+}
+
+/* Does one round of the weighted means of channel k; x are the logarithms. */
+static void improve(const solver *s, double *x, int k)
+{
+    const size_t n_views = (size_t)s->pairs->n_views;
+    memset(s->sum, 0, 2 * n_views * sizeof *s->sum);
+    for (size_t i = 0; i < s->pairs->n; i++) {
+        const saga_exposure_pair *const d = s->pairs->at + i;
+        /* What is left unexplained is 0 where a exp(x_a) = b exp(x_b). */
+        const double left = d->log[k] + x[3 * d->a] - x[3 * d->b];
+        const double weight = 1 / (fabs(left) + UNEXPLAINED);
+
+        s->sum[2 * d->a] += weight * (x[3 * d->a] - left);
+        s->sum[2 * d->a + 1] += weight;
+        s->sum[2 * d->b] += weight * (x[3 * d->b] + left);
+        s->sum[2 * d->b + 1] += weight;
+    }
+    /* Half of the way, since both ends of a pair go it. */
+    for (size_t v = 0; v < n_views; v++)
+        if (s->n_of[v] >= LEAST_PAIRS)
+            x[3 * v] = (x[3 * v] + s->sum[2 * v] / s->sum[2 * v + 1]) / 2;
+}
+
+/* Pairs say nothing of a factor that all views have in common: the mean camera
+ * has 1. */
+static void centre(double *x, const saga_exposure_pairs *p)
+{
+    double sum = 0;
+    for (int k = 0; k < p->n_train; k++)
+        sum += x[3 * p->train[k]];
+    for (int k = 0; k < p->n_train; k++)
+        x[3 * p->train[k]] -= sum / p->n_train;
+}
+
+bool saga_exposure_solve(double *log, const saga_exposure_pairs *pairs,
+                         saga_error *error)
+{
+    static const char what[] = "the exposures";
+    const size_t n = (size_t)pairs->n_views;
+    const solver s = {.pairs = pairs,
+                      .n_of = saga_calloc(n, sizeof *s.n_of, what, error),
+                      .sum = saga_alloc(2 * n, sizeof *s.sum, what, error)};
+    const bool ok = s.n_of && s.sum;
+
+    memset(log, 0, 3 * n * sizeof *log);
+    if (ok)
+        count_pairs(&s);
+    for (int k = 0; ok && k < 3; k++) {
+        for (int i = 0; i < N_ROUNDS; i++)
+            improve(&s, log + k, k);
+        centre(log + k, pairs);
+    }
+    free(s.n_of);
+    free(s.sum);
+    return ok;
+}
+
+double saga_exposure_left(const saga_exposure_pairs *pairs, const double *log)
+{
+    double sum = 0;
+    for (size_t i = 0; i < pairs->n; i++) {
+        const saga_exposure_pair *const d = pairs->at + i;
+        for (int k = 0; k < 3; k++)
+            sum += fmin(fabs(d->log[k] + log[3 * d->a + k] -
+                             log[3 * d->b + k]), WRONG);
+    }
+    return sum;
+}
+
+static double span_of(const double *x, const saga_exposure_pairs *p)
+{
+    double lo = INFINITY, hi = -INFINITY;
+    for (int k = 0; k < p->n_train; k++) {
+        lo = fmin(lo, x[3 * p->train[k]]);
+        hi = fmax(hi, x[3 * p->train[k]]);
+    }
+    return hi - lo;
+}
+
+double saga_exposure_span(const double *log, const saga_exposure_pairs *pairs)
+{
+    double widest = 0;
+    for (int k = 0; k < 3; k++)
+        widest = fmax(widest, span_of(log + k, pairs));
+    return widest;
+}
+
+/* ------------------------------------------------------- of the same pixels */
+
+void saga_exposure_add(saga_exposure_sums sums[3], const uint8_t *made,
+                       const uint8_t *truth, size_t n)
+{
+    for (size_t k = 0; k < 3; k++)
+        for (size_t i = k; i < n; i += 3) {
+            sums[k].made_made += (uint64_t)(made[i] * made[i]);
+            sums[k].made_true += (uint64_t)(made[i] * truth[i]);
+            sums[k].true_true += (uint64_t)(truth[i] * truth[i]);
+        }
+}
+
+double saga_exposure_error(const saga_exposure_sums sums[3])
+{
+    double error = 0;
+    for (size_t k = 0; k < 3; k++) {
+        const double both = (double)sums[k].made_true;
+
+        /* The sum of (f m - t)^2 is least at f = (m t) / (m m), where it is
+         * t t - (m t)^2 / (m m). */
+        error += (double)sums[k].true_true;
+        if (sums[k].made_made > 0)
+            error -= both * both / (double)sums[k].made_made;
+    }
+    return error;
+}
