@@ -8,15 +8,12 @@
 #include "error.h"
 #include "file.h"
 #include "json_cli.h"
-#include "json_memory.h"
 #include "mask.h"
 #include "model.h"
 #include "picture_cli.h"
 #include "view.h"
 
-#include <inttypes.h>
-#include <math.h>
-#include <stdio.h>
+#include <stddef.h>
 
 typedef struct {
     bool json;
@@ -42,72 +39,58 @@ static const char *level(const saga_mask_row *row)
     return row->tier == SAGA_TIER_COARSE ? "coarse" : "fine";
 }
 
-static void print_text(const session *s)
+static json_t *row_of(const saga_mask_row *r)
 {
-    const saga_mask *const m = &s->result;
+    json_t *const o = json_object();
 
-    printf("%s, camera %d (%" PRIu32 "), %u x %u, segment %" PRIu32
-           " at %.5f\n\n", s->name, s->o->picture.camera, s->number,
-           s->view.camera.width, s->view.camera.height, m->segment,
-           m->t / 65536.0);
-    puts("                                    4-D neighbours       random"
-         " ones          their mean\n"
-         "level   masked  anchors   alone   error   cos   PSNR"
-         "   error   cos   PSNR   error   cos   PSNR");
-    for (int i = 0; i < m->n_rows; i++) {
-        const saga_mask_row *const r = &m->row[i];
+    saga_put_text(o, "level", level(r));
+    saga_put_int(o, "percent", r->percent);
+    saga_put_int(o, "n_anchors", r->n);
+    saga_put_int(o, "n_masked", r->n_masked);
+    saga_put_int(o, "n_alone", r->n_alone);
+    for (int k = 0; k < SAGA_N_RECOVERS; k++) {
+        json_t *const by = json_object();
 
-        printf("%-6s %5d %% %8" PRIu32 "%8" PRIu32, level(r), r->percent,
-               r->n_masked, r->n_alone);
-        for (int k = 0; k < SAGA_N_RECOVERS; k++)
-            printf("%8.3f%6.2f%7.2f", r->by[k].error, r->by[k].cosine,
-                   r->by[k].psnr);
-        putchar('\n');
+        saga_put_real(by, "error", r->by[k].error);
+        saga_put_real(by, "cosine", r->by[k].cosine);
+        saga_put_real(by, "psnr", r->by[k].psnr);
+        saga_put(o, names[k], by);
     }
-}
-
-/* What is infinite or undefined has no number in JSON. */
-static json_t *number(double v)
-{
-    return isfinite(v) ? json_real(v) : json_null();
-}
-
-static json_t *json_row(const saga_mask_row *r)
-{
-    json_t *const o = json_pack("{sssisIsIsI}", "level", level(r),
-        "percent", r->percent, "n_anchors", (json_int_t)r->n,
-        "n_masked", (json_int_t)r->n_masked,
-        "n_alone", (json_int_t)r->n_alone);
-
-    for (int k = 0; k < SAGA_N_RECOVERS; k++)
-        saga_json_set_value(o, names[k], json_pack("{sososo}",
-            "error", number(r->by[k].error),
-            "cosine", number(r->by[k].cosine),
-            "psnr", number(r->by[k].psnr)));
     return o;
 }
 
-static int print_json(const session *s)
+static json_t *report_of(const session *s)
 {
     const saga_mask *const m = &s->result;
+    json_t *const o = saga_cli_json_head("analyse", s->name);
     json_t *const rows = json_array();
-    json_t *o;
 
-    saga_json_watch();
-    o = saga_cli_json_head("analyse", s->name);
+    saga_cli_put_picture(o, &s->view, s->number, s->o->picture.camera);
+    saga_put_int(o, "segment", m->segment);
+    saga_put_real(o, "t", m->t / 65536.0);
     for (int i = 0; i < m->n_rows; i++)
-        saga_json_append_item(rows, json_row(&m->row[i]));
-    saga_json_merge_object(o, json_pack("{sisIsIsIsIsfso}",
-        "camera", s->o->picture.camera, "number", (json_int_t)s->number,
-        "width", (json_int_t)s->view.camera.width,
-        "height", (json_int_t)s->view.camera.height,
-        "segment", (json_int_t)m->segment, "t", m->t / 65536.0,
-        "mask", rows));
-    return saga_cli_print_json(o, 8, s->name);
+        saga_put_item(rows, row_of(&m->row[i]));
+    saga_put(o, "mask", rows);
+    return o;
 }
+
+/* The columns of what one way of recovering gives. */
+#define BY(name) "{" name ".error:%8.3f}{" name ".cosine:%6.2f}" \
+                 "{" name ".psnr:%7.2f}"
+
+static const saga_line text[] = {
+    { "", NULL, SAGA_CLI_PICTURE_TEXT
+      "\n\n                                    4-D neighbours       random ones"
+      "          their mean\n"
+      "level   masked  anchors   alone   error   cos   PSNR"
+      "   error   cos   PSNR   error   cos   PSNR\n" },
+    { "", "mask", "{level:%-6s} {percent:%5d} % {n_masked:%8d}{n_alone:%8d}"
+      BY("neighbours") BY("random") BY("mean") "\n" }
+};
 
 static int analyse(session *s, const saga_bytes *bytes)
 {
+    const saga_telling how = { s->o->json, 8, s->name };
     saga_meter meter = { .quiet = false };
     saga_film film;
     bool ok;
@@ -125,10 +108,7 @@ static int analyse(session *s, const saga_bytes *bytes)
     if (!ok)
         return saga_cli_error(SAGA_EXIT_DATA, "analyse: %s",
                               s->error.message);
-    if (s->o->json)
-        return print_json(s);
-    print_text(s);
-    return SAGA_EXIT_OK;
+    return saga_cli_tell(report_of(s), &how, SAGA_LINES(text));
 }
 
 static int run(int argc, char **argv)

@@ -8,13 +8,11 @@
 #include "commands.h"
 #include "file.h"
 #include "json_cli.h"
-#include "json_memory.h"
 #include "load.h"
 #include "survey.h"
 
 #include <math.h>
 #include <stddef.h>
-#include <stdio.h>
 #include <string.h>
 
 typedef struct {
@@ -23,169 +21,133 @@ typedef struct {
     bool json;
 } options;
 
+/* --- The report ---------------------------------------------------------- */
+
+static json_t *view_of(const saga_survey *s, const saga_capture *c, int v)
+{
+    const saga_survey_view *const one = &s->views[v];
+    const saga_shot *const shot = &c->views[v];
+    const double late = one->late.frames;
+    const bool seen = shot->n_observations > 0;
+    json_t *const o = json_object();
+
+    saga_put_text(o, "name", shot->name);
+    saga_put_flag(o, "held_out", shot->held_out);
+    saga_put_text(o, "/held_out", shot->held_out ? "*" : " ");
+    saga_put_int(o, "width", shot->width);
+    saga_put_int(o, "height", shot->height);
+    saga_put_real(o, "angle_degrees", one->angle);
+    saga_put_text(o, "nearest", one->nearest < 0
+                  ? "" : c->views[one->nearest].name);
+    saga_put_real(o, "shared", one->overlap);
+    saga_put_real(o, "seen", one->seen);
+    saga_put_real(o, "reprojection_median_px",
+                  seen ? shot->reprojection_median : (double)NAN);
+    saga_put_real(o, "reprojection_p90_px",
+                  seen ? shot->reprojection_p90 : (double)NAN);
+    saga_put_real(o, "stops", one->stops);
+    saga_put_real(o, "colour", one->colour);
+    saga_put_real(o, "late_frames", late);
+    saga_put_real(o, "late_tolerance_frames", one->late.tolerance);
+    saga_put_flag(o, "/is_late", !isnan(late));
+    /* A small negative number would be printed as -0.0. */
+    saga_put_real(o, "/late", fabs(late) < 0.05 ? 0.0 : late);
+    saga_put_int(o, "n_missing", shot->n_missing);
+    return o;
+}
+
+static json_t *forecast_of(const saga_forecast *f)
+{
+    json_t *const o = json_object();
+
+    saga_put_text(o, "preset", f->preset);
+    saga_put_int(o, "scale", f->scale);
+    saga_put_int(o, "n_segments", f->n_segments);
+    saga_put_int(o, "n_primitives", f->n_primitives);
+    saga_put_int(o, "n_iterations", f->n_iterations);
+    saga_put_real(o, "cpu_minutes", f->minutes);
+    saga_put_real(o, "/minutes", ceil(f->minutes));
+    saga_put_real(o, "least_kb", f->least_kb);
+    saga_put_real(o, "most_kb", f->most_kb);
+    return o;
+}
+
+static json_t *lines_of(const char *notes)
+{
+    json_t *const list = json_array();
+
+    for (const char *line = notes; *line;) {
+        const size_t n = strcspn(line, "\n");
+
+        saga_put_item(list, json_stringn_nocheck(line, n));
+        line += n + (line[n] == '\n');
+    }
+    return list;
+}
+
+static json_t *report_of(const saga_survey *s, const saga_capture *c,
+                         const char *name)
+{
+    json_t *const o = saga_cli_json_head("check", name);
+    json_t *const views = json_array(), *const mind = json_array();
+    json_t *const forecast = json_array();
+    saga_forecast f = { .n_segments = 1 };
+
+    for (int v = 0; v < c->n_views; v++)
+        saga_put_item(views, view_of(s, c, v));
+    for (int i = 0; i < s->n_notes; i++)
+        saga_put_item(mind, json_string_nocheck(s->note[i]));
+    for (int i = 0; saga_forecast_of(&f, c, i); i++)
+        saga_put_item(forecast, forecast_of(&f));
+    saga_put_text(o, "format", c->format);
+    saga_put_int(o, "/n_views", c->n_views);
+    saga_put_int(o, "n_frames", c->n_frames);
+    saga_put_real(o, "frames_per_second", c->fps);
+    saga_put_int(o, "n_points", (json_int_t)c->n_points);
+    saga_put_real(o, "typical_angle_degrees", s->typical_angle);
+    saga_put_flag(o, "free_views", s->free_views);
+    saga_put(o, "views", views);
+    saga_put(o, "notes", lines_of(c->notes));
+    saga_put(o, "to_mind", mind);
+    saga_put(o, "forecast", forecast);
+    saga_put_int(o, "/n_segments", f.n_segments);
+    return o;
+}
+
 /* --- As text ------------------------------------------------------------- */
 
-static void print_real(int width, const char *format, double x)
-{
-    if (isnan(x))
-        printf("%*s", width, "-");
-    else
-        printf(format, x);
-}
-
-static void print_view(const saga_survey *s, const saga_capture *c, int v)
-{
-    const saga_survey_view *const one = &s->views[v];
-    const saga_shot *const shot = &c->views[v];
-
-    printf("  %-12.12s%s%5dx%-5d", shot->name, shot->held_out ? "*" : " ",
-           shot->width, shot->height);
-    print_real(7, "%7.1f", one->angle);
-    print_real(8, "%8.0f", 100 * one->overlap);
-    print_real(7, "%7.0f", 100 * one->seen);
-    print_real(9, "%9.2f", shot->n_observations ? shot->reprojection_median
-                                             : (double)NAN);
-    print_real(9, "%+9.2f", one->stops);
-    print_real(9, "%9.1f", one->colour);
-    /* A small negative number would be printed as -0.0. */
-    print_real(7, "%7.1f", fabs(one->late.frames) < 0.05
-                               ? 0.0 : one->late.frames);
-    if (!isnan(one->late.frames))
-        printf("+-%.1f", one->late.tolerance);
-    /* The tolerance, if there is one, has taken five of the 13 columns. */
-    printf("%*d\n", isnan(one->late.frames) ? 13 : 8, shot->n_missing);
-}
-
-static void print_notes(const char *notes)
-{
-    for (const char *line = notes; *line;) {
-        const size_t n = strcspn(line, "\n");
-
-        printf("  %.*s\n", (int)n, line);
-        line += n + (line[n] == '\n');
-    }
-}
-
-static void print_forecast(const saga_capture *c)
-{
-    saga_forecast f;
-    int n_segments = 1;
-
-    puts("forecast, by the measured files of docs/results/rd.md; what PSNR "
-         "comes out only a\ntrial tells:");
-    for (int i = 0; saga_forecast_of(&f, c, i); i++) {
-        printf("  --preset %-9s%7d primitives%7d iterations%6.0f CPU minutes"
-               "%6.0f to %.0f kB\n", f.preset, f.n_primitives, f.n_iterations,
-               ceil(f.minutes), f.least_kb, f.most_kb);
-        if (f.scale > 1)
-            printf("    with pictures at 1/%d of their size, for which it has "
-                   "time\n", f.scale);
-        n_segments = f.n_segments;
-    }
-    if (n_segments > 1)
-        printf("  in %d segments, with so many primitives and iterations each; "
-               "a base may save\n  some of that\n", n_segments);
-}
-
-static void print_text(const saga_survey *s, const saga_capture *c,
-                       const char *name)
-{
-    printf("%s: %s, %d camera%s, %d frame%s at %g per second, %zu points\n",
-           name, c->format, c->n_views, c->n_views == 1 ? "" : "s",
-           c->n_frames, c->n_frames == 1 ? "" : "s", c->fps, c->n_points);
-    print_notes(c->notes);
-    puts("\n  camera            size    angle  shared   seen   off, px"
-         "    stops   colour   late      missing");
-    for (int v = 0; v < c->n_views; v++)
-        print_view(s, c, v);
-    puts("  * held out. angle: degrees to the nearest camera; shared: % of "
-         "what it sees that\n  another camera sees too; seen: % of all places; "
-         "stops: exposure against the\n  others; colour: median difference "
-         "after that, of 255; late: frames, where the\n  motion tells them");
-    puts(s->n_notes ? "\nto mind:" : "\nnothing to mind");
-    for (int i = 0; i < s->n_notes; i++)
-        printf("  - %s\n", s->note[i]);
-    putchar('\n');
-    print_forecast(c);
-}
-
-/* --- As JSON ------------------------------------------------------------- */
-
-static json_t *real(double v)
-{
-    return isfinite(v) ? json_real(v) : json_null();
-}
-
-static json_t *json_view(const saga_survey *s, const saga_capture *c, int v)
-{
-    const saga_survey_view *const one = &s->views[v];
-    const saga_shot *const shot = &c->views[v];
-
-    return json_pack("{sssbsisisosssosfsososososososi}",
-        "name", shot->name, "held_out", (int)shot->held_out,
-        "width", shot->width, "height", shot->height,
-        "angle_degrees", real(one->angle),
-        "nearest", one->nearest < 0 ? "" : c->views[one->nearest].name,
-        "shared", real(one->overlap), "seen", one->seen,
-        "reprojection_median_px",
-        shot->n_observations ? real(shot->reprojection_median) : json_null(),
-        "reprojection_p90_px",
-        shot->n_observations ? real(shot->reprojection_p90) : json_null(),
-        "stops", real(one->stops), "colour", real(one->colour),
-        "late_frames", real(one->late.frames),
-        "late_tolerance_frames", real(one->late.tolerance),
-        "n_missing", shot->n_missing);
-}
-
-static json_t *json_forecast(const saga_capture *c)
-{
-    json_t *const list = json_array();
-    saga_forecast f;
-
-    for (int i = 0; saga_forecast_of(&f, c, i); i++)
-        saga_json_append_item(list, json_pack("{sssisisisisfsfsf}",
-            "preset", f.preset, "scale", f.scale, "n_segments", f.n_segments,
-            "n_primitives", f.n_primitives,
-            "n_iterations", f.n_iterations, "cpu_minutes", f.minutes,
-            "least_kb", f.least_kb, "most_kb", f.most_kb));
-    return list;
-}
-
-static json_t *json_lines(const char *notes)
-{
-    json_t *const list = json_array();
-
-    for (const char *line = notes; *line;) {
-        const size_t n = strcspn(line, "\n");
-
-        saga_json_append_item(list, json_stringn(line, n));
-        line += n + (line[n] == '\n');
-    }
-    return list;
-}
-
-static int print_json(const saga_survey *s, const saga_capture *c,
-                      const char *name)
-{
-    json_t *o, *views, *mind;
-
-    saga_json_watch();
-    o = saga_cli_json_head("check", name);
-    views = json_array();
-    mind = json_array();
-    for (int v = 0; v < c->n_views; v++)
-        saga_json_append_item(views, json_view(s, c, v));
-    for (int i = 0; i < s->n_notes; i++)
-        saga_json_append_item(mind, json_string(s->note[i]));
-    saga_json_merge_object(o, json_pack("{sssisfsIsosbsosososo}",
-        "format", c->format, "n_frames", c->n_frames,
-        "frames_per_second", c->fps, "n_points", (json_int_t)c->n_points,
-        "typical_angle_degrees", real(s->typical_angle),
-        "free_views", (int)s->free_views, "views", views,
-        "notes", json_lines(c->notes), "to_mind", mind,
-        "forecast", json_forecast(c)));
-    return saga_cli_print_json(o, 10, name);
-}
+static const saga_line text[] = {
+    { "", NULL, "{file}: {format}, {/n_views} camera{/n_views+s}, {n_frames} "
+      "frame{n_frames+s} at {frames_per_second:%g} per second, {n_points} "
+      "points\n" },
+    { "", "notes", "  {}\n" },
+    { "", NULL, "\n  camera            size    angle  shared   seen   off, px"
+      "    stops   colour   late      missing\n" },
+    { "", "views", "  {name:%-12.12s}{/held_out}{width:%5d}x{height:%-5d}"
+      "{angle_degrees:%7.1f}{shared*100:%8.0f}{seen*100:%7.0f}"
+      "{reprojection_median_px:%9.2f}{stops:%+9.2f}{colour:%9.1f}"
+      "{/late:%7.1f}" },
+    /* The tolerance, if there is one, takes five of the 13 columns. */
+    { "/is_late", "views", "+-{late_tolerance_frames:%.1f}{n_missing:%8d}\n" },
+    { "!/is_late", "views", "{n_missing:%13d}\n" },
+    { "", NULL, "  * held out. angle: degrees to the nearest camera; shared: "
+      "% of what it sees that\n  another camera sees too; seen: % of all "
+      "places; stops: exposure against the\n  others; colour: median "
+      "difference after that, of 255; late: frames, where the\n  motion tells "
+      "them\n" },
+    { "to_mind", NULL, "\nto mind:\n" },
+    { "!to_mind", NULL, "\nnothing to mind\n" },
+    { "", "to_mind", "  - {}\n" },
+    { "", NULL, "\nforecast, by the measured files of docs/results/rd.md; what "
+      "PSNR comes out only a\ntrial tells:\n" },
+    { "", "forecast", "  --preset {preset:%-9s}{n_primitives:%7d} primitives"
+      "{n_iterations:%7d} iterations{/minutes:%6.0f} CPU minutes"
+      "{least_kb:%6.0f} to {most_kb:%.0f} kB\n" },
+    { "scale>1", "forecast", "    with pictures at 1/{scale} of their size, "
+      "for which it has time\n" },
+    { "/n_segments>1", NULL, "  in {/n_segments} segments, with so many "
+      "primitives and iterations each; a base may save\n  some of that\n" }
+};
 
 /* --- Together ------------------------------------------------------------ */
 
@@ -205,6 +167,7 @@ static bool load(saga_capture *c, const char *name, const options *o,
 
 static int check(const char *name, const options *o)
 {
+    const saga_telling how = { o->json, 10, name };
     saga_error error = { "" };
     saga_survey survey = { .views = NULL };
     saga_capture c;
@@ -218,10 +181,9 @@ static int check(const char *name, const options *o)
     if (!saga_survey_make(&survey, &c, &error) ||
         (o->html && !saga_check_page(o->html, name, &survey, &c, &error)))
         status = saga_cli_error(SAGA_EXIT_USAGE, "check: %s", error.message);
-    else if (o->json)
-        status = print_json(&survey, &c, name);
     else
-        print_text(&survey, &c, name);
+        status = saga_cli_tell(report_of(&survey, &c, name), &how,
+                               SAGA_LINES(text));
     saga_survey_free(&survey);
     saga_capture_free(&c);
     return status;

@@ -24,3 +24,12 @@ bool saga_cli_picture_view(saga_verify_view *view, uint32_t *number,
                          film->info.n_frames);
     return true;
 }
+
+void saga_cli_put_picture(json_t *report, const saga_verify_view *view,
+                          uint32_t number, int camera)
+{
+    saga_put_int(report, "camera", camera);
+    saga_put_int(report, "number", number);
+    saga_put_int(report, "width", view->camera.width);
+    saga_put_int(report, "height", view->camera.height);
+}

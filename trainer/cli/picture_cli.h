@@ -7,6 +7,7 @@
 
 #include "cli.h"
 #include "error.h"
+#include "json_cli.h"
 #include "verify.h"
 #include "view.h"
 
@@ -33,5 +34,14 @@ typedef struct saga_cli_picture {
 bool saga_cli_picture_view(saga_verify_view *view, uint32_t *number,
                            const saga_film *film, const saga_cli_picture *o,
                            saga_error *error);
+
+/* Puts which picture it is into a report, whose text says it so; "segment" and
+ * "t", which come from decoding, are the caller's. */
+void saga_cli_put_picture(json_t *report, const saga_verify_view *view,
+                          uint32_t number, int camera);
+
+#define SAGA_CLI_PICTURE_TEXT \
+    "{file}, camera {camera} ({number}), {width} x {height}, segment " \
+    "{segment} at {t:%.5f}"
 
 #endif

@@ -151,50 +151,47 @@ static json_t *curve(const session *s)
     return list;
 }
 
-static void print_number(const json_t *of, const char *key, int width,
-                         int decimals)
+static const saga_line text[] = {
+    { "", NULL, "file                      primitives    lambda       bytes  "
+      "training  held out\n" },
+    { "", "points", "{file:%-24s}{result.encode.n_primitives:%12d}"
+      "{result.encode.lambda:%10.3f}{result.nbytes:%12d}"
+      "{result.training.psnr:%10.2f}{result.held_out.psnr:%10.2f}" },
+    { "beaten", "points", "  beaten" },
+    { "", "points", "\n" },
+    { "", NULL, "PSNR in dB, of all pictures, by the integer decoder\n" },
+    { "any", NULL, "beaten: another file is as good and no larger; not in the "
+      "curve\n" },
+    { "", NULL, "{path}: the curve; `saga report {path} -o curve.html` draws "
+      "it\n" }
+};
+
+/* Returns what text tells of all files, beaten or not. */
+static json_t *points_of(const session *s, const char *path)
 {
-    const json_t *const v = json_object_get(of, key);
-
-    if (json_is_number(v))
-        printf("%*.*f", width, decimals, json_number_value(v));
-    else
-        printf("%*s", width, "-");
-}
-
-static void print_point(const point *p)
-{
-    const json_t *const r = result_of(p);
-
-    printf("%-24s", p->file);
-    print_number(encode_of(p), "n_primitives", 12, 0);
-    print_number(encode_of(p), "lambda", 10, 3);
-    print_number(r, "nbytes", 12, 0);
-    print_number(json_object_get(r, "training"), "psnr", 10, 2);
-    print_number(json_object_get(r, "held_out"), "psnr", 10, 2);
-    puts(p->beaten ? "  beaten" : "");
-}
-
-static void print_table(const session *s, const char *path)
-{
+    json_t *const o = json_object(), *const list = json_array();
     bool any = false;
 
-    printf("%-24s%12s%10s%12s%10s%10s\n", "file", "primitives", "lambda",
-           "bytes", "training", "held out");
     for (int i = 0; i < SAGA_SWEEP_N; i++) {
-        print_point(&s->at[i]);
-        any = any || s->at[i].beaten;
+        const point *const p = &s->at[i];
+        json_t *const one = json_object();
+
+        saga_put_text(one, "file", p->file);
+        saga_put(one, "result", json_incref(p->loaded.result[0]));
+        saga_put_flag(one, "beaten", p->beaten);
+        saga_put_item(list, one);
+        any = any || p->beaten;
     }
-    puts("PSNR in dB, of all pictures, by the integer decoder");
-    if (any)
-        puts("beaten: another file is as good and no larger; not in the curve");
-    printf("%s: the curve; `saga report %s -o curve.html` draws it\n", path,
-           path);
+    saga_put(o, "points", list);
+    saga_put_flag(o, "any", any);
+    saga_put_text(o, "path", path);
+    return o;
 }
 
 static int tell(session *s)
 {
     char *const path = saga_path_join(s->s->folder, "curve.json", &s->error);
+    const saga_telling how = { s->s->json, 9, path };
     int status;
 
     if (!path)
@@ -202,10 +199,9 @@ static int tell(session *s)
     find_beaten(s);
     saga_json_watch();
     status = saga_cli_write_json(curve(s), 9, path);
-    if (!status && s->s->json)
-        status = saga_cli_print_json(curve(s), 9, path);
-    else if (!status)
-        print_table(s, path);
+    if (!status)
+        status = saga_cli_tell(s->s->json ? curve(s) : points_of(s, path),
+                               &how, SAGA_LINES(text));
     free(path);
     return status;
 }

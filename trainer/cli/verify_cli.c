@@ -8,15 +8,11 @@
 #include "error.h"
 #include "file.h"
 #include "json_cli.h"
-#include "json_memory.h"
 #include "picture_cli.h"
 #include "verify.h"
 #include "view.h"
 
-#include <inttypes.h>
-#include <math.h>
-#include <stdio.h>
-#include <string.h>
+#include <stddef.h>
 
 typedef struct {
     bool json;
@@ -33,164 +29,142 @@ typedef struct {
     saga_error error;
 } session;
 
-/* --- As text ------------------------------------------------------------- */
+/* --- The report ---------------------------------------------------------- */
 
-/* What can tell nothing has a dash. */
-static void print_error(const saga_verify_error *e, double step)
+static json_t *error_of(const saga_verify_error *e, double step)
 {
-    if (e->n == 0) {
-        printf(" %8s %8s %6s %6s", "-", "-", "-", "-");
-        return;
-    }
-    printf(" %8.2g %8.2g", e->max, e->rms);
-    /* More steps would not fit in the column. */
-    if (step > 0.0 && e->rms < 1e5 * step)
-        printf(" %6.*f", e->rms < 100 * step ? 2 : 0, e->rms / step);
-    else
-        printf(" %6s", "-");
-    printf(" %6.1f", e->psnr);
+    json_t *const o = json_object();
+
+    saga_put_int(o, "n", (json_int_t)e->n);
+    saga_put_real(o, "max", e->max);
+    saga_put_real(o, "rms", e->rms);
+    saga_put_real(o, "psnr", e->psnr);
+    /* In steps of the integers' format: rounded where there are many, left out
+     * where they would not fit in the column. */
+    if (step > 0.0 && e->rms < 100 * step)
+        saga_put_real(o, "/steps", e->rms / step);
+    else if (step > 0.0 && e->rms < 1e5 * step)
+        saga_put_real(o, "/many_steps", e->rms / step);
+    return o;
 }
 
-static void print_rows(const saga_verify *v)
-{
-    puts("                                                one stage in float64"
-         "                all in float64\n"
-         "stage      what                  unit            max      rms"
-         "  steps     dB      max      rms  steps     dB   values");
-    for (int i = 0; i < v->n_rows; i++) {
-        const saga_verify_row *const r = &v->row[i];
-        const uint64_t n = r->chain.n ? r->chain.n : r->alone.n;
-
-        if (n == 0)
-            continue;
-        printf("%-10s %-21s %-9s", i && r->stage == v->row[i - 1].stage
-               ? "" : saga_verify_stage[r->stage], r->name, r->unit);
-        print_error(&r->alone, r->step);
-        print_error(&r->chain, r->step);
-        printf(" %8" PRIu64 "\n", n);
-    }
-}
-
-static double percent(uint64_t n, uint64_t of)
-{
-    return 100.0 * (double)n / (double)of;
-}
-
-static void print_pictures(const saga_verify *v)
-{
-    puts("\nthe picture beside float64 from a stage on, rounded to 8 bits, and"
-         " not rounded\n"
-         "from           PSNR  levels    PSNR  levels  RMS before   cut, %"
-         "  stopped otherwise, %");
-    for (int i = 0; i < SAGA_VERIFY_N_STAGES; i++) {
-        const saga_verify_picture *const p = &v->picture[i];
-
-        printf("%-10s %8.2f %7d %7.2f %7.2f %11.4f %8.4f %21.4f\n",
-               saga_verify_stage[i], p->psnr, p->max, p->psnr_real,
-               p->max_real, p->rms, percent(p->n_cut, v->n_pixels),
-               percent(p->n_stop, v->n_pixels));
-    }
-}
-
-static void print_text(const session *s)
-{
-    const saga_verify *const v = &s->result;
-    const saga_verify_picture *const p = &v->picture[0];
-    const saga_camera *const c = &s->view.camera;
-
-    printf("%s, camera %d (%" PRIu32 "), %u x %u, segment %" PRIu32
-           " at %.5f: %" PRIu32 " coarse and %" PRIu32 " fine anchors, %" PRIu32
-           " primitives, %" PRIu32 " splats\n\n", s->name, s->o->picture.camera,
-           s->number, c->width, c->height, v->segment, v->t / 65536.0,
-           v->n_coarse, v->n_fine, v->n_primitives, v->n_splats);
-    print_rows(v);
-    print_pictures(v);
-    printf("\nall in float64: %" PRIu64 " of %" PRIu64 " pixels cut otherwise,"
-           " %" PRIu64 " stopped otherwise,\nthe rest has %.2f dB and %d level"
-           "%s; only one of the two draws %" PRIu32 " splats\n",
-           p->n_cut, v->n_pixels, p->n_stop, p->psnr_same, p->max_same,
-           p->max_same == 1 ? "" : "s", v->n_splats_otherwise);
-    printf("more than a level off, of %" PRIu64 " samples, from",
-           3 * v->n_pixels);
-    for (int i = 0; i < SAGA_VERIFY_N_STAGES; i++)
-        printf("%s %s %" PRIu64, i ? "," : "\n ", saga_verify_stage[i],
-               v->picture[i].n_far);
-    puts("");
-}
-
-/* --- As JSON ------------------------------------------------------------- */
-
-/* What is infinite has no number in JSON. */
-static json_t *number(double v)
-{
-    return isfinite(v) ? json_real(v) : json_null();
-}
-
-static json_t *json_error(const saga_verify_error *e)
-{
-    return json_pack("{sIsfsfso}", "n", (json_int_t)e->n, "max", e->max,
-                     "rms", e->rms, "psnr", number(e->psnr));
-}
-
-static json_t *json_rows(const saga_verify *v)
+static json_t *rows_of(const saga_verify *v)
 {
     json_t *const list = json_array();
 
     for (int i = 0; i < v->n_rows; i++) {
         const saga_verify_row *const r = &v->row[i];
+        json_t *const o = json_object();
 
-        saga_json_append_item(list, json_pack("{sssssssfsoso}",
-            "stage", saga_verify_stage[r->stage], "name", r->name,
-            "unit", r->unit, "step", r->step, "alone", json_error(&r->alone),
-            "chain", json_error(&r->chain)));
+        saga_put_text(o, "stage", saga_verify_stage[r->stage]);
+        saga_put_text(o, "/stage", i && r->stage == v->row[i - 1].stage
+                      ? "" : saga_verify_stage[r->stage]);
+        saga_put_text(o, "name", r->name);
+        saga_put_text(o, "unit", r->unit);
+        saga_put_real(o, "step", r->step);
+        saga_put(o, "alone", error_of(&r->alone, r->step));
+        saga_put(o, "chain", error_of(&r->chain, r->step));
+        saga_put_int(o, "/n", (json_int_t)(r->chain.n ? r->chain.n
+                                                      : r->alone.n));
+        saga_put_item(list, o);
     }
     return list;
 }
 
-static json_t *json_pictures(const saga_verify *v)
+static json_t *pictures_of(const saga_verify *v)
 {
-    json_t *const o = json_object();
+    const double n = (double)v->n_pixels;
+    json_t *const all = json_object();
 
     for (int i = 0; i < SAGA_VERIFY_N_STAGES; i++) {
         const saga_verify_picture *const p = &v->picture[i];
+        json_t *const o = json_object();
 
-        saga_json_set_value(o, saga_verify_stage[i], json_pack(
-            "{sosisIsosfsfsIsIsosi}", "psnr", number(p->psnr), "max", p->max,
-            "n_far", (json_int_t)p->n_far,
-            "psnr_real", number(p->psnr_real), "max_real", p->max_real,
-            "rms", p->rms,
-            "n_cut", (json_int_t)p->n_cut, "n_stop", (json_int_t)p->n_stop,
-            "psnr_same", number(p->psnr_same), "max_same", p->max_same));
+        saga_put_real(o, "psnr", p->psnr);
+        saga_put_int(o, "max", p->max);
+        saga_put_int(o, "n_far", (json_int_t)p->n_far);
+        saga_put_real(o, "psnr_real", p->psnr_real);
+        saga_put_real(o, "max_real", p->max_real);
+        saga_put_real(o, "rms", p->rms);
+        saga_put_int(o, "n_cut", (json_int_t)p->n_cut);
+        saga_put_int(o, "n_stop", (json_int_t)p->n_stop);
+        saga_put_real(o, "psnr_same", p->psnr_same);
+        saga_put_int(o, "max_same", p->max_same);
+        saga_put_real(o, "/cut", (double)p->n_cut / n);
+        saga_put_real(o, "/stop", (double)p->n_stop / n);
+        saga_put_text(o, "/comma", i ? "," : "\n ");
+        saga_put(all, saga_verify_stage[i], o);
     }
+    return all;
+}
+
+static json_t *report_of(const session *s)
+{
+    const saga_verify *const v = &s->result;
+    json_t *const o = saga_cli_json_head("verify", s->name);
+    json_t *const pictures = pictures_of(v);
+
+    saga_cli_put_picture(o, &s->view, s->number, s->o->picture.camera);
+    saga_put_int(o, "segment", v->segment);
+    saga_put_real(o, "t", v->t / 65536.0);
+    saga_put_int(o, "n_coarse", v->n_coarse);
+    saga_put_int(o, "n_fine", v->n_fine);
+    saga_put_int(o, "n_primitives", v->n_primitives);
+    saga_put_int(o, "n_splats", v->n_splats);
+    saga_put_int(o, "n_splats_otherwise", v->n_splats_otherwise);
+    saga_put_int(o, "/n_pixels", (json_int_t)v->n_pixels);
+    saga_put_int(o, "/n_samples", 3 * (json_int_t)v->n_pixels);
+    saga_put(o, "rows", rows_of(v));
+    /* All in float64: from the first stage on. */
+    saga_put(o, "/all", json_incref(json_object_get(pictures,
+                                                    saga_verify_stage[0])));
+    saga_put(o, "pictures_from", pictures);
     return o;
 }
 
-static int print_json(const session *s)
-{
-    const saga_verify *const v = &s->result;
-    json_t *o;
+/* --- As text ------------------------------------------------------------- */
 
-    saga_json_watch();
-    o = saga_cli_json_head("verify", s->name);
-    saga_json_merge_object(o, json_pack("{sisIsIsIsIsfsIsIsIsIsIsoso}",
-        "camera", s->o->picture.camera,
-        "number", (json_int_t)s->number,
-        "width", (json_int_t)s->view.camera.width,
-        "height", (json_int_t)s->view.camera.height,
-        "segment", (json_int_t)v->segment, "t", v->t / 65536.0,
-        "n_coarse", (json_int_t)v->n_coarse,
-        "n_fine", (json_int_t)v->n_fine,
-        "n_primitives", (json_int_t)v->n_primitives,
-        "n_splats", (json_int_t)v->n_splats,
-        "n_splats_otherwise", (json_int_t)v->n_splats_otherwise,
-        "rows", json_rows(v), "pictures_from", json_pictures(v)));
-    return saga_cli_print_json(o, 8, s->name);
-}
+/* Four columns of a row; what can tell nothing has a dash. */
+#define ERROR(of) \
+    { "/n&" of ".n", "rows", " {" of ".max:%8.2g} {" of ".rms:%8.2g}" }, \
+    { "/n&!" of ".n", "rows", "        -        -" }, \
+    { "/n&!" of "./many_steps", "rows", " {" of "./steps:%6.2f}" }, \
+    { "/n&" of "./many_steps", "rows", " {" of "./many_steps:%6.0f}" }, \
+    { "/n&" of ".n", "rows", " {" of ".psnr:%6.1f}" }, \
+    { "/n&!" of ".n", "rows", "      -" }
+
+static const saga_line text[] = {
+    { "", NULL, SAGA_CLI_PICTURE_TEXT ": {n_coarse} coarse and {n_fine} fine "
+      "anchors, {n_primitives} primitives, {n_splats} splats\n\n"
+      "                                                one stage in float64"
+      "                all in float64\n"
+      "stage      what                  unit            max      rms"
+      "  steps     dB      max      rms  steps     dB   values\n" },
+    { "/n", "rows", "{/stage:%-10s} {name:%-21s} {unit:%-9s}" },
+    ERROR("alone"),
+    ERROR("chain"),
+    { "/n", "rows", " {/n:%8d}\n" },
+    { "", NULL, "\nthe picture beside float64 from a stage on, rounded to 8 "
+      "bits, and not rounded\n"
+      "from           PSNR  levels    PSNR  levels  RMS before   cut, %"
+      "  stopped otherwise, %\n" },
+    { "", "pictures_from", "{@:%-10s} {psnr:%8.2f} {max:%7d} "
+      "{psnr_real:%7.2f} {max_real:%7.2f} {rms:%11.4f} {/cut*100:%8.4f} "
+      "{/stop*100:%21.4f}\n" },
+    { "", NULL, "\nall in float64: {/all.n_cut} of {/n_pixels} pixels cut "
+      "otherwise, {/all.n_stop} stopped otherwise,\nthe rest has "
+      "{/all.psnr_same:%.2f} dB and {/all.max_same} level{/all.max_same+s}; "
+      "only one of the two draws {n_splats_otherwise} splats\n"
+      "more than a level off, of {/n_samples} samples, from" },
+    { "", "pictures_from", "{/comma} {@} {n_far}" },
+    { "", NULL, "\n" }
+};
 
 /* --- Together ------------------------------------------------------------ */
 
 static int verify(session *s, const saga_bytes *bytes)
 {
+    const saga_telling how = { s->o->json, 8, s->name };
     saga_meter meter = { .quiet = false };
     int status = SAGA_EXIT_DATA;
     bool ok;
@@ -204,14 +178,10 @@ static int verify(session *s, const saga_bytes *bytes)
          saga_verify_file(&s->result, s->name, bytes->data, bytes->nbytes,
                           &s->view, &s->error);
     saga_meter_end(&meter);
-    if (!ok)
+    if (ok)
+        status = saga_cli_tell(report_of(s), &how, SAGA_LINES(text));
+    else
         saga_cli_error(status, "verify: %s", s->error.message);
-    else if (s->o->json)
-        status = print_json(s);
-    else {
-        print_text(s);
-        status = SAGA_EXIT_OK;
-    }
     saga_film_close(&s->film);
     return status;
 }
