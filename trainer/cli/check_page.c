@@ -2,6 +2,7 @@
 #include "check_page.h"
 
 #include "alloc.h"
+#include "base64.h"
 #include "output.h"
 #include "picture.h"
 #include "pose.h"
@@ -84,23 +85,6 @@ static void put_escaped(FILE *to, const char *text)
             fputc(*text, to);
 }
 
-static void put_base64(FILE *to, const uint8_t *bytes, size_t n)
-{
-    static const char digit[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
-                                "abcdefghijklmnopqrstuvwxyz0123456789+/";
-
-    for (size_t i = 0; i < n; i += 3) {
-        const uint32_t x = (uint32_t)bytes[i] << 16 |
-                           (i + 1 < n ? (uint32_t)bytes[i + 1] << 8 : 0) |
-                           (i + 2 < n ? bytes[i + 2] : 0);
-
-        fputc(digit[x >> 18], to);
-        fputc(digit[x >> 12 & 63], to);
-        fputc(i + 1 < n ? digit[x >> 6 & 63] : '=', to);
-        fputc(i + 2 < n ? digit[x & 63] : '=', to);
-    }
-}
-
 /* Makes a picture at most THUMB wide by means of boxes; free it. */
 static uint8_t *shrink(const saga_capture *c, int view, int *w, int *h,
                        saga_error *error)
@@ -130,23 +114,23 @@ static bool put_thumbnail(FILE *to, const saga_capture *c, int view,
                           saga_error *error)
 {
     uint8_t *rgb, *jpeg = NULL;
+    char *url = NULL;
     size_t n = 0;
     int w, h;
-    bool ok;
 
     rgb = shrink(c, view, &w, &h, error);
-    ok = rgb && saga_jpeg_encode(&jpeg, &n, w, h, rgb, error);
-    if (ok) {
-        fprintf(to, "<figure><img width=%d height=%d alt='' "
-                "src='data:image/jpeg;base64,", w, h);
-        put_base64(to, jpeg, n);
-        fputs("'><figcaption>", to);
+    if (rgb && saga_jpeg_encode(&jpeg, &n, w, h, rgb, error))
+        url = saga_base64("data:image/jpeg;base64,", jpeg, n, error);
+    if (url) {
+        fprintf(to, "<figure><img width=%d height=%d alt='' src='%s'>"
+                "<figcaption>", w, h, url);
         put_escaped(to, c->views[view].name);
         fputs("</figcaption></figure>\n", to);
     }
     free(rgb);
     free(jpeg);
-    return ok;
+    free(url);
+    return url != NULL;
 }
 
 /* --- The plan ------------------------------------------------------------ */

@@ -5,6 +5,7 @@
  * name, put into it; it loads nothing else.
  */
 #include "alloc.h"
+#include "base64.h"
 #include "cli.h"
 #include "commands.h"
 #include "file.h"
@@ -47,35 +48,6 @@ static void name_series(char name[SERIES_NBYTES], const char *path)
 
 /* --- Pictures ------------------------------------------------------------ */
 
-static char *base64(const saga_bytes *of, const char *prefix,
-                    saga_error *error)
-{
-    static const char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
-                                 "abcdefghijklmnopqrstuvwxyz0123456789+/";
-    const size_t start = strlen(prefix);
-    char *const text = saga_alloc(start + (of->nbytes + 2) / 3 * 4 + 1, 1,
-                                  "a report", error);
-    char *to = text + start;
-
-    if (!text)
-        return NULL;
-    memcpy(text, prefix, start);
-    /* Three bytes make four digits; = stands for digits without a byte. */
-    for (size_t i = 0; i < of->nbytes; i += 3) {
-        const size_t left = of->nbytes - i;
-        const uint32_t v = (uint32_t)of->data[i] << 16 |
-                           (left > 1 ? (uint32_t)of->data[i + 1] << 8 : 0u) |
-                           (left > 2 ? of->data[i + 2] : 0u);
-
-        *to++ = digits[v >> 18];
-        *to++ = digits[v >> 12 & 63];
-        *to++ = left > 1 ? digits[v >> 6 & 63] : '=';
-        *to++ = left > 2 ? digits[v & 63] : '=';
-    }
-    *to = '\0';
-    return text;
-}
-
 /* Returns the beginning of a picture's address, by what is in it: a PNG that
  * eval wrote, or the JPEG that somebody made of it; NULL: neither. */
 static const char *address_of(const saga_bytes *b)
@@ -109,7 +81,7 @@ static bool read_picture(session *s, char **text, const char *path,
         why = address ? NULL : "is no PNG and no JPEG";
     }
     if (ok && address) {
-        *text = base64(&bytes, address, &s->error);
+        *text = saga_base64(address, bytes.data, bytes.nbytes, &s->error);
         ok = *text != NULL;
     }
     if (why)
