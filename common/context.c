@@ -82,7 +82,7 @@ static void embed_blocks(const saga_scaffold *sc, const block *b, uint32_t n)
                    b[i].position.t, sc->net.cpu);
 }
 
-/* This is known of a block before it is decoded, a point of a run whose
+/* A block has these facts before it is decoded, a point of a run whose
  * embeddings are kept. Sizes and counts enter in Q12, scaled so that they fit
  * the default input range of +-8:
  *     (log2 l - 12) / 4 for space, (log2 l_t - 8) / 4 for time, count / 8.
@@ -338,7 +338,7 @@ void saga_context_keep(const saga_scaffold *sc, int tier,
 
 /* --- Entropy parameters -------------------------------------------------- */
 
-/* What the sources say of a block of a kind becomes the input of its entropy
+/* Values of a block's sources become the input of its entropy
  * network, at `point` of a run. */
 static void in_sources(const saga_scaffold *sc, const block *b,
                        uint32_t point, int kind, uint32_t group)

@@ -14,7 +14,7 @@ typedef enum saga_cpu {
     SAGA_CPU_AVX2            /* 256 bits: AVX2 */
 } saga_cpu;
 
-/* What a file may be compiled for; -mgeneral-regs-only takes __SSE2__ away.
+/* A file is compiled for vectors or not; -mgeneral-regs-only undoes __SSE2__.
  * x86-64 is asked what it has. Others are compiled for vectors or without. */
 #if defined __x86_64__ && defined __SSE2__
 #define SAGA_MAY_AVX2

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * What fine anchors get from coarse ones, and primitives from fine ones, by the
+ * Fine anchors take from coarse ones, and primitives from fine ones, by the
  * same steps: interpolation, Fuse, then F_fine, or F_geo and F_color of the
  * decoder. Paper: Hierarchical 4D Anchor.
  */
@@ -20,7 +20,7 @@ void saga_keep_local(const saga_scaffold *sc, int tier, uint32_t point,
                      const int16_t offset_q14[4]);
 void saga_in_local(const saga_scaffold *sc, int net, int tier, uint32_t n);
 
-/* This runs F_fine for every fine anchor: features and supports follow from
+/* Runs F_fine for every fine anchor: features and supports follow from
  * decoded offsets. */
 void saga_scaffold_fine(const saga_scaffold *sc);
 

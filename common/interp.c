@@ -94,7 +94,7 @@ static inline uint32_t distance_q12(search *s, uint32_t rank, uint32_t limit)
     return (uint32_t)fx_clamp64(fx_rshift64(sum, 12), 0, (int32_t)limit);
 }
 
-/* What a candidate's d has to be below. */
+/* Returns the bound that a candidate's d has to be below. */
 static uint32_t limit_q12(const saga_neighbours *nb, const saga_tier *l)
 {
     return nb->n < l->neighbours ? l->radius2_q12
@@ -180,7 +180,7 @@ static void take_nearest(saga_neighbours *nb, search *s, uint32_t centre,
             ? sc->coarse[rank].group : sc->fine[rank].group;
         uint32_t limit, d;
 
-        /* Of this group or a later one: not decoded yet. */
+        /* An anchor of this group or a later one is not decoded yet. */
         if (group >= before)
             continue;
         limit = limit_q12(nb, l);
@@ -190,7 +190,7 @@ static void take_nearest(saga_neighbours *nb, search *s, uint32_t centre,
     }
 }
 
-/* Of a list of one, the parent is all. */
+/* A list of one holds the parent alone. */
 void saga_interp_find(saga_neighbours *nb, const saga_scaffold *sc, int tier,
                       const saga_position *query, uint32_t centre,
                       uint32_t before)

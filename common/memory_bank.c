@@ -243,7 +243,7 @@ void saga_bank_update(const saga_bank *m, uint32_t p,
     uint32_t d;
 
     for (d = 0; d < m->width; d++) {
-        /* What the slot says already is taken out (orthogonal update): v =
+        /* The part the slot holds already is taken out (orthogonal update): v =
          * write - <write, s> s; then s + g v, normalised. */
         const int32_t v = fx_sat16(write[d] - fx_rshift(along * slot[d], 12));
 

@@ -29,7 +29,7 @@ enum {
     SAGA_GATE_Q = 11             /* before the sigmoid */
 };
 
-/* What one round leaves behind until it writes. */
+/* A round leaves this behind until it writes. */
 typedef struct saga_round {
     uint32_t n;                          /* tokens so far */
     int32_t sum[SAGA_MAX_SLOT_WIDTH];    /* of them, Q12 */

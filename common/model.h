@@ -39,25 +39,36 @@ enum {
 
 /* --- Tools --------------------------------------------------------------- */
 
-/* These are bits of saga_model.tools. A tool that is off costs no bits and no
- * time. */
+/* Tools are bits of saga_model.tools; the lists say what reports call each
+ * one. A tool that is off costs no bits and no time. Those of the first list
+ * are known to this decoder; a stream that sets one of the second, or another
+ * bit, needs a newer one. Bits 3 and 4 are the motion order, 0..3. */
+#define SAGA_TOOL_LIST(X) \
+    X(OPACITY_T, 0, "temporal opacity", "temporal_opacity") \
+    X(SLOPE, 1, "linear rotation", "linear_rotation") \
+    X(VIEW, 2, "view-dependent colour", "view_dependent_colour") \
+    /* What stands still is there once for the file. */ \
+    X(BASE, 5, "base segment", "base_segment") \
+    /* Splats fall off by s + s^2 / 2, not by s. */ \
+    X(STEEP, 6, "steep splats", "steep_splats") \
+    X(BANK, 9, "memory bank", "memory_bank") \
+    /* The bank is updated without the projection. */ \
+    X(PLAIN_WRITE, 10, "plain bank writes", "plain_bank_writes")
+
+#define SAGA_TOOL_LATER_LIST(X) \
+    X(FEATURE_RESIDUAL, 7, "feature residuals", "feature_residuals") \
+    X(HASH, 8, "residual hash", "residual_hash")
+
+#define SAGA_TOOL_BIT(word, bit, name, key) SAGA_TOOL_##word = 1u << (bit),
+#define SAGA_TOOL_OR(word, bit, name, key) | 1u << (bit)
+
 enum {
-    SAGA_TOOL_OPACITY_T = 1u << 0,  /* temporal opacity */
-    SAGA_TOOL_SLOPE = 1u << 1,      /* linear rotation */
-    SAGA_TOOL_VIEW = 1u << 2,       /* view-dependent colour */
-    SAGA_TOOL_MOTION_SHIFT = 3,     /* two bits: motion order 0..3 */
+    SAGA_TOOL_LIST(SAGA_TOOL_BIT)
+    SAGA_TOOL_LATER_LIST(SAGA_TOOL_BIT)
+    SAGA_TOOL_MOTION_SHIFT = 3,
     SAGA_TOOL_MOTION_MASK = 3u << 3,
-    SAGA_TOOL_BASE = 1u << 5,       /* what stands still, once for the file */
-    SAGA_TOOL_STEEP = 1u << 6,      /* splats fall off by s + s^2 / 2, not s */
-    /* Bits 7 and 8 are kept free: a stream that sets one needs a newer decoder.
-     */
-    SAGA_TOOL_FEATURE_RESIDUAL = 1u << 7,
-    SAGA_TOOL_HASH = 1u << 8,       /* residual hash */
-    SAGA_TOOL_BANK = 1u << 9,       /* memory bank */
-    SAGA_TOOL_PLAIN_WRITE = 1u << 10, /* its update without the projection */
     SAGA_TOOLS_PICTURE = (1u << 5) - 1, /* what primitives can do */
-    SAGA_TOOLS_KNOWN = SAGA_TOOLS_PICTURE | SAGA_TOOL_BASE | SAGA_TOOL_STEEP |
-                       SAGA_TOOL_BANK | SAGA_TOOL_PLAIN_WRITE
+    SAGA_TOOLS_KNOWN = SAGA_TOOL_MOTION_MASK SAGA_TOOL_LIST(SAGA_TOOL_OR)
 };
 
 /* Entropy parameters come from these, bits of saga_model.sources[]. */
@@ -203,7 +214,7 @@ static inline int saga_fuse_net(int tier)
     return tier == SAGA_TIER_COARSE ? SAGA_NET_FUSE_C : SAGA_NET_FUSE_F;
 }
 
-/* These return the Q format of a tier's features; of its fused features. */
+/* Both return the Q format of a tier's features; of its fused features. */
 static inline int saga_feature_q(const saga_model *m, int tier)
 {
     return m->head_q[tier == SAGA_TIER_COARSE ? SAGA_HEAD_COARSE
@@ -261,13 +272,13 @@ typedef struct saga_rows {
     uint8_t most_q;         /* a finer format is of no use to what reads it */
 } saga_rows;
 
-/* This finds the rows of every head but SIGMA, which three networks give. */
+/* Finds the rows of every head but SIGMA, which three networks give. */
 void saga_model_rows(saga_rows rows[SAGA_N_HEADS], const saga_model *m);
 
 /* Returns the Q format of a row of a network's outputs. */
 int saga_output_q(const saga_model *m, int net, uint32_t row);
 
-/* This gives the shape of network `net` (SAGA_NET_*) of a valid model. */
+/* Gives the shape of network `net` (SAGA_NET_*) of a valid model. */
 void saga_model_net(saga_net_shape *shape, const saga_model *m, int net);
 
 /* Returns the multiply-accumulates of one run of a network, which are also its

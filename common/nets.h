@@ -30,10 +30,10 @@ typedef struct saga_layer_offsets {
     uint32_t weight, bias, shift;
 } saga_layer_offsets;
 
-/* This lays out the networks of a valid model. */
+/* Lays out the networks of a valid model. */
 void saga_nets_layout(saga_nets *nets, const saga_model *m);
 
-/* These find layer i of a network that exists: its parts' offsets; the layer
+/* Both find layer i of a network that exists: its parts' offsets; the layer
  * itself, which points into the block. */
 void saga_nets_offsets(saga_layer_offsets *at, const saga_nets *nets, int net,
                        int i);
@@ -76,7 +76,7 @@ typedef struct saga_vectors {
     int16_t context[SAGA_MAX_FEATURES];  /* one interpolated feature */
 } saga_vectors;
 
-/* What a run needs; the memory behind it is the caller's. */
+/* A run needs these; the memory behind them is the caller's. */
 typedef struct saga_runner {
     const saga_nets *nets;
     const uint8_t *params;       /* the block */
@@ -89,27 +89,27 @@ typedef struct saga_runner {
  * network of a set (bits 1 << SAGA_NET_*). */
 uint32_t saga_net_points(const saga_nets *nets, uint32_t set);
 
-/* This runs a network on the first n points of v->in, which stays; the last
+/* Runs a network on the first n points of v->in, which stays; the last
  * layer's outputs land in v->out. */
 void saga_net_run(const saga_runner *r, int net, uint32_t n);
 
-/* These tell where the vector of a point begins: in v->in; in v->out. */
+/* They tell where the vector of a point begins: in v->in; in v->out. */
 uint32_t saga_in_point(const saga_runner *r, int net, uint32_t point);
 const int16_t *saga_out_point(const saga_runner *r, int net, uint32_t point);
 
 /* --- Inputs -------------------------------------------------------------- */
 
-/* This writes n values of format q to v->in from `at` on, in the network's
+/* Writes n values of format q to v->in from `at` on, in the network's
  * input format. Returns where they end. */
 uint32_t saga_in_vector(const saga_runner *r, int net, uint32_t at,
                         const int16_t *x, uint32_t n, int q);
 
-/* This gives n channels of a fine anchor's features in q_fine, which all other
+/* Gives n channels of a fine anchor's features in q_fine, which all other
  * networks take. */
 void saga_plain_feature(int16_t *to, const saga_runner *r, const int16_t *x,
                         uint32_t n);
 
-/* These give the positional embedding of a position (box units, segment time),
+/* Both give the positional embedding of a position (box units, segment time),
  * of an offset: saga_pe_size values in Q15, by axis and octave sine and
  * cosine. The machine has `cpu`. */
 void saga_embed(int16_t *q15, const saga_model *m, const int32_t x[3],

@@ -88,7 +88,7 @@ typedef struct saga_scaffold {
     saga_bank bank;              /* n_slots = 0: the tool is off */
 } saga_scaffold;
 
-/* This sets the sizes of a model's bank; its arrays are to be placed. */
+/* Sets the sizes of a model's bank; its arrays are to be placed. */
 void saga_bank_size(saga_bank *bank, const saga_model *m);
 
 /* A position is where something is and how far it reaches, by axis. */
@@ -99,14 +99,14 @@ typedef struct saga_position {
     int32_t log2_support_q10[4];
 } saga_position;
 
-/* This gives the cell of a coarse anchor: centre and half-sizes. */
+/* Gives the cell of a coarse anchor: centre and half-sizes. */
 void saga_position_cell(saga_position *p, const saga_coarse *c);
 
-/* This adds an offset (Q14, in units of support per axis) to the centre, and
+/* Adds an offset (Q14, in units of support per axis) to the centre, and
  * clamps it to the cube. */
 void saga_position_move(saga_position *p, const int16_t offset_q14[4]);
 
-/* This gives the position of a fine anchor. */
+/* Gives the position of a fine anchor. */
 void saga_position_fine(saga_position *p, const saga_fine *f);
 
 #endif

@@ -78,7 +78,7 @@ typedef struct saga_net_symbols {
     saga_layer_symbols layer[SAGA_N_NETS][SAGA_MAX_NET_LAYERS];
 } saga_net_symbols;
 
-/* What a coder is asked for: the kind of symbol and its place in the arrays
+/* A coder is asked for a symbol by its kind and its place in the arrays
  * above. The decoder ignores it; the encoder looks the value up. */
 enum {
     SAGA_SYM_SPLIT,          /* index: node */

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * What a splat covers of a pixel, 2^(3 - q), by one look into a table.
+ * A splat covers 2^(3 - q) of a pixel; one look into a table tells it.
  */
 #ifndef SAGA_ALPHA_H
 #define SAGA_ALPHA_H

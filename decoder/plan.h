@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * What decoding will take, from the header alone: the layout of the work block
+ * The header alone tells what decoding will take: the layout of the work block
  * and the multiply-accumulates of the networks.
  */
 #ifndef SAGA_PLAN_H

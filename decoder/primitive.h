@@ -26,7 +26,7 @@ typedef struct saga_primitive {
 
 _Static_assert(sizeof(saga_primitive) == 72, "plan.c counts 72 bytes");
 
-/* What a saga_primitive's fields mean: the heads' Q formats (0..20) and which
+/* It tells what a primitive's fields mean: heads' Q formats (0..20) and which
  * temporal tools are on (off: the fields are not read). */
 typedef struct saga_prim_format {
     uint8_t q_quat, q_slope, q_opacity; /* 0..20 */

@@ -27,7 +27,7 @@ typedef struct {
     uint32_t depth;
 } view_point;
 
-/* What the projection of the centre leaves for the projection of the shape. */
+/* The projection of the centre leaves this for that of the shape. */
 typedef struct {
     int32_t mean_q8[2];
     int64_t slope_q16[2];        /* focal * x/z and y/z, clamped */
@@ -436,7 +436,7 @@ static int32_t extent_x(int32_t l_q12, int32_t g, int32_t n, int32_t h)
 
     if (g == 0 || h == 0)
         return LIMIT_EXTENT;
-    /* What is shifted out counts as a unit more, so that it is a bound. */
+    /* A rest that is shifted out counts as a unit more, which makes a bound. */
     root = j > 0 ? (int64_t)(square >> 2 * j) + 1
                  : (int64_t)(square << -2 * j);
     e = l_q12 * (int64_t)sqrt_up_q20_q12((int32_t)root);
@@ -482,7 +482,7 @@ int saga_project(saga_splat *s, const saga_animated *a, const saga_camera *c,
     centre o;
     shape t;
 
-    /* What is transparent, behind or aside costs no shape. */
+    /* Nothing transparent, behind or aside costs a shape. */
     if (a->q0_q20 >= SAGA_CUT_Q20 || !project_centre(&o, a->x, c))
         return 0;
     project_shape(&t, a, &o, c);

@@ -383,7 +383,7 @@ static uint32_t pixel_nbytes(int bits)
     return bits == SAGA_DEPTH ? sizeof(saga_depth) : bits == 16 ? 6 : 3;
 }
 
-/* What rows and samples are aligned to, less 1. */
+/* Rows and samples are aligned to this plus 1. */
 static uint32_t alignment(int bits)
 {
     return bits == SAGA_DEPTH ? 7 : bits == 16 ? 1 : 0;

@@ -10,7 +10,7 @@
 #include "depth_sort.h"
 #include "saga.h"
 
-/* What is drawn. */
+/* A view, as it is drawn. */
 typedef struct saga_drawing {
     const saga_camera *cam;      /* size and background */
     const saga_splat *splats;

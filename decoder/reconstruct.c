@@ -129,7 +129,8 @@ static void set_colours(int16_t *colours, uint32_t stride,
     saga_in_local(sc, SAGA_NET_COLOUR_BASE, SAGA_TIER_FINE, r->n);
     saga_net_run(&sc->net, SAGA_NET_COLOUR_BASE, r->n);
     colours += (size_t)r->first * stride;
-    /* What depends on the view waits for it: pre-activations are kept. */
+    /* A colour that depends on the view waits for it: pre-activations are
+     * kept. */
     if (sc->model->tools & SAGA_TOOL_VIEW) {
         for (i = 0; i < r->n; i++) {
             const int16_t *const out = saga_out_point(

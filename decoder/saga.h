@@ -190,7 +190,7 @@ typedef struct saga_info {
     int32_t centre_mantissa[3], centre_exponent;
 } saga_info;
 
-/* What a header says, before anything is done.
+/* A header says this, before anything is done.
  * bytes[0..n): the file's start, n any size. How many bytes lie behind what a
  * function needs makes no difference, here and below.
  * SAGA_OK; TRUNCATED: the header is longer than n; DATA, VERSION, LEVEL. A

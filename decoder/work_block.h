@@ -64,7 +64,7 @@ static inline int16_t *colours_of(saga_decoder *dec)
     return (int16_t *)(void *)block_at(dec, dec->plan.colours_at);
 }
 
-/* Of the base and of the segment. */
+/* Counts the primitives of the base and of the segment. */
 static inline uint32_t n_prims(const saga_decoder *dec)
 {
     return dec->header.base.prim + dec->n.prim;

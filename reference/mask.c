@@ -124,7 +124,7 @@ static void score(saga_mask_score *to, session *s, const saga_mask_row *row)
     to->cosine = n ? cosine / n : (double)NAN;
 }
 
-/* What follows from the features of a level, up to the picture. */
+/* Makes what follows from the features of a level, up to the picture. */
 static void follow(session *s, int tier, double *rgb)
 {
     if (tier == SAGA_TIER_COARSE)

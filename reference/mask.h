@@ -14,7 +14,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* What is recovered may come from here. */
+/* Features are recovered from one of these. */
 enum {
     SAGA_RECOVER_NEIGHBOURS, /* the interpolation of the file, over the anchors
                               * that are known: nearest in space and time */

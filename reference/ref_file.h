@@ -48,7 +48,7 @@ typedef struct ref_file {
     double net_bits[SAGA_N_NETS]; /* and of each of them */
 } ref_file;
 
-/* This reads a file that has one segment of one layer and no base. NULL: done,
+/* Reads a file that has one segment of one layer and no base. NULL: done,
  * and ref_file_free; else why not, a constant string, and there is nothing to
  * free. */
 const char *ref_file_read(ref_file *f, const uint8_t *bytes, size_t n);

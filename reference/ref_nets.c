@@ -50,7 +50,7 @@ static int finer_output(const saga_nets *shapes,
         ? symbols->layer[net][last].finer[k] : 0;
 }
 
-/* What the direction adds is as fine as what it is added to. */
+/* The direction adds values as fine as those they are added to. */
 static void take_units(ref_nets *n, const saga_nets *shapes,
                        const saga_net_symbols *symbols, int net)
 {

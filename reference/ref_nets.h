@@ -34,7 +34,7 @@ typedef struct ref_nets {
     double out_unit[SAGA_N_NETS][SAGA_MAX_VECTOR];
 } ref_nets;
 
-/* This takes the parameters from a decoded block and the formats of rows from
+/* Takes the parameters from a decoded block and the formats of rows from
  * its symbols, neither of which is used any more; the model must outlive it.
  * ref_nets_free also frees what a failure left. */
 bool ref_nets_make(ref_nets *n, const saga_model *m, const saga_nets *shapes,
@@ -42,7 +42,7 @@ bool ref_nets_make(ref_nets *n, const saga_model *m, const saga_nets *shapes,
                    saga_error *error);
 void ref_nets_free(ref_nets *n);
 
-/* This tells whether the file has a network. */
+/* Tells whether the file has a network. */
 bool ref_nets_has(const ref_nets *n, int net);
 
 /* out[0..dim[last]) of in[0..dim[0]), which may be the same array. */
@@ -59,7 +59,7 @@ static inline double ref_clamp(double x, double lo, double hi)
     return x < lo ? lo : x > hi ? hi : x;
 }
 
-/* What a value of Q format q keeps of x: +-32767 of its units. */
+/* A value of a Q format keeps +-32767 of its units of x. */
 static inline double ref_saturate(double x, double unit)
 {
     return ref_clamp(x, -32767 * unit, 32767 * unit);

@@ -53,7 +53,6 @@ const saga_coarse *ref_cell_of(const ref_scene *s, uint32_t fine)
     return &s->file->sc.coarse[s->file->sc.fine[fine].parent];
 }
 
-/* Of a fine anchor, with the offset o from its parent's cell. */
 void ref_fine_place(double x[4], const ref_scene *s, uint32_t rank,
                        const double o[4])
 {

@@ -461,7 +461,7 @@ static int read_file(saga_net_symbols *nets, saga_symbols *segment,
         ok = read_base(&h, &plan.nets, params,
                        is_base ? segment : NULL, at);
     at = recorder_segment_chunks(&h, bytes, &seg);
-    /* Of a file that ends early, layers may be whole. */
+    /* A file that ends early may have whole layers. */
     if (at.n > n - seg.offset)
         at.n = n - (size_t)seg.offset;
     if (ok && segment && !is_base)

@@ -210,7 +210,7 @@ int ref_project(ref_splat *s, const ref_animated *a, const saga_camera *c)
     return 1;
 }
 
-/* What s = v^2 + w^2 adds to q. */
+/* Returns what s = v^2 + w^2 adds to q. */
 static double fall(double s, int is_steep)
 {
     return is_steep ? s + s * s / 2 : s;

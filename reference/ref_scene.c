@@ -98,7 +98,7 @@ static void stand_still(ref_primitive *p)
     p->log2_width = 32767 / 1024.0 - 16;
 }
 
-/* Of pre-activations, which it overwrites. */
+/* Makes a colour of pre-activations, which it overwrites. */
 static void colour_of(double rgb[3], const ref_scene *s, double *z)
 {
     for (uint32_t i = 0; i < s->model->width[SAGA_NET_COLOUR]; i++)

@@ -48,7 +48,7 @@ void ref_scene_free(ref_scene *s);
 void ref_scene_reset(ref_scene *s, const saga_primitive *prims,
                      const int16_t *colours);
 
-/* What value i of the integers' colours stands for: see `colour`. */
+/* Tells what value i of the integers' colours stands for: see `colour`. */
 double ref_scene_colour(const ref_scene *s, size_t i, int16_t colour);
 
 /* Predictions and scales of all blocks, from what the scene holds. False

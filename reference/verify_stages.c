@@ -165,7 +165,7 @@ static double angle(const double a[4], const double b[4])
     return 4 * asin(fmin(1, sqrt(fmin(plus, minus)) / 2));
 }
 
-/* What is invisible is not looked at. */
+/* Invisible primitives are not looked at. */
 static void compare_animation(session *s, int is_alone)
 {
     enum { ST = SAGA_VERIFY_ANIMATION };

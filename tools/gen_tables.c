@@ -165,7 +165,7 @@ static void print_fx(void)
 #define M_MAX 255
 #define N_MAX 16
 
-/* What escape may cost: the probability that the table leaves to it. */
+/* Escape has the probability that the table leaves to it. */
 #define TAIL_MAX (1.0 / 8192)
 
 /* P(X >= x) of a normal variable of deviation sigma. */

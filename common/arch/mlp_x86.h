@@ -328,7 +328,7 @@ INLINE void sum_tile(saga_sums sum[][2], const summed *r, const int16_t *x,
         }
 }
 
-/* What makes sums results. */
+/* These constants make results of sums. */
 typedef struct {
     saga_sums add[2];            /* bias, and half of what is shifted away */
     saga_shifts shift[2];

@@ -52,7 +52,7 @@ INLINE i64s field16(const prims *p, int at)
     return (i64s)(at & 2 ? (i32s)half >> 16 : (i32s)((u32s)half << 16) >> 16);
 }
 
-/* What the moment of the look means to each primitive. */
+/* Each primitive has an age at the moment of the look. */
 typedef struct {
     i64s dt;
     i64s u;                      /* |dt| / width, Q16, at most 16 */

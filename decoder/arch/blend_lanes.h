@@ -52,7 +52,7 @@ INLINE void store(uint32_t *p, u32s v)
     __builtin_memcpy(p, &v, sizeof v);
 }
 
-/* This is a group of LANES columns. */
+/* LANES columns are blended as a group. */
 typedef struct {
     u32s steps;                 /* of v from the tile's first column */
     u32s outside;               /* 2^31 - 1 where not in the box, else 0 */

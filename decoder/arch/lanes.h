@@ -34,7 +34,7 @@ INLINE u64s mul_u(u64s a, u64s b);
 INLINE u64s shl(u64s x, u64s n);
 INLINE u64s shr(u64s x, u64s n);
 
-/* Of small values; low where one of them is. */
+/* Small values only; a lane is low where one of them is. */
 INLINE i64s max_small(i64s a, i64s b);
 INLINE i64s min_small(i64s a, i64s b);
 

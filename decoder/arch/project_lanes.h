@@ -12,7 +12,7 @@
 
 #ifdef INLINE
 
-/* What the projection of the centre leaves for the rest. */
+/* The projection of the centre leaves this for the rest. */
 typedef struct {
     i64s mean_q8[2];
     i64s slope_q16[2];           /* less middle_slope() */

@@ -23,7 +23,7 @@ INLINE int all_negative(i64s x)
     return both < 0;
 }
 
-/* What becomes of LANES primitives. */
+/* Makes splats of LANES primitives. */
 typedef struct {
     centres centre;
     i64s q0;

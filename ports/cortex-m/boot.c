@@ -9,7 +9,7 @@
 
 #include <stddef.h>
 
-/* Of firmware.ld. */
+/* firmware.ld has these. */
 extern uint32_t boot_stack[], boot_stack_top[], boot_bss[], boot_bss_end[];
 
 int main(void);

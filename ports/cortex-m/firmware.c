@@ -117,7 +117,7 @@ static uint32_t splats_crc(const saga_decoder *dec, uint32_t n)
 
 /* --- A picture ----------------------------------------------------------- */
 
-/* What is seen of a segment, and what it took. */
+/* A segment is reported by what is seen of it and what it took. */
 typedef struct {
     saga_camera camera;
     uint32_t index;              /* the camera's, in the rig */

@@ -505,7 +505,7 @@ says '--lambda'
 for word in groups=17 groups=0 groups= groups=4x groups slots=48 slots=16 \
     no-bank=1 no-ban no-banks '' no-parent, ',no-parent'; do
     expect 2 cap -o x.saga --ablate "no-bank,$word"
-    says 'no-hyperprior, no-parent, no-bank, groups=1 to 16'
+    says 'no-hyperprior, no-parent, no-bank, no-base, no-steep'
 done
 says "''"
 expect 2 cap -o x.saga --ablate groups=4,nothing,raw-networks

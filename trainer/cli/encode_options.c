@@ -4,6 +4,7 @@
  */
 #include "encode_options.h"
 
+#include "ablation.h"
 #include "cli.h"
 #include "commands.h"
 #include "encode_log.h"
@@ -223,19 +224,8 @@ static const saga_cli_option option_list[] = {
     { "--json", NULL, "the report as JSON", saga_cli_flag,
       AT(json), 0, 0 },
     { "--ablate", "LIST", "leave parts of the entropy model out, to learn what "
-      "they\nare worth; words with commas between:\n"
-      "no-hyperprior  what a network says of each position\n"
-      "no-parent      what the coarser tier holds\n"
-      "no-bank        what the memory bank holds\n"
-      "no-base        what stands still, once for all segments\n"
-      "no-steep       splats steeper than normal curves\n"
-      "groups=K       1 to 16 groups of anchors, each coded by\n"
-      "               what the earlier ones hold; 1: none (8)\n"
-      "slots=L        a memory bank of 32, 64, 128, 256 or 512\n"
-      "               slots (64, below 40,000 primitives none)\n"
-      "plain-update   a bank whose slots are told all, not only\n"
-      "               what they do not hold yet\n"
-      "raw-networks   parameters unpriced, in steps of 1/2048",
+      "they\nare worth; words with commas between:"
+      SAGA_ABLATION_WORDS(SAGA_ABLATION_HELP),
       saga_cli_text, AT(ablate), 0, 0 }
 };
 

@@ -36,20 +36,12 @@ typedef struct {
     double metres;          /* in that; 0: unknown */
 } subject;
 
+#define ROW(word, bit, name, key) { SAGA_TOOL_##word, name, key },
+
 static const struct {
     uint32_t bit;
     const char *name, *key;
-} tools[] = {
-    { SAGA_TOOL_OPACITY_T, "temporal opacity", "temporal_opacity" },
-    { SAGA_TOOL_SLOPE, "linear rotation", "linear_rotation" },
-    { SAGA_TOOL_VIEW, "view-dependent colour", "view_dependent_colour" },
-    { SAGA_TOOL_BASE, "base segment", "base_segment" },
-    { SAGA_TOOL_STEEP, "steep splats", "steep_splats" },
-    { SAGA_TOOL_FEATURE_RESIDUAL, "feature residuals", "feature_residuals" },
-    { SAGA_TOOL_HASH, "residual hash", "residual_hash" },
-    { SAGA_TOOL_BANK, "memory bank", "memory_bank" },
-    { SAGA_TOOL_PLAIN_WRITE, "plain bank writes", "plain_bank_writes" }
-};
+} tools[] = { SAGA_TOOL_LIST(ROW) SAGA_TOOL_LATER_LIST(ROW) };
 
 enum { N_TOOLS = (int)(sizeof tools / sizeof tools[0]) };
 

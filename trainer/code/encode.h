@@ -18,7 +18,7 @@
 
 typedef struct saga_encoder saga_encoder;
 
-/* This tells what a finished file consists of, in bytes, and what its symbols
+/* It tells what a finished file consists of, in bytes, and what its symbols
  * cost, as the cost counter has it (cost.h). A chunk's payload is what its
  * kinds spent, rounded up to a byte, and at times a byte more. */
 typedef struct saga_encode_sizes {
@@ -92,11 +92,11 @@ bool saga_scaffold_alloc(saga_scaffold *sc, const saga_model *model,
                          saga_counts n, saga_error *error);
 void saga_scaffold_free(saga_scaffold *sc);
 
-/* This does the same with the encoder's networks, which must outlive it. */
+/* Does the same with the encoder's networks, which must outlive it. */
 bool saga_encoder_scaffold(saga_scaffold *sc, const saga_encoder *e,
                            saga_counts n, saga_error *error);
 
-/* These free arrays of symbols, whoever allocated them; they are NULL then. */
+/* Both free arrays of symbols, whoever allocated them; they are NULL then. */
 void saga_layer_symbols_free(saga_layer_symbols *s);
 void saga_net_symbols_free(saga_net_symbols *s);
 

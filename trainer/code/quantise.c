@@ -58,7 +58,7 @@ static int try_row(saga_layer_symbols *out, const saga_layer_values *v,
 
         if (fabs(q) > SAGA_MAX_RESIDUAL)
             return 0;
-        /* What is bounded is the integer weight as the decoder has it, of a
+        /* The bound is on the integer weight as the decoder has it, of a
          * finer input shifted by so many bits more. */
         w = llabs(weight_of(out, v, (int32_t)q, k));
         if (w > limit)
@@ -207,7 +207,7 @@ static uint8_t bias_scale(const int32_t *q, uint32_t n)
     return least_scale(&b);
 }
 
-/* This holds the scales of a layer's weights, and what all of that takes. */
+/* It holds the scales of a layer's weights, and what all of that takes. */
 typedef struct {
     double bits;
     uint8_t mode, scale, drop[SAGA_MAX_VECTOR];

@@ -48,7 +48,7 @@ typedef struct saga_layer_values {
 bool saga_quantise_layer(saga_layer_symbols *out, const saga_layer_values *v,
                          saga_error *error);
 
-/* The scale of a row or column takes about so many bits. */
+/* The scale of a row or column takes about this number of bits. */
 enum { SAGA_QUANTISE_LINE_BITS = 3 };
 
 /* Gives the code length of a layer's weights w (rows, columns), rounded to
@@ -57,7 +57,7 @@ enum { SAGA_QUANTISE_LINE_BITS = 3 };
 bool saga_quantise_bits(double *bits, const real *w, size_t rows,
                         size_t columns, double step, saga_error *error);
 
-/* This is what a layer's symbols stand for, in reals: weights (n_out, n_in) and
+/* A layer's symbols stand for these values, in reals: weights (n_out, n_in) and
  * biases (n_out), exactly the decoder's integers. */
 void saga_dequantise_layer(real *weight, real *bias,
                            const saga_layer_symbols *s,
@@ -65,7 +65,7 @@ void saga_dequantise_layer(real *weight, real *bias,
 
 /* --- A segment ----------------------------------------------------------- */
 
-/* This is to be coded, in rank order; positions in box and time units. */
+/* All of it is to be coded, in rank order; positions in box and time units. */
 typedef struct saga_targets {
     const double *coarse_x;      /* (coarse, 4) */
     const real *feature;         /* (coarse, F) */

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * These are the operators of common/memory_bank.c in float, and their
+ * The operators of common/memory_bank.c in float, and their
  * gradients: reads of a state (L, D) by softmax attention in base 2, and the
  * update of one slot. Paper: Hierarchical Context Modeling, equations of the
  * write.

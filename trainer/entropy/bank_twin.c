@@ -316,7 +316,7 @@ static void update_slot(void *user, size_t p)
     }
 }
 
-/* Does something for every slot, through so many rounds. */
+/* Does something for every slot, through a number of rounds. */
 static void do_slots(void (*run)(void *, size_t), job *j, size_t n_runs)
 {
     const size_t n = j->m->n_slots;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * This is the float twin of the residual coder: a residual costs this under the
+ * The float twin of the residual coder: a residual costs this under the
  * distribution that common/prob.c codes it with, as a smooth function. Paper:
  * Rate-Distortion Optimization, the rate term.
  *

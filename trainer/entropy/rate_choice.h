@@ -23,7 +23,7 @@
 bool saga_rate_decide(saga_rate *r, saga_scene *s, const saga_rate_input *x,
                       saga_error *error);
 
-/* This is the scene as it is to be packed, with what the networks gave. */
+/* The scene is to be packed as this, with what the networks gave. */
 typedef struct saga_rate_choice {
     saga_scene scene;            /* the trained one; its entropy networks and
                                   * model.sources are what is left of them */

@@ -147,7 +147,7 @@ void saga_rate_context_backward(saga_rate_context *c, saga_scene *d,
  * tier writes if it reads or one of the kinds after it. */
 uint32_t saga_rate_readers(const saga_rate_context *c, const saga_scene *s);
 
-/* These run it in the order of coding: begin; of each kind, run by run, what
+/* They run it in the order of coding: begin; of each kind, run by run, what
  * the blocks of runs from .. to - 1 read, if the kind reads, and what they
  * write once they are decoded, if it writes. x: what is decoded. */
 void saga_rate_context_begin(saga_rate_context *c, const saga_scene *s);

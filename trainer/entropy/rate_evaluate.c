@@ -12,7 +12,7 @@
 
 /* --- Forward ------------------------------------------------------------- */
 
-/* Threads take rows in chunks, as networks do, and take so many nanoseconds for
+/* Threads take rows in chunks, as networks do, and this time, in ns, for
  * what is beside the networks in a row. */
 enum { CHUNK = SAGA_NET_CHUNK, ROW_NS = 150 };
 

@@ -28,7 +28,7 @@ enum {
     SAGA_RATE_EVERY = 4,         /* blocks: an iteration looks at one of them */
     SAGA_RATE_REMEMBER_EVERY = 16, /* iterations: in one the bank is read anew
                                   * and learns (docs/lab/memory.md), */
-    SAGA_BANK_TWIN_PACE = 2,     /* at so many times the others' learning rate:
+    SAGA_BANK_TWIN_PACE = 2,     /* at this multiple of the others' rate:
                                   * it has fewer steps */
     SAGA_RAW_STEP = 11,          /* of raw networks: 2^-11, and the bits that */
     SAGA_RAW_BITS = 16           /* stand for a parameter of theirs */

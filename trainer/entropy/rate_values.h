@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * What rate_*.c share of values that are coded.
+ * Values that are coded, as rate_*.c share them.
  */
 #ifndef SAGA_RATE_VALUES_H
 #define SAGA_RATE_VALUES_H

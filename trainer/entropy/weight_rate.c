@@ -36,7 +36,7 @@ void saga_weights_list(saga_weights *w, const saga_net net[SAGA_N_NETS],
         }
 }
 
-/* These are the deviations of a tensor's rows or columns, or of all of it. */
+/* A tensor has deviations of its rows or columns, or one of all of it. */
 typedef struct {
     int mode;                /* SAGA_SCALE_* */
     size_t lines;

@@ -87,7 +87,7 @@ static void sort_columns(size_t *order, const double *h, size_t n)
     }
 }
 
-/* This is Cholesky's factorisation. */
+/* Factorises by Cholesky's method. */
 static void factorise(work *w)
 {
     const size_t n = w->n;

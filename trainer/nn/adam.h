@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * This is Adam with bias correction. The state is the caller's: two moments per
+ * Adam with bias correction. The state is the caller's: two moments per
  * parameter and the number of the step, so that a checkpoint holds them.
  */
 #ifndef SAGA_ADAM_H
@@ -18,7 +18,7 @@ typedef struct saga_adam {
                               * beyond 1 / sqrt(1 - beta2) it binds none */
 } saga_adam;
 
-/* This is one tensor, with its own learning rate. */
+/* A tensor has a learning rate of its own. */
 typedef struct saga_adam_tensor {
     const char *name;        /* for the error */
     real *x;

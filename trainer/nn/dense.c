@@ -29,7 +29,7 @@ static vec rectify(vec x)
 
 /* --- y = x w ------------------------------------------------------------- */
 
-/* This says where a tile lies and what surrounds it. */
+/* It says where a tile lies and what surrounds it. */
 typedef struct {
     const real *x, *w, *bias;
     real *y;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * These are products of matrices for dense layers over batches of points.
+ * Products of matrices for dense layers over batches of points.
  * Matrices are row-major; what is called `padded` has rows of a whole number of
  * vectors, saga_dense_pad(n) reals, the excess zero.
  */
@@ -25,7 +25,7 @@ typedef struct saga_dense_rows {
     size_t n, width, stride;
 } saga_dense_rows;
 
-/* This is a layer of width n_out; with relu negative values become 0. */
+/* Runs a layer of width n_out; with relu negative values become 0. */
 typedef struct saga_dense {
     const real *w;               /* [n_in][pad(n_out)], padded */
     const real *bias;            /* [pad(n_out)], padded; NULL: 0 */

@@ -5,7 +5,7 @@
 
 enum { ANGLES = 32 };     /* of a point that are turned at a time */
 
-/* These give sin and cos of f quarter turns, |f| <= 1/2, from z = f^2:
+/* Both give sin and cos of f quarter turns, |f| <= 1/2, from z = f^2:
  * Chebyshev fits, errors 4.9e-9 and 4.8e-11 (double: below 1e-20). x + magic
  * holds the nearest integer to x in its low bits. */
 #ifdef SAGA_REAL_DOUBLE
@@ -59,7 +59,7 @@ static inline vec negate_on_bit1(vec a, veci n)
 static inline void turn(vec *sine, vec *cosine, vec x)
 {
     const vec shifted = x + vec_set1(MAGIC);
-    /* What the nearest whole number of quarter turns leaves: -1/2..1/2. */
+    /* The nearest whole number of quarter turns leaves a rest of -1/2..1/2. */
     const vec f = x - (shifted - vec_set1(MAGIC));
     const veci n = (veci)shifted;
     const veci odd = (n & 1) != 0;

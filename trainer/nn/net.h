@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * These are networks of dense layers, ReLU after every layer but the last, over
+ * Networks of dense layers, ReLU after every layer but the last, over
  * batches of points: x (M, dim[0]) -> y (M, dim[n_layers]).
  *
  * The same bits for any number of threads: points are divided in blocks by
@@ -26,7 +26,7 @@ typedef struct saga_net {
     real *b[SAGA_NET_LAYERS];     /* (dim[l + 1]) */
 } saga_net;
 
-/* This holds what a forward pass leaves for its backward pass, and scratch.
+/* It holds what a forward pass leaves for its backward pass, and scratch.
  * Zero, or saga_net_reserve; saga_net_free at the end. */
 typedef struct saga_net_work {
     size_t n_points, n_threads;    /* at most */
@@ -59,7 +59,7 @@ size_t saga_net_n_params(const saga_net *net);
 /* Points w and b into params[n_params]: w[0], b[0], w[1], ... */
 void saga_net_bind(saga_net *net, real *params);
 
-/* This is He's initialisation: uniform weights of variance 2 / dim[l]
+/* Initialises as He does: uniform weights of variance 2 / dim[l]
  * (1 / dim[l] in the last layer), biases 0. */
 void saga_net_init(saga_net *net, unsigned long long seed);
 

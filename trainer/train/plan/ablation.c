@@ -7,28 +7,21 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* A word that ends in '=' has a number; others stand for 1. */
+#define ROW(member, word, value, most, help) \
+    { word, offsetof(saga_ablation, member), most },
+
 static const struct {
     const char *name;
     size_t offset;               /* of the number in saga_ablation */
     long most;
-} words[] = {
-    { "no-hyperprior", offsetof(saga_ablation, no_hyper), 1 },
-    { "no-parent", offsetof(saga_ablation, no_parent), 1 },
-    { "no-bank", offsetof(saga_ablation, no_bank), 1 },
-    { "no-base", offsetof(saga_ablation, no_base), 1 },
-    { "no-steep", offsetof(saga_ablation, no_steep), 1 },
-    { "groups=", offsetof(saga_ablation, groups), SAGA_MAX_GROUPS },
-    { "slots=", offsetof(saga_ablation, slots), SAGA_MAX_SLOTS },
-    { "plain-update", offsetof(saga_ablation, plain_update), 1 },
-    { "raw-networks", offsetof(saga_ablation, raw_networks), 1 }
-};
+} words[] = { SAGA_ABLATION_WORDS(ROW) };
 
 enum { N_WORDS = sizeof words / sizeof *words };
 
-static const char remedy[] =
-    "the words are no-hyperprior, no-parent, no-bank, groups=1 to 16, slots=32,"
-    " 64, 128, 256 or 512, plain-update, raw-networks, no-base and no-steep";
+#define NAME(member, word, value, most, help) word ", "
+
+static const char remedy[] = "the words are " SAGA_ABLATION_WORDS(NAME)
+    "as `saga help encode` explains";
 
 /* Reads a word of n characters. False if it is none, or its number is none. */
 static bool read_word(saga_ablation *a, const char *text, size_t n)

@@ -28,6 +28,33 @@ typedef struct saga_ablation {
                                   * are weighed against them */
 } saga_ablation;
 
+/* The words of the list: member, word, value and padding in the help, largest
+ * number, help. A word that ends in '=' has a number; others stand for 1. */
+#define SAGA_ABLATION_WORDS(X) \
+    X(no_hyper, "no-hyperprior", "  ", 1, \
+      "what a network says of each position") \
+    X(no_parent, "no-parent", "      ", 1, "what the coarser tier holds") \
+    X(no_bank, "no-bank", "        ", 1, "what the memory bank holds") \
+    X(no_base, "no-base", "        ", 1, \
+      "what stands still, once for all segments") \
+    X(no_steep, "no-steep", "       ", 1, \
+      "splats steeper than normal curves") \
+    X(groups, "groups=", "K       ", SAGA_MAX_GROUPS, \
+      "1 to 16 groups of anchors, each coded by\n" \
+      "               what the earlier ones hold; 1: none (8)") \
+    X(slots, "slots=", "L        ", SAGA_MAX_SLOTS, \
+      "a memory bank of 32, 64, 128, 256 or 512\n" \
+      "               slots (64, below 40,000 primitives none)") \
+    X(plain_update, "plain-update", "   ", 1, \
+      "a bank whose slots are told all, not only\n" \
+      "               what they do not hold yet") \
+    X(raw_networks, "raw-networks", "   ", 1, \
+      "parameters unpriced, in steps of 1/2048")
+
+/* A row of the help, which begins a line. */
+#define SAGA_ABLATION_HELP(member, word, value, most, help) \
+    "\n" word value help
+
 /* Sets *a to what the list says; NULL: all zero. False: a word is none, a
  * number is out of range, or words exclude each other. */
 bool saga_ablation_read(saga_ablation *a, const char *list, saga_error *error);
