@@ -242,6 +242,7 @@ many() {
     check sight python3 tests/cli/check_sight.py
     check exchange python3 tests/cli/check_exchange.py
     check web python3 tests/cli/check_web.py
+    check player python3 tests/cli/check_player.py
     check firmware tests/check_firmware.sh
     vectors gcc
     programs gcc CC=gcc

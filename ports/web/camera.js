@@ -105,6 +105,25 @@ export function resized(lens, scale) {
     return values;
 }
 
+// The lens for a picture of width x height, which it fills. Where shapes differ,
+// up to a fifth of what the lens sees is cut off, so that less is seen of what
+// nobody filmed.
+export function fitted(lens, width, height) {
+    const values = Int32Array.from(lens);
+    const sides = [width / lens[SIZE], height / lens[SIZE + 1]];
+    const scale = Math.min(Math.max(...sides), 1.25 * Math.min(...sides));
+
+    values.set([width, height], SIZE);
+    for (const i of [0, 1]) {
+        const off = lens[PRINCIPAL + i] - lens[SIZE + i] * ONE_Q16 / 2;
+
+        values[FOCAL + i] = Math.max(1, Math.round(lens[FOCAL + i] * scale));
+        values[PRINCIPAL + i] = Math.round(values[SIZE + i] * ONE_Q16 / 2 +
+            off * scale);
+    }
+    return values;
+}
+
 // A lens at a pose.
 export function placed(lens, pose) {
     const values = Int32Array.from(lens);

@@ -1,9 +1,38 @@
 // SPDX-License-Identifier: MIT
 //
 // Mouse, pen and fingers on a viewer's canvas: a drag orbits, with shift or
-// another button it pans, the wheel and two fingers go nearer or farther.
+// another button it pans, the wheel and two fingers go nearer or farther. Keys:
+// arrows orbit; W, S, A, D, Q, E move the camera.
 
-const TURN = Math.PI; // radians of a drag across the canvas
+import { heightOf, widthOf } from './camera.js';
+
+const TURN = Math.PI;      // radians of a drag across the canvas
+const STEP = Math.PI / 36; // of an arrow
+const STRIDE = 24;         // pixels of a key that moves
+const NEARER = 0.92;
+
+// What keys without a modifier do to the camera.
+const MOVES = {
+    ArrowLeft: (viewer) => viewer.orbit(-STEP, 0),
+    ArrowRight: (viewer) => viewer.orbit(STEP, 0),
+    ArrowUp: (viewer) => viewer.orbit(0, -STEP),
+    ArrowDown: (viewer) => viewer.orbit(0, STEP),
+    w: (viewer) => viewer.dolly(NEARER),
+    s: (viewer) => viewer.dolly(1 / NEARER),
+    a: (viewer) => viewer.pan(STRIDE, 0),
+    d: (viewer) => viewer.pan(-STRIDE, 0),
+    q: (viewer) => viewer.pan(0, -STRIDE),
+    e: (viewer) => viewer.pan(0, STRIDE),
+};
+
+// Returns whether the key moves the camera.
+export function moveByKey(viewer, key) {
+    const move = MOVES[key.length === 1 ? key.toLowerCase() : key];
+
+    if (move)
+        move(viewer);
+    return Boolean(move);
+}
 
 export function addControls(viewer, element) {
     const pointers = new Map(); // id -> { x, y }
@@ -19,10 +48,13 @@ export function addControls(viewer, element) {
         return { x, y, spread };
     };
     const perPixel = () => {
-        const { canvas } = viewer;
+        const { clientWidth, clientHeight } = viewer.canvas;
 
-        return canvas.width / (canvas.clientWidth || 1) / viewer.scale;
+        return Math.max(widthOf(viewer.lens) / (clientWidth || 1),
+            heightOf(viewer.lens) / (clientHeight || 1));
     };
+
+    const across = () => Math.max(element.clientWidth, element.clientHeight);
 
     element.addEventListener('pointerdown', (event) => {
         if (!viewer.info)
@@ -44,8 +76,7 @@ export function addControls(viewer, element) {
         if (event.shiftKey || event.buttons > 1 || pointers.size > 1)
             viewer.pan(dx * perPixel(), dy * perPixel());
         else
-            viewer.orbit(-dx / element.clientWidth * TURN,
-                -dy / element.clientWidth * TURN);
+            viewer.orbit(-dx / across() * TURN, -dy / across() * TURN);
         if (pointers.size > 1 && before.spread && now.spread)
             viewer.dolly(before.spread / now.spread);
     });

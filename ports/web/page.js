@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
 //
-// The page around a viewer: time, cameras, numbers, paths, files dropped on
-// it. The address may say what to show (README.md lists the parameters).
+// The page around a player: numbers, paths, files dropped on it. The address may
+// say what to show (README.md lists the parameters); what is shown then is said
+// behind its #, to be shared.
 
-import { Viewer } from './viewer.js';
-import { addControls } from './controls.js';
+import './player.js';
 import { FORMAT, parsePath } from './path.js';
 import { heightOf, widthOf } from './camera.js';
 
@@ -14,13 +14,14 @@ const asked = new URLSearchParams(location.search);
 const carried = JSON.parse($('carried').textContent);
 const KEY_SECONDS = 2; // from one key camera to the next
 const RATE_MS = 2000;  // over which pictures are counted
+const SETTLED_MS = 300; // without a change, until the address tells the view
 
-const viewer = new Viewer($('canvas'), {
-    simd: asked.get('simd') === '0' ? false : undefined,
-    seconds: Number(asked.get('seconds')) || carried.seconds,
-});
+const player = $('player');
+const { viewer } = player;
 let references = [];    // { camera, frame, crc } of the file that is shown
 let keys = [];          // of the camera path
+let noted = null;       // state that the address tells
+let settling = 0;       // timer
 
 // For scripts on the page, and for the tests.
 window.viewer = viewer;
@@ -44,7 +45,7 @@ async function open(source, pictures = []) {
     references = pictures;
     setState('loading');
     try {
-        await viewer.open(source);
+        await player.open(source);
     } catch {
         return false; // the `failed` event has told it
     }
@@ -69,8 +70,11 @@ async function openAsked() {
     if (!await open(src, crc ? [{ camera: Number(asked.get('camera') || 0),
         frame: Number(asked.get('frame') || 0), crc }] : pictures))
         return;
-    viewer.selectCamera(Number(asked.get('camera') || 0));
-    viewer.seek(askedFrame() || 0);
+    if (!viewer.setState(location.hash.slice(1))) {
+        viewer.selectCamera(Number(asked.get('camera') || 0));
+        viewer.seek(askedFrame() || 0);
+    }
+    noted = viewer.toState();
     if (asked.has('path'))
         await openPath(fetch(asked.get('path')), asked.get('path'));
     if (asked.get('play') === '1' && keys.length)
@@ -106,47 +110,27 @@ function showFile() {
         plural(info.nFrames, 'frame'), plural(rig.length, 'camera'),
         ...viewer.size ? [bytesText(viewer.size)] : []].join('  \u00b7  ');
     document.title = `${viewer.name} - saga`;
-    $('camera').replaceChildren(...rig.map(({ name, number }, i) =>
-        new Option(name || `camera ${number}`, i)), new Option('free', 'free'));
-    $('camera').lastChild.hidden = true;
-    $('time').max = info.nFrames - 1;
-    $('time').disabled = info.nFrames < 2;
-    $('parts').replaceChildren(...viewer.segments.map(({ nFrames }) => {
-        const part = document.createElement('span');
-
-        part.style.flex = nFrames;
-        return part;
-    }));
     setState('ready');
 }
 
 // Called as soon as the user does something.
 function showState() {
-    const { info, frame } = viewer;
-
-    if (!info)
-        return;
-    root.classList.toggle('playing', viewer.playing);
-    $('play').setAttribute('aria-label', viewer.playing ? 'Pause' : 'Play');
-    $('time').value = Math.min(frame, info.nFrames - 1);
-    $('clock').textContent = `${(frame / info.fps).toFixed(2)} / ` +
-        `${(info.nFrames / info.fps).toFixed(2)} s`;
     $('scale').value = viewer.scale;
-    $('camera').value = viewer.moved ? 'free' : viewer.camera;
+    $('scale').hidden = viewer.fills;
     viewer.wantCrc = !$('stats').hidden || !viewer.playing;
-    fit();
+    clearTimeout(settling);
+    if (!viewer.playing)
+        settling = setTimeout(noteState, SETTLED_MS);
 }
 
-// The canvas as large as the stage has room for.
-function fit() {
-    if (!viewer.info)
-        return;
-    const width = widthOf(viewer.lens), height = heightOf(viewer.lens);
-    const { clientWidth, clientHeight } = $('stage');
-    const scale = Math.min(clientWidth / width, clientHeight / height);
+// The address of this view. It stays as it was given until something is done.
+function noteState() {
+    const state = viewer.toState();
 
-    $('canvas').style.width = `${Math.floor(width * scale)}px`;
-    $('canvas').style.height = `${Math.floor(height * scale)}px`;
+    if (noted === null || state === noted)
+        return;
+    noted = state;
+    history.replaceState(null, '', '#' + state);
 }
 
 // --- Numbers ---------------------------------------------------------------
@@ -197,7 +181,9 @@ function showNumbers() {
         ['picture', `${drawn.width} \u00d7 ${drawn.height}`],
         ['primitives', `${drawn.nSplats.toLocaleString('en')} seen of ` +
             drawn.nPrimitives.toLocaleString('en')],
-        ['view, draw', `${times.view.toFixed(1)}, ${times.draw.toFixed(1)} ms`],
+        [drawn.gpu ? 'view, copy' : 'view, draw',
+            `${times.view.toFixed(1)}, ${times.draw.toFixed(1)} ms`],
+        ['drawn by', drawn.gpu ? 'graphics processor' : 'decoder, exact'],
         ['shown', rateText()],
         ['segment', `${drawn.segment + 1} of ${viewer.segments.length}, ` +
             `decoded in ${times.segment.toFixed(0)} ms`],
@@ -225,8 +211,6 @@ function showDrawn() {
         noteShown(performance.now());
     else
         shown = [];
-    [...$('parts').children].forEach((part, i) =>
-        part.classList.toggle('kept', viewer.drawn.kept.includes(i)));
     showNumbers();
 }
 
@@ -315,66 +299,33 @@ function toggle(panel) {
     viewer.wantCrc = true;
 }
 
-function togglePlaying() {
-    if (viewer.playing)
-        viewer.pause();
-    else
-        viewer.play();
-}
-
-function toggleFull() {
-    if (document.fullscreenElement)
-        document.exitFullscreen();
-    else
-        root.requestFullscreen();
-}
-
-function step(frames) {
-    viewer.pause();
-    viewer.seek(Math.round(viewer.frame) + frames);
-}
-
 const shortcuts = {
-    ' ': togglePlaying,
-    ',': () => step(-1),
-    '.': () => step(1),
-    ArrowLeft: () => step(-1),
-    ArrowRight: () => step(1),
-    f: toggleFull,
     k: () => { $('path').hidden = false; showPressed(); addKey(); },
+    n: () => toggle('stats'),
     p: () => toggle('path'),
-    r: () => viewer.selectCamera(viewer.camera),
-    s: () => toggle('stats'),
 };
 
 function onKey(event) {
-    const digit = Number(event.key);
+    const call = shortcuts[event.key];
 
     if (event.key === 'Escape' && root.dataset.state === 'problem')
         dismiss();
     if (!viewer.info || event.ctrlKey || event.metaKey || event.altKey ||
-        event.target.matches('input[type="number"], select') ||
-        (event.key === ' ' && event.target.matches('button')))
+        event.target.matches('input, select'))
         return;
-    if (digit >= 1 && digit <= 9 && digit <= viewer.rig.length)
-        viewer.selectCamera(digit - 1);
-    else if (shortcuts[event.key])
-        shortcuts[event.key]();
-    else
+    if (!call) {
+        player.onKey(event);
         return;
+    }
+    call();
     event.preventDefault();
 }
 
 const on = (id, type, call) => $(id).addEventListener(type, call);
 
-on('play', 'click', togglePlaying);
-on('time', 'input', () => viewer.seek(Number($('time').value)));
-on('camera', 'change', () => viewer.selectCamera(Number($('camera').value)));
-on('reset', 'click', () => viewer.selectCamera(viewer.camera));
 on('scale', 'change', () => viewer.setScale(Number($('scale').value)));
 on('show-path', 'click', () => toggle('path'));
 on('show-stats', 'click', () => toggle('stats'));
-on('full', 'click', toggleFull);
 on('add-key', 'click', addKey);
 on('play-path', 'click', () => viewer.playPath(keys));
 on('save-path', 'click', savePath);
@@ -386,7 +337,6 @@ on('file', 'change', () => {
 on('dismiss', 'click', dismiss);
 
 addEventListener('keydown', onKey);
-addEventListener('resize', fit);
 addEventListener('dragover', (event) => {
     event.preventDefault();
     root.classList.add('dropping');
@@ -399,18 +349,20 @@ addEventListener('drop', (event) => {
         openFile(event.dataTransfer.files[0]);
 });
 
-let rest;
-addEventListener('pointermove', () => {
-    clearTimeout(rest);
-    root.classList.remove('resting');
-    rest = setTimeout(() => root.classList.add('resting'), 2500);
+addEventListener('hashchange', () => {
+    if (viewer.setState(location.hash.slice(1)))
+        noted = viewer.toState();
 });
 
 viewer.addEventListener('opened', showFile);
 viewer.addEventListener('change', showState);
 viewer.addEventListener('drawn', showDrawn);
 viewer.addEventListener('failed', (event) => tellProblem(event.detail));
-addControls(viewer, $('canvas'));
+// What was asked for: ?draw=exact, or a CRC, which the decoder alone has.
+if (asked.get('draw') === 'exact' || (asked.has('crc') && !asked.has('draw')))
+    viewer.setExact(true);
+viewer.simd = asked.get('simd') === '0' ? false : undefined;
+viewer.seconds = Number(asked.get('seconds')) || carried.seconds;
 $('stats').hidden = asked.get('stats') !== '1';
 $('path').hidden = !asked.has('path');
 viewer.wantCrc = true;

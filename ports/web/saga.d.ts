@@ -66,6 +66,8 @@ export interface SagaInfo {
     nCameras: number;
     /** Of any segment. */
     maxPrimitives: number;
+    /** Splats fall off faster than Gaussians: saga.h, saga_splats_at. */
+    isSteep: boolean;
     /** The capture's unit: centre + unit * box units. */
     unit: number;
     centre: [number, number, number];
@@ -102,6 +104,21 @@ export interface SagaPicture {
     nSplats: number;
 }
 
+/** What a graphics processor makes a picture of: see gpu.js. */
+export interface SagaSplats {
+    width: number;
+    height: number;
+    nPrimitives: number;
+    nSplats: number;
+    /** How they fall off. */
+    isSteep: boolean;
+    /** R, G, B, 0..1. */
+    background: number[];
+    /** An array of saga_splat of saga.h, nearest first; a view of the decoder's
+     * memory until the next call. */
+    bytes: Uint8Array;
+}
+
 /** An open file. It draws one picture at a time. */
 export class SagaFile {
     static open(
@@ -128,6 +145,9 @@ export class SagaFile {
 
     /** The picture at the time num / den, in frames; both are integers. */
     draw(camera: SagaCamera, num: number, den?: number): Promise<SagaPicture>;
+
+    /** The splats of that picture instead. */
+    splats(camera: SagaCamera, num: number, den?: number): Promise<SagaSplats>;
 
     /** CRC-32C of the last picture's rgb, 8 digits. */
     crc(): string;

@@ -15,7 +15,10 @@ const INFO = {
     version: 0, level: 1, workNbytes: 2, headNbytes: 3, nSegments: 4,
     nFrames: 5, fpsNum: 6, fpsDen: 7, nCameras: 8, maxPrimitives: 9,
 };
-const UNIT = 10, CENTRE = 12, CENTRE_EXPONENT = 15;
+const UNIT = 10, CENTRE = 12, CENTRE_EXPONENT = 15, TOOLS = 16;
+const STEEP = 64;         // the tool that lets splats fall off faster
+const SPLAT_NBYTES = 44;  // saga_splat
+const WIDTH = 17, BACKGROUND = 19; // of a camera's values
 const CAMERA_LENGTH = 22; // and the camera's number behind them
 
 const TRUNCATED = -11;
@@ -306,11 +309,12 @@ export class SagaFile {
     }
 
     tellInfo() {
-        const told = this.ints(this.wasm.saga_web_info(), 16);
+        const told = this.ints(this.wasm.saga_web_info(), 17);
         const power = (mantissa, exponent) => mantissa * 2 ** exponent;
 
         this.info = Object.fromEntries(Object.entries(INFO).map(
             ([name, at]) => [name, told[at] >>> 0]));
+        this.info.isSteep = (told[TOOLS] & STEEP) !== 0;
         this.info.fps = this.info.fpsNum / this.info.fpsDen || 25; // a still
         // Metres (the capture's unit) = centre + unit * box units.
         this.info.unit = power(told[UNIT], told[UNIT + 1]);
@@ -401,6 +405,15 @@ export class SagaFile {
     // is a view of the decoder's memory, good until the next call; rgb too,
     // without alpha, as saga-dec writes it.
     async draw(camera, num, den = 1) {
+        await this.view(camera, num, den);
+        const start = performance.now();
+
+        this.check(this.wasm.saga_web_draw(), 'cannot be drawn');
+        this.times.draw = performance.now() - start;
+        return this.picture();
+    }
+
+    async view(camera, num, den) {
         const { number, t } = this.find(num, den);
 
         await this.decode(number);
@@ -409,12 +422,28 @@ export class SagaFile {
         const start = performance.now();
 
         this.check(this.wasm.saga_web_view(t), 'cannot be seen from there');
-        const seen = performance.now();
+        this.times.view = performance.now() - start;
+    }
 
-        this.check(this.wasm.saga_web_draw(), 'cannot be drawn');
-        this.times.view = seen - start;
-        this.times.draw = performance.now() - seen;
-        return this.picture();
+    // What a graphics processor makes that picture of (gpu.js): bytes is a view
+    // of the decoder's memory, good until the next call, of saga_splat's array
+    // in saga.h, nearest first.
+    async splats(camera, num, den = 1) {
+        await this.view(camera, num, den);
+        const start = performance.now();
+        const { values } = camera;
+        const [, , , , nPrimitives, nSplats] =
+            this.ints(this.wasm.saga_web_picture(), 6);
+        const at = this.wasm.saga_web_splats();
+
+        if (!at)
+            this.check(-2, 'is too large for this browser\'s memory');
+        this.times.draw = performance.now() - start;
+        return { width: values[WIDTH], height: values[WIDTH + 1], nPrimitives,
+            nSplats, isSteep: this.info.isSteep,
+            background: Array.from(values.slice(BACKGROUND, BACKGROUND + 3),
+                (x) => x / 32768),
+            bytes: this.bytes(at >>> 0, SPLAT_NBYTES * nSplats) };
     }
 
     picture() {

@@ -28,6 +28,7 @@ typedef struct {
     uint32_t n_cameras, max_primitives;
     int32_t unit_mantissa, unit_exponent;
     int32_t centre_mantissa[3], centre_exponent;
+    uint32_t tools;
 } web_info;
 
 typedef struct {
@@ -86,6 +87,13 @@ int32_t saga_web_decode(uint32_t first_frame, uint32_t nbytes);
  * saga_web_picture. */
 EXPORT(saga_web_view) int32_t saga_web_view(int32_t t);
 EXPORT(saga_web_draw) int32_t saga_web_draw(void);
+
+/* The splats of the last saga_web_view instead of its picture, as many as
+ * saga_web_picture tells; the segment's bytes and the last picture are lost.
+ * NULL: no memory, or no view. */
+EXPORT(saga_web_splats) const saga_splat *saga_web_splats(void);
+
+/* What saga_web_view and saga_web_draw tell. */
 EXPORT(saga_web_picture) const web_picture *saga_web_picture(void);
 
 /* CRC-32C of the last picture's R, G, B bytes. */
@@ -175,6 +183,7 @@ static void tell_info(void)
     for (i = 0; i < 3; i++)
         to->centre_mantissa[i] = from->centre_mantissa[i];
     to->centre_exponent = from->centre_exponent;
+    to->tools = from->tools;
 }
 
 int32_t saga_web_probe(void)
@@ -389,6 +398,17 @@ int32_t saga_web_draw(void)
     p->rgb = rgb;
     p->rgba = rgba;
     return SAGA_OK;
+}
+
+const saga_splat *saga_web_splats(void)
+{
+    saga_splat *const to = (saga_splat *)(void *)web.input;
+    const uint32_t n = web.picture.n_splats;
+
+    if (!web.dec || !reach(web.input, (uint64_t)n * sizeof *to) ||
+        saga_splats_at(to, web.dec, 0, n))
+        return NULL;
+    return to;
 }
 
 const web_picture *saga_web_picture(void)

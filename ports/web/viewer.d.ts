@@ -14,11 +14,13 @@ export interface KeyCamera {
     fov: number;
 }
 
-/** A canvas that shows a file, drawn in a worker. Events: `opened`, `change`,
- * `drawn`, and `failed`, whose detail is a sentence. Until a file is open, what
+/** A canvas that shows a file: decoded in a worker, drawn by the graphics
+ * processor or, with exact, by the decoder. Events: `opened`, `change`, `drawn`,
+ * `ended`, and `failed`, whose detail is a sentence. Until a file is open, what
  * would change its camera or time does nothing; setScale holds. */
 export class Viewer extends EventTarget {
     constructor(canvas: HTMLCanvasElement, options?: {
+        exact?: boolean;
         simd?: boolean;
         /** That decoding a segment may take; 30. */
         seconds?: number;
@@ -33,14 +35,25 @@ export class Viewer extends EventTarget {
     readonly playing: boolean;
     /** Whether the camera is none of the rig's any more. */
     readonly moved: boolean;
-    /** Of the picture, relative to the camera's. */
+    /** Of an exact picture, relative to the camera's. */
     readonly scale: number;
+    /** Whether the decoder draws; always where there is no WebGL2. */
+    readonly exact: boolean;
+    /** Whether pictures have the size that setRoom gave. */
+    readonly fills: boolean;
+    /** Whether it begins anew at the end; true. */
+    loop: boolean;
+    /** Of time; 1. */
+    rate: number;
     /** The last picture's numbers. */
     readonly drawn: {
         width: number;
         height: number;
         nPrimitives: number;
         nSplats: number;
+        /** Drawn by the graphics processor. */
+        gpu: boolean;
+        /** Of an exact picture. */
         crc: string | null;
         num: number;
         den: number;
@@ -58,6 +71,15 @@ export class Viewer extends EventTarget {
     open(source: string | File): Promise<void>;
     selectCamera(index: number): void;
     setScale(scale: number): void;
+    setExact(exact: boolean): void;
+    /** Pixels of the window, which the graphics processor fills. */
+    setRoom(width: number, height: number): void;
+    /** The picture on the canvas. */
+    read(): ImageData;
+    /** Camera and time in a line. */
+    toState(): string;
+    /** Returns whether the line was obeyed. */
+    setState(line: string): boolean;
     /** Radians. */
     orbit(yaw: number, pitch: number): void;
     dolly(factor: number): void;

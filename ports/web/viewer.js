@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: MIT
 //
-// A canvas that shows a .saga file: any time, from any camera. It draws in a
-// worker and has no controls of its own; controls.js moves its camera, page.js
-// is a whole page around it.
+// A canvas that shows a .saga file: any time, from any camera. A worker decodes
+// and sorts, and the graphics processor draws, in any size; or, with exact, the
+// worker draws too: the bits of every decoder, in sizes of the camera's picture.
+// controls.js moves the camera, player.js is an element with controls.
 //
 //     const viewer = new Viewer(canvas);
 //     await viewer.open('scene.saga');
@@ -16,19 +17,31 @@
 // has the picture's numbers), `failed` (detail: a sentence).
 
 import * as cam from './camera.js';
+import { GpuScreen, PlainScreen } from './gpu.js';
+import { Pace } from './pace.js';
 import { keyAt } from './path.js';
 
 const TIME_DEN = 256; // moments between two frames, while it plays
+const REST_MS = 150;  // without a change: the picture rests
 
 export class Viewer extends EventTarget {
-    // simd: false for the plain decoder; else what the browser has. seconds:
-    // that decoding a segment may take.
-    constructor(canvas, { simd, seconds } = {}) {
+    // exact: true for the decoder's own picture, which a browser without WebGL2
+    // has anyway. simd: false for the plain decoder; else what the browser has.
+    // seconds: that decoding a segment may take.
+    constructor(canvas, { exact = false, simd, seconds } = {}) {
         super();
         this.canvas = canvas;
+        this.screen = GpuScreen.open(canvas) || new PlainScreen(canvas);
+        this.exact = exact || !this.screen.takesSplats;
+        this.room = null;       // width and height of the window, if given
+        this.pace = new Pace();
+        this.rest = 0;          // timer
+        canvas.addEventListener('webglcontextrestored', () => this.changed());
         this.simd = simd;
         this.seconds = seconds;
-        this.scale = 1;         // of the picture, relative to the camera's
+        this.scale = 1;         // of an exact picture, relative to the camera's
+        this.loop = true;       // begins anew at the end
+        this.rate = 1;          // of time, while it plays
         this.wantCrc = false;
         this.rig = [];
         this.segments = [];
@@ -36,11 +49,13 @@ export class Viewer extends EventTarget {
     }
 
     clear() {
+        clearTimeout(this.rest);
         this.worker?.terminate();
         this.worker = null;
         this.info = null;
         this.frame = 0;
         this.playing = false;
+        this.movedAt = -Infinity; // when the camera was
         this.path = null;       // of key cameras, while it is played
         this.busy = false;      // a picture is being drawn
         this.stale = false;     // and another one is wanted
@@ -131,6 +146,7 @@ export class Viewer extends EventTarget {
         this.pose = pose;
         this.lens = lens;
         this.moved = true;
+        this.movedAt = performance.now();
         this.changed();
     }
 
@@ -166,11 +182,49 @@ export class Viewer extends EventTarget {
         this.changed();
     }
 
-    // What is drawn: the rig's own integers where nothing was moved.
+    // The decoder's own picture, or the graphics processor's.
+    setExact(exact) {
+        this.exact = exact || !this.screen.takesSplats;
+        this.changed();
+    }
+
+    // Pixels of the window, which the graphics processor fills.
+    setRoom(width, height) {
+        const side = (x) => Math.max(1, Math.min(16384, Math.round(x)));
+        const room = [side(width), side(height)];
+
+        if (this.room && room.every((x, i) => x === this.room[i]))
+            return;
+        this.room = room;
+        this.changed();
+    }
+
+    // Whether pictures have the size of the window.
+    get fills() {
+        return !this.exact && this.room !== null;
+    }
+
+    // What is drawn: the rig's own integers where nothing was moved, and in the
+    // camera's own size. While something moves, pictures are as small as the
+    // machine needs.
     values() {
-        const lens = cam.resized(this.lens, this.scale);
+        const detail = this.isMoving() ? this.pace.scale : 1;
+        const lens = this.fills
+            ? cam.fitted(this.lens, ...this.room.map(
+                (x) => Math.max(1, Math.round(x * detail))))
+            : cam.resized(this.lens, this.scale);
 
         return this.moved ? cam.placed(lens, this.pose) : lens;
+    }
+
+    isMoving() {
+        return this.playing ||
+            performance.now() - this.movedAt < REST_MS;
+    }
+
+    // The picture on the canvas, as ImageData.
+    read() {
+        return this.screen.read();
     }
 
     // --- Key cameras, in the capture's units
@@ -202,6 +256,43 @@ export class Viewer extends EventTarget {
             cam.withFov(this.lens, key.fov));
     }
 
+    // Camera and time in a line, to share a view: "camera=2&frame=12", or where a
+    // free camera stands. '' while nothing is open.
+    toState() {
+        const text = (numbers) => numbers.map((x) => Number(x.toPrecision(7)))
+            .join(',');
+
+        if (!this.info)
+            return '';
+        if (!this.moved)
+            return `camera=${this.camera}&frame=${Math.floor(this.frame)}`;
+        const { frame, fov, eye, target, up } = this.key();
+
+        return `frame=${Math.floor(frame)}&fov=${text([fov])}&eye=${text(eye)}` +
+            `&target=${text(target)}&up=${text(up)}`;
+    }
+
+    // Returns whether the line says anything that can be obeyed.
+    setState(line) {
+        const said = new URLSearchParams(line);
+        const numbers = (name) => (said.get(name) || '').split(',').map(Number);
+        const [frame, fov, camera] = ['frame', 'fov', 'camera'].map(
+            (name) => Number(said.get(name) || 0));
+        const [eye, target, up] = ['eye', 'target', 'up'].map(numbers);
+        const isPlace = fov > 0 && fov < 180 && [eye, target, up].every(
+            (v) => v.length === 3 && v.every(Number.isFinite));
+
+        if (!this.info || !Number.isFinite(frame) ||
+            !(isPlace || said.has('camera') || said.has('frame')))
+            return false;
+        if (isPlace)
+            this.goToKey({ frame, fov, eye, target, up });
+        else if (Number.isInteger(camera))
+            this.selectCamera(camera);
+        this.seek(frame);
+        return true;
+    }
+
     // --- Time
 
     inFile(frame) {
@@ -220,6 +311,8 @@ export class Viewer extends EventTarget {
     play() {
         if (!this.info || this.playing)
             return;
+        if (!this.loop && this.frame >= this.info.nFrames - 1)
+            this.frame = 0;
         this.playing = true;
         this.since = performance.now();
         requestAnimationFrame((now) => this.tick(now));
@@ -250,11 +343,21 @@ export class Viewer extends EventTarget {
         if (this.path)
             this.tickPath(passed);
         else
-            this.frame = this.inFile((this.frame + passed * this.info.fps) %
-                                     this.info.nFrames);
+            this.tickTime(passed * this.info.fps * this.rate);
         this.fetchAhead();
         this.changed();
         requestAnimationFrame((next) => this.tick(next));
+    }
+
+    tickTime(frames) {
+        const { nFrames } = this.info;
+        const next = this.frame + frames;
+
+        this.frame = this.inFile(this.loop ? next % nFrames : next);
+        if (this.loop || next < nFrames)
+            return;
+        this.pause();
+        this.emit('ended');
     }
 
     tickPath(passed) {
@@ -298,25 +401,38 @@ export class Viewer extends EventTarget {
         this.stale = false;
         this.spare = null;
         this.worker.postMessage({ draw: { values,
-            num: Math.round(this.frame * den), den, crc: this.wantCrc,
-            buffer } }, buffer ? [buffer] : []);
+            num: Math.round(this.frame * den), den, gpu: !this.exact,
+            crc: this.wantCrc, buffer } }, buffer ? [buffer] : []);
     }
 
     show(drawn) {
-        const { canvas } = this;
-        const { width, height, pixels } = drawn;
-
-        if (canvas.width !== width || canvas.height !== height) {
-            canvas.width = width;
-            canvas.height = height;
-        }
-        canvas.getContext('2d', { alpha: false })
-            .putImageData(new ImageData(pixels, width, height), 0, 0);
-        this.spare = pixels.buffer;
-        this.drawn = { ...drawn, pixels: null };
+        if (drawn.gpu)
+            this.screen.showSplats(drawn);
+        else
+            this.screen.showPixels(drawn);
+        this.spare = drawn.bytes.buffer;
+        this.drawn = { ...drawn, bytes: null };
         this.busy = false;
+        this.keepPace();
         this.emit('drawn');
         if (this.stale)
             this.ask();
+    }
+
+    // Smaller pictures while something moves, where the machine is slow; a sharp
+    // one once it rests.
+    keepPace() {
+        const now = performance.now();
+        const { view, draw } = this.drawn.times;
+
+        clearTimeout(this.rest);
+        if (!this.fills)
+            return;
+        if (this.isMoving())
+            this.pace.note(now, view + draw);
+        else
+            this.pace.pause();
+        if (!this.playing && this.drawn.width < this.room[0])
+            this.rest = setTimeout(() => this.changed(), REST_MS + 1);
     }
 }

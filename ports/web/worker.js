@@ -4,7 +4,8 @@
 // responsive. It answers every message but `fetch` once, in their order:
 //
 //     { open: address or File, simd, seconds } -> { opened } or { failed }
-//     { draw: { values, num, den, crc, buffer } } -> { drawn } or { failed }
+//     { draw: { values, num, den, gpu, crc, buffer } } -> { drawn } or
+//         { failed }: with gpu splats, else pixels; buffer is used again
 //     { fetch: segment }                  ahead of time
 
 import { SagaFile, hasSimd, loadModule } from './saga.js';
@@ -22,18 +23,26 @@ async function open({ open: source, simd = hasSimd(), seconds }) {
     return { opened: { info, rig, segments, name, size, simd } };
 }
 
-// The picture in buffer, if that is as large as it must be.
-async function draw({ values, num, den, crc, buffer }) {
-    const { width, height, rgba, nPrimitives, nSplats } =
-        await file.draw({ values }, num, den);
-    const fits = buffer && buffer.byteLength === rgba.length;
-    const pixels = new Uint8ClampedArray(
-        fits ? buffer : new ArrayBuffer(rgba.length));
+// bytes in buffer, if that is large enough for what is not much smaller.
+function copyTo(buffer, bytes) {
+    const fits = buffer && buffer.byteLength >= bytes.length &&
+        buffer.byteLength <= 4 * bytes.length;
+    const to = new Uint8ClampedArray(
+        fits ? buffer : new ArrayBuffer(bytes.length), 0, bytes.length);
 
-    pixels.set(rgba);
+    to.set(bytes);
+    return to;
+}
+
+async function draw({ values, num, den, gpu, crc, buffer }) {
+    const made = gpu ? await file.splats({ values }, num, den)
+        : await file.draw({ values }, num, den);
+    const { width, height, nPrimitives, nSplats, isSteep, background } = made;
+
     return { drawn: {
-        width, height, pixels, nPrimitives, nSplats,
-        crc: crc ? file.crc() : null, num, den, values,
+        width, height, nPrimitives, nSplats, isSteep, background, gpu,
+        bytes: copyTo(buffer, gpu ? made.bytes : made.rgba),
+        crc: crc && !gpu ? file.crc() : null, num, den, values,
         segment: file.segment, times: { ...file.times },
         fetched: file.source.fetched, size: file.source.size,
         kept: [...file.here],
@@ -59,5 +68,5 @@ onmessage = ({ data }) => {
         return;
     }
     last = last.then(() => answer(data)).then((reply) =>
-        postMessage(reply, reply.drawn ? [reply.drawn.pixels.buffer] : []));
+        postMessage(reply, reply.drawn ? [reply.drawn.bytes.buffer] : []));
 };

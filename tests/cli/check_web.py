@@ -78,9 +78,7 @@ def make_long(tmp):
 
 # What is on the canvas, as R, G, B bytes in base 64.
 CANVAS = """(() => {
-    const { width, height } = viewer.canvas;
-    const from = viewer.canvas.getContext('2d')
-        .getImageData(0, 0, width, height).data;
+    const from = viewer.read().data;
     let text = '';
     for (let i = 0; i < from.length; i++)
         if (i % 4 !== 3)
@@ -98,7 +96,8 @@ class Page:
                       height=480, deviceScaleFactor=1, mobile=False)
 
     def show(self, query, server=None):
-        self.tab.go((server or self.server).url + "index.html?" + query)
+        self.tab.go((server or self.server).url + "index.html?draw=exact&" +
+                    query)
         return self.settle()
 
     def settle(self):
@@ -546,7 +545,7 @@ def check_view(page):
                             stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
     try:
         url = view.stdout.readline().decode().strip()
-        page.tab.go(url)
+        page.tab.go(url + "?draw=exact")
         page.settle()
         verdicts = []
         for camera in range(3):
@@ -581,7 +580,7 @@ COUNT = """new Promise((resolve) => {
 def check_rate(page, name):
     texts = []
     for simd in (1, 0):
-        page.tab.go(page.server.url + "index.html?src=%s&simd=%d&play=1" %
+        page.tab.go(page.server.url + "index.html?draw=exact&src=%s&simd=%d&play=1" %
                     (name, simd))
         page.tab.wait("viewer.drawn")
         # The first pictures are drawn while the module is still compiled.

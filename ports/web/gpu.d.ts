@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: MIT
+import type { SagaSplats } from './saga.js';
+
+/** Draws splats in one call into the bound framebuffer, which begins as (0, 0,
+ * 0, 1): colours are added, and alpha becomes what is left for the background.
+ * The picture's first row comes first. */
+export class SplatPainter {
+    constructor(gl: WebGL2RenderingContext);
+    upload(splats: Omit<SagaSplats, 'background' | 'nPrimitives'>): void;
+    draw(): void;
+}
+
+/** A canvas that shows splats, or pixels. */
+export class GpuScreen {
+    /** null where the browser has no WebGL2. */
+    static open(canvas: HTMLCanvasElement): GpuScreen | null;
+    /** Whether the browser has what splats need. */
+    readonly takesSplats: boolean;
+    showSplats(splats: Omit<SagaSplats, 'nPrimitives'>): void;
+    showPixels(picture: {
+        bytes: Uint8ClampedArray;
+        width: number;
+        height: number;
+    }): void;
+    read(): ImageData;
+}
+
+/** The same without a graphics processor: pixels alone. */
+export class PlainScreen {
+    constructor(canvas: HTMLCanvasElement);
+    readonly takesSplats: false;
+    showPixels(picture: {
+        bytes: Uint8ClampedArray;
+        width: number;
+        height: number;
+    }): void;
+    read(): ImageData;
+}

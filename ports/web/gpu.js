@@ -1,0 +1,305 @@
+// SPDX-License-Identifier: MIT
+//
+// A canvas drawn by the graphics processor, with WebGL2: splats as the decoder
+// sorted and projected them, in one instanced draw call, or pixels that the
+// decoder drew.
+//
+// A splat's corners are those of the square |v| <= l, |w| <= l of the decoder's
+// own coordinates (docs/arithmetic.md, Blending), l where its opacity ends: in
+// the picture a parallelogram close around the ellipse. A pixel computes its v
+// and w by itself, since what is interpolated between corners is as coarse as
+// the grid they are snapped to, a sixteenth of a pixel here and there.
+//
+// Colour and transmittance T are summed front to back in 16-bit floats, T in
+// place of alpha: rgb += T alpha colour, T *= 1 - alpha. Eight bits would lose
+// what is faint.
+
+const SPLAT_NBYTES = 44; // saga_splat of saga.h
+
+const SPLAT_VERTEX = `#version 300 es
+precision highp float;
+precision highp int;
+layout(location = 0) in ivec2 mean_q8;
+layout(location = 1) in ivec3 chol_q28;
+layout(location = 2) in int q0_q20;
+layout(location = 3) in uvec3 colour_q15;
+uniform vec2 size;
+uniform bool is_steep;
+flat out vec2 mean;
+flat out vec3 chol;
+flat out vec4 splat;
+
+void main() {
+    // g and h of 0, in Q28, are less than half a unit.
+    vec3 f = max(vec3(chol_q28), vec3(0.5, -1e10, 0.5)) * exp2(-28.0);
+    float q0 = float(q0_q20) * exp2(-20.0);
+    float rest = 11.0 - q0;
+    // s + s^2 / 2 = rest
+    float reach = is_steep ? sqrt(1.0 + 2.0 * rest) - 1.0 : rest;
+    vec2 vw = sqrt(reach) *
+        (vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0);
+    // v = g dx - n dy, w = h dy
+    float dy = vw.y / f.z;
+    float dx = (vw.x + f.y * dy) / f.x;
+    mean = vec2(mean_q8) / 256.0;
+    chol = vec3(chol_q28) * exp2(-28.0);
+    splat = vec4(vec3(colour_q15) / 32768.0, q0);
+    gl_Position = vec4((mean + vec2(dx, dy)) / size * 2.0 - 1.0, 0.0, 1.0);
+}`;
+
+const SPLAT_FRAGMENT = `#version 300 es
+precision highp float;
+uniform bool is_steep;
+flat in vec2 mean;
+flat in vec3 chol;
+flat in vec4 splat;
+out vec4 mixed;
+
+void main() {
+    // The first row is the picture's top one.
+    vec2 d = gl_FragCoord.xy - mean;
+    vec2 vw = vec2(chol.x * d.x - chol.y * d.y, chol.z * d.y);
+    float s = dot(vw, vw);
+    float q = splat.a + s + (is_steep ? 0.5 * s * s : 0.0);
+    if (q >= 11.0)
+        discard;
+    float alpha = min(exp2(3.0 - q), 64880.0 / 65536.0);
+    mixed = vec4(alpha * splat.rgb, alpha);
+}`;
+
+// One triangle that covers everything.
+const PICTURE_VERTEX = `#version 300 es
+void main() {
+    gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0,
+                       gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0);
+}`;
+
+// What is left shows the background. WebGL has rows from the bottom.
+const PICTURE_FRAGMENT = `#version 300 es
+precision highp float;
+precision highp sampler2D;
+uniform sampler2D picture;
+uniform vec3 background;
+uniform int height;
+out vec4 shown;
+
+void main() {
+    ivec2 at = ivec2(gl_FragCoord.xy);
+    at.y = height - 1 - at.y;
+    vec4 c = texelFetch(picture, at, 0);
+    shown = vec4(c.rgb + c.a * background, 1.0);
+}`;
+
+function compile(gl, kind, source) {
+    const shader = gl.createShader(kind);
+
+    gl.shaderSource(shader, source);
+    gl.compileShader(shader);
+    return shader;
+}
+
+// The program and where its uniforms are.
+function link(gl, vertex, fragment, uniforms) {
+    const program = gl.createProgram();
+
+    gl.attachShader(program, compile(gl, gl.VERTEX_SHADER, vertex));
+    gl.attachShader(program, compile(gl, gl.FRAGMENT_SHADER, fragment));
+    gl.linkProgram(program);
+    if (!gl.getProgramParameter(program, gl.LINK_STATUS) &&
+        !gl.isContextLost())
+        throw new Error(gl.getProgramInfoLog(program));
+    return { program, ...Object.fromEntries(uniforms.map(
+        (name) => [name, gl.getUniformLocation(program, name)])) };
+}
+
+// Splats on the graphics processor, drawn into any framebuffer whose alpha is
+// T, the picture's first row first.
+export class SplatPainter {
+    constructor(gl) {
+        this.gl = gl;
+        this.n = 0;
+        this.splats = link(gl, SPLAT_VERTEX, SPLAT_FRAGMENT,
+            ['size', 'is_steep']);
+        this.array = gl.createVertexArray();
+        this.buffer = gl.createBuffer();
+        gl.bindVertexArray(this.array);
+        gl.bindBuffer(gl.ARRAY_BUFFER, this.buffer);
+        for (const [i, n, type, offset] of [[0, 2, gl.INT, 0],
+            [1, 3, gl.INT, 8], [2, 1, gl.INT, 20],
+            [3, 3, gl.UNSIGNED_SHORT, 28]]) {
+            gl.enableVertexAttribArray(i);
+            gl.vertexAttribIPointer(i, n, type, SPLAT_NBYTES, offset);
+            gl.vertexAttribDivisor(i, 1);
+        }
+        gl.bindVertexArray(null);
+    }
+
+    // { bytes, nSplats, width, height, isSteep }, as SagaFile.splats has them.
+    upload({ bytes, nSplats, width, height, isSteep }) {
+        const { gl } = this;
+
+        Object.assign(this, { n: nSplats, width, height, isSteep });
+        gl.bindBuffer(gl.ARRAY_BUFFER, this.buffer);
+        // Memory of its own for each picture: none waits for the last one.
+        gl.bufferData(gl.ARRAY_BUFFER, bytes, gl.STREAM_DRAW);
+    }
+
+    // The one draw call.
+    draw() {
+        const { gl, splats } = this;
+
+        gl.useProgram(splats.program);
+        gl.uniform2f(splats.size, this.width, this.height);
+        gl.uniform1i(splats.is_steep, this.isSteep);
+        gl.bindVertexArray(this.array);
+        gl.enable(gl.BLEND);
+        gl.blendFuncSeparate(gl.DST_ALPHA, gl.ONE, gl.ZERO,
+            gl.ONE_MINUS_SRC_ALPHA);
+        gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, this.n);
+        gl.disable(gl.BLEND);
+        gl.bindVertexArray(null);
+    }
+}
+
+export class GpuScreen {
+    // null where the browser has no WebGL2.
+    static open(canvas) {
+        const gl = canvas.getContext('webgl2', { alpha: false, depth: false,
+            stencil: false, antialias: false,
+            powerPreference: 'high-performance' });
+
+        return gl && new GpuScreen(canvas, gl);
+    }
+
+    constructor(canvas, gl) {
+        this.canvas = canvas;
+        this.gl = gl;
+        this.begin();
+        canvas.addEventListener('webglcontextlost', (event) =>
+            event.preventDefault());
+        canvas.addEventListener('webglcontextrestored', () => this.begin());
+    }
+
+    begin() {
+        const { gl } = this;
+
+        // Without 16-bit floats it shows pixels.
+        this.takesSplats = Boolean(
+            gl.getExtension('EXT_color_buffer_float') ||
+            gl.getExtension('EXT_color_buffer_half_float'));
+        this.painter = new SplatPainter(gl);
+        this.picture = link(gl, PICTURE_VERTEX, PICTURE_FRAGMENT,
+            ['background', 'height']);
+        this.sum = gl.createTexture();
+        this.pixels = gl.createTexture();
+        this.frame = gl.createFramebuffer();
+        this.size = [0, 0];
+        this.again = () => {};
+    }
+
+    resize(width, height) {
+        const { canvas, gl } = this;
+
+        if (canvas.width !== width || canvas.height !== height) {
+            canvas.width = width;
+            canvas.height = height;
+        }
+        gl.viewport(0, 0, width, height);
+    }
+
+    // Makes the sum as large as the picture.
+    resizeSum(width, height) {
+        const { gl } = this;
+
+        gl.bindFramebuffer(gl.FRAMEBUFFER, this.frame);
+        if (this.size[0] === width && this.size[1] === height)
+            return;
+        this.size = [width, height];
+        gl.deleteTexture(this.sum);
+        this.sum = gl.createTexture();
+        gl.bindTexture(gl.TEXTURE_2D, this.sum);
+        gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA16F, width, height);
+        gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0,
+            gl.TEXTURE_2D, this.sum, 0);
+    }
+
+    showSplats(splats) {
+        this.resize(splats.width, splats.height);
+        this.painter.upload(splats);
+        this.again = () => this.drawSplats(splats.background);
+        this.again();
+    }
+
+    drawSplats(background) {
+        const { gl, painter } = this;
+
+        this.resizeSum(painter.width, painter.height);
+        gl.clearColor(0, 0, 0, 1);
+        gl.clear(gl.COLOR_BUFFER_BIT);
+        painter.draw();
+        this.show(this.sum, background);
+    }
+
+    showPixels({ bytes, width, height }) {
+        const { gl } = this;
+
+        this.resize(width, height);
+        gl.bindTexture(gl.TEXTURE_2D, this.pixels);
+        gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, width, height, 0, gl.RGBA,
+            gl.UNSIGNED_BYTE, new Uint8Array(bytes.buffer, 0, bytes.length));
+        gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
+        this.again = () => this.show(this.pixels, [0, 0, 0]);
+        this.again();
+    }
+
+    show(texture, background) {
+        const { gl, picture } = this;
+
+        gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+        gl.useProgram(picture.program);
+        gl.bindTexture(gl.TEXTURE_2D, texture);
+        gl.uniform3fv(picture.background, background);
+        gl.uniform1i(picture.height, this.canvas.height);
+        gl.drawArrays(gl.TRIANGLES, 0, 3);
+    }
+
+    // The picture as ImageData. Browsers forget what they have shown, so it is
+    // drawn again.
+    read() {
+        const { gl } = this;
+        const { width, height } = this.canvas;
+        const rows = new Uint8Array(4 * width * height);
+        const image = new ImageData(width, height);
+
+        this.again();
+        gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, rows);
+        for (let y = 0; y < height; y++)
+            image.data.set(rows.subarray(4 * width * y, 4 * width * (y + 1)),
+                4 * width * (height - 1 - y));
+        return image;
+    }
+}
+
+// The same without a graphics processor: pixels alone.
+export class PlainScreen {
+    constructor(canvas) {
+        this.canvas = canvas;
+        this.takesSplats = false;
+        this.context = canvas.getContext('2d', { alpha: false });
+    }
+
+    showPixels({ bytes, width, height }) {
+        const { canvas } = this;
+
+        if (canvas.width !== width || canvas.height !== height) {
+            canvas.width = width;
+            canvas.height = height;
+        }
+        this.context.putImageData(new ImageData(bytes, width, height), 0, 0);
+    }
+
+    read() {
+        return this.context.getImageData(0, 0, this.canvas.width,
+            this.canvas.height);
+    }
+}

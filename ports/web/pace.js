@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: MIT
+//
+// How large a picture may be so that sixty a second are shown, as a part of the
+// window's side: found from when pictures came, with no look at the machine.
+
+const SLOW_MS = 22, FAST_MS = 17.5; // between pictures
+const FEW = 6, MANY = 60;           // pictures before it gets smaller, larger
+const LEAST = 0.35;
+
+export class Pace {
+    constructor() {
+        this.scale = 1;
+        this.hold = MANY;  // fast pictures until a larger one is tried
+        this.pause();
+    }
+
+    // Nothing moves any more.
+    pause() {
+        this.last = null;
+        this.slow = this.fast = 0;
+    }
+
+    // A picture came at `now`, ms, for which the worker worked so long: where
+    // that takes most of the time, smaller pictures do not help.
+    note(now, worked) {
+        const passed = this.last === null ? 0 : now - this.last;
+
+        this.last = now;
+        if (passed > SLOW_MS && passed > 2 * worked) {
+            this.fast = 0;
+            if (++this.slow >= FEW)
+                this.shrink();
+        } else if (passed > 0 && passed < FAST_MS) {
+            this.slow = 0;
+            if (++this.fast >= this.hold)
+                this.grow();
+        }
+    }
+
+    // What was too large just after it grew is tried again later and later.
+    shrink() {
+        if (this.grew)
+            this.hold = Math.min(64 * MANY, 2 * this.hold);
+        this.grew = false;
+        this.scale = Math.max(LEAST, this.scale * 0.8);
+        this.slow = 0;
+    }
+
+    grow() {
+        this.grew = this.scale < 1;
+        this.scale = Math.min(1, this.scale / 0.8);
+        this.fast = 0;
+    }
+}

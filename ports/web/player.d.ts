@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: MIT
+import type { SagaCamera, SagaInfo } from './saga.js';
+import type { Viewer } from './viewer.js';
+
+/** <saga-player src autoplay loop camera poster controls draw="exact">.
+ * Events: loadeddata, play, pause, ended, timeupdate, camerachange; error, whose
+ * detail is a sentence. */
+export class SagaPlayer extends HTMLElement {
+    /** What is below the element: paths, sizes, the last picture's numbers. */
+    readonly viewer: Viewer;
+    readonly info: SagaInfo | null;
+    readonly rig: SagaCamera[];
+    readonly paused: boolean;
+    /** Seconds; NaN while nothing is open. */
+    readonly duration: number;
+    /** Seconds. */
+    currentTime: number;
+    playbackRate: number;
+    src: string;
+    /** Of the rig, from 0; -1 where it was moved. */
+    camera: number;
+
+    open(source: string | File): Promise<void>;
+    play(): void;
+    pause(): void;
+    /** Camera and time in a line, to share a view. */
+    toState(): string;
+    /** Returns whether the line was obeyed. */
+    setState(line: string): boolean;
+}
+
+declare global {
+    interface HTMLElementTagNameMap {
+        'saga-player': SagaPlayer;
+    }
+}

@@ -1,0 +1,399 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""check_player.py: guarantees, for the drawing by the graphics processor and the
+player of ports/web, in headless Chromium with WebGL2 in software,
+  near        pictures drawn from splats have at least 45 dB beside the decoder's
+              own and no sample is off by more than 3: every good vector, three
+              cameras, three times; the demo also in a window's size
+  call        a picture is one draw call of all its splats
+  window      pictures fill the element, at the device's pixels; exact ones have
+              the camera's size, and the decoder's own bits
+  pace        pictures get smaller where the machine is slow, and are sharp at
+              rest; not where the worker is what takes the time
+  element     attributes, properties and events do what they say; who wants
+              little motion gets no autoplay
+  keys, touch move the camera, also in a tall window
+  state       a line tells camera and time, and brings them back; the page's
+              address does
+  names       what can be focused has a name and a role
+Without Chromium, or without the decoder for it, it says that it was skipped.
+"""
+
+import json
+import os
+import sys
+
+sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "support"))
+import browser  # noqa: E402
+from verdict import Verdicts, read  # noqa: E402
+
+os.chdir(os.path.join(os.path.dirname(__file__), "..", ".."))
+BUILD = os.environ.get("BUILD", "build")
+SAGA = os.environ.get("SAGA", BUILD + "/saga")
+WEB = os.path.join(os.path.dirname(SAGA), "web")
+GOOD = "vectors/good/"
+LEAST_DB, MOST_OFF = 45, 3
+DEMO = "demo.saga"
+
+checks = Verdicts("player")
+complain, verdict = checks.complain, checks.verdict
+
+# near(source, [values or index of a camera, size or null]): dB of the graphics
+# processor's pictures at the first, middle and last frame.
+NEAR = """
+async function near(source, places) {
+    const { SagaFile } = await import('/saga.js');
+    const { GpuScreen } = await import('/gpu.js');
+    const { fitted } = await import('/camera.js');
+    const file = await SagaFile.open(source);
+    const screen = GpuScreen.open(document.createElement('canvas'));
+    const told = [];
+
+    if (!screen?.takesSplats)
+        throw new Error('no WebGL2');
+    for (const [camera, size] of places) {
+        if (camera >= file.rig.length)
+            continue;
+        let values = file.rig[camera].values;
+        if (size)
+            values = fitted(values, ...size);
+        for (const part of [0, 0.37, 1]) {
+            const last = file.info.nFrames - 1, num = Math.round(64 * last * part);
+            const { rgba } = await file.draw({ values }, num, 64);
+            const want = Uint8Array.from(rgba);
+            screen.showSplats(await file.splats({ values }, num, 64));
+            const got = screen.read().data;
+            let sum = 0, most = 0;
+            for (let i = 0; i < want.length; i++) {
+                const d = want[i] - got[i];
+                sum += d * d;
+                most = Math.max(most, Math.abs(d));
+            }
+            told.push([camera, num / 64, want.length === got.length
+                ? 10 * Math.log10(255 * 255 / Math.max(
+                    1e-9, sum / (want.length / 4 * 3))) : 0, most]);
+        }
+    }
+    return told;
+}
+"""
+
+
+def check_near(tab, names):
+    worst, most = 999, 0
+    for name in names:
+        places = "[[0], [1, [640, 360]]]" if name == DEMO else \
+            "[[0], [1], [2]]"
+        told = tab.run("""(async () => { %s
+            return near('/%s', %s); })()""" % (NEAR, name, places))
+        worst = min([worst, *(db for _, _, db, _ in told)])
+        most = max([most, *(d for _, _, _, d in told)])
+        if worst < LEAST_DB or most > MOST_OFF:
+            complain(name, "drawn from splats has", json.dumps(told))
+            break
+    verdict("near: %d files, at least %.1f dB, at most %d off" %
+            (len(names), worst, most))
+
+
+# --- The element -----------------------------------------------------------
+
+# A page of one's own: an element of 400x300 with these attributes.
+PUT = """(async () => {
+    await import('/player.js');
+    window.player = document.createElement('saga-player');
+    window.told = [];
+    for (const type of ['loadeddata', 'play', 'pause', 'ended', 'timeupdate',
+        'camerachange', 'error'])
+        player.addEventListener(type, () => told.push(type));
+    player.style = 'width: 400px; height: 300px; aspect-ratio: auto';
+    const given = %s;
+    for (const name in given)
+        player.setAttribute(name, given[name]);
+    document.body.replaceChildren(player);
+    window.viewer = player.viewer;
+})()"""
+
+
+def put(tab, **attributes):
+    tab.run(PUT % json.dumps({"src": "/" + DEMO, **attributes}))
+    settle(tab)
+
+
+def settle(tab):
+    tab.wait("viewer.drawn && !viewer.busy && !viewer.stale")
+
+
+def expect(tab, what, script):
+    got = tab.run(script)
+    if got is not True:
+        complain(what, repr(got))
+
+
+def check_call(tab):
+    put(tab)
+    counts = tab.run("""(async () => {
+        const { gl } = viewer.screen;
+        const real = gl.drawArraysInstanced.bind(gl);
+        const counts = [];
+
+        gl.drawArraysInstanced = (mode, first, n, copies) => {
+            counts.push([n, copies]);
+            real(mode, first, n, copies);
+        };
+        viewer.seek(7);
+        await new Promise((resolve) => viewer.addEventListener('drawn', resolve,
+            { once: true }));
+        return [counts, viewer.drawn.nSplats];
+    })()""")
+    if counts[0] != [[4, counts[1]]] or counts[1] < 1000:
+        complain("a picture takes the draw calls", counts)
+    verdict("call")
+
+
+def check_window(tab):
+    for sharp in (2, 1):
+        tab.call("Emulation.setDeviceMetricsOverride", width=640, height=480,
+                 deviceScaleFactor=sharp, mobile=False)
+        put(tab)
+        tab.wait("viewer.drawn.width === %d && viewer.drawn.height === %d" %
+                 (400 * sharp, 300 * sharp))
+        expect(tab, "the canvas does not fill the element:", """
+            [player.canvas.clientWidth, player.canvas.clientHeight].join() ===
+            '400,300' || player.canvas.clientWidth""")
+    put(tab, draw="exact")
+    expect(tab, "an exact picture has not the decoder's bits:", """
+        (async () => {
+            const { SagaFile } = await import('/saga.js');
+            const file = await SagaFile.open('/demo.saga');
+            const { rgba } = await file.draw(file.rig[0], 0);
+            const got = viewer.read().data;
+            return viewer.drawn.width === 320 && got.length === rgba.length &&
+                got.every((x, i) => x === rgba[i]);
+        })()""")
+    verdict("window")
+
+
+# A machine that takes `per` ms for a picture of full size, of which the worker
+# takes `work`: the scale that it comes to.
+PACE = """(async () => {
+    const { Pace } = await import('/pace.js');
+    const run = (pace, n, per, work) => {
+        let now = 0;
+        for (let i = 0; i < n; i++) {
+            now += Math.max(16.7, work, per * pace.scale ** 2);
+            pace.note(now, work);
+        }
+        return pace.scale;
+    };
+    const back = new Pace();
+    return [run(new Pace(), 900, 10, 3), run(new Pace(), 900, 40, 3),
+        run(new Pace(), 900, 900, 3), run(new Pace(), 900, 40, 39),
+        (run(back, 300, 40, 3), back.pause(), run(back, 900, 5, 3))];
+})()"""
+
+
+def check_pace(tab):
+    fast, slow, worst, worker, back = tab.run(PACE)
+    # 40 ms at full size are 16.4 at 0.64.
+    if fast != 1 or not 0.5 < slow < 0.9 or worst != 0.35 or worker != 1 or \
+            back != 1:
+        complain("pace comes to", fast, slow, worst, worker, back)
+    put(tab)
+    tab.run("""(() => {
+        window.widths = [];
+        viewer.addEventListener('drawn', () => widths.push(viewer.drawn.width));
+        viewer.pace.scale = 0.5;
+        viewer.orbit(0.1, 0);
+    })()""")
+    tab.wait("widths.length > 1")
+    expect(tab, "widths while it moves, and after:",
+           "widths.join() === '200,400' || widths")
+    verdict("pace")
+
+
+def check_element(tab):
+    put(tab, camera="2", loop="")
+    expect(tab, "camera=2 is not obeyed:", "player.camera === 2")
+    expect(tab, "without autoplay it plays:", "player.paused")
+    expect(tab, "duration is", "player.duration === 1 || player.duration")
+    tab.run("player.currentTime = 0.5")
+    settle(tab)
+    expect(tab, "currentTime is", "player.currentTime === 0.5")
+    tab.run("player.removeAttribute('loop'); player.playbackRate = 2; "
+            "told.length = 0; player.play()")
+    tab.wait("told.includes('ended')")
+    expect(tab, "events:", """['play', 'timeupdate', 'pause', 'ended'].every(
+        (type) => told.includes(type)) && player.paused || told""")
+    put(tab, autoplay="", loop="")
+    tab.wait("player.currentTime > 0")
+    expect(tab, "autoplay does not play:", "!player.paused")
+    tab.call("Emulation.setEmulatedMedia", features=[
+        {"name": "prefers-reduced-motion", "value": "reduce"}])
+    put(tab, autoplay="")
+    expect(tab, "little motion, but it plays:", "player.paused")
+    tab.call("Emulation.setEmulatedMedia", features=[])
+    tab.run("player.src = '/none.saga'")
+    tab.wait("told.includes('error') && "
+             "player.$('told').textContent.includes('404')")
+    verdict("element")
+
+
+def press(tab, key, **more):
+    text = {"text": key} if len(key) == 1 else {}
+    tab.call("Input.dispatchKeyEvent", type="keyDown", key=key, **text, **more)
+    tab.call("Input.dispatchKeyEvent", type="keyUp", key=key, **more)
+
+
+DISTANCE = ("Math.hypot(...viewer.pose.centre.map((c, i) => "
+            "c - viewer.pivot[i]))")
+
+
+def check_keys(tab):
+    put(tab)
+    tab.run("player.canvas.focus()")
+    for key in ("ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown", "w", "s",
+                "a", "d", "q", "e"):
+        tab.run("viewer.selectCamera(0)")
+        before = tab.run("viewer.pose")
+        far = tab.run(DISTANCE)
+        press(tab, key)
+        after = tab.run("viewer.pose")
+        turns = before["rotation"] != after["rotation"]
+        nearer = tab.run(DISTANCE) / far
+        if before["centre"] == after["centre"] or \
+                turns != key.startswith("Arrow") or \
+                (abs(nearer - 1) > 1e-6) != (key in "ws") or \
+                (key == "w") != (nearer < 0.99):
+            complain(key, "moves the camera from", before, "to", after)
+    press(tab, "3")
+    expect(tab, "3 does not choose a camera:", "player.camera === 2")
+    press(tab, ".")
+    press(tab, " ")
+    expect(tab, "space does not play:", "!player.paused")
+    press(tab, " ")
+    expect(tab, "space does not pause:", "player.paused")
+    press(tab, "g")
+    settle(tab)
+    tab.wait("viewer.drawn.gpu === false && viewer.drawn.width === 320")
+    press(tab, "g")
+    tab.wait("viewer.drawn.gpu === true && viewer.drawn.width === 400")
+    verdict("keys")
+
+
+def touch(tab, kind, *points):
+    tab.call("Input.dispatchTouchEvent", type=kind, touchPoints=[
+        {"x": x, "y": y, "id": i} for i, (x, y) in enumerate(points)])
+
+
+def check_touch(tab):
+    tab.call("Emulation.setDeviceMetricsOverride", width=360, height=640,
+             deviceScaleFactor=2, mobile=True)
+    tab.call("Emulation.setTouchEmulationEnabled", enabled=True)
+    put(tab)
+    tab.run("player.style = 'position: fixed; inset: 0; aspect-ratio: auto'")
+    tab.wait("viewer.drawn.width === 720 && viewer.drawn.height === 1280")
+    far, before = tab.run(DISTANCE), tab.run("viewer.pose.rotation")
+    touch(tab, "touchStart", (180, 300))
+    touch(tab, "touchMove", (140, 300))
+    touch(tab, "touchEnd")
+    if tab.run("viewer.pose.rotation") == before or \
+            abs(tab.run(DISTANCE) / far - 1) > 1e-6:
+        complain("a finger does not orbit")
+    touch(tab, "touchStart", (150, 300), (210, 300))
+    touch(tab, "touchMove", (120, 300), (240, 300))
+    touch(tab, "touchEnd")
+    if not 0.4 < tab.run(DISTANCE) / far < 0.7:
+        complain("two fingers come to", tab.run(DISTANCE) / far)
+    tab.call("Emulation.setTouchEmulationEnabled", enabled=False)
+    tab.call("Emulation.setDeviceMetricsOverride", width=640, height=480,
+             deviceScaleFactor=1, mobile=False)
+    verdict("touch")
+
+
+def check_state(tab, url):
+    put(tab)
+    tab.run("viewer.selectCamera(3); viewer.seek(5)")
+    expect(tab, "the state of a camera is", "player.toState() === "
+           "'camera=3&frame=5' || player.toState()")
+    tab.run("viewer.orbit(0.3, 0.1); viewer.dolly(0.8)")
+    line = tab.run("player.toState()")
+    before = tab.run("Array.from(viewer.values())")
+    tab.run("viewer.selectCamera(0); viewer.seek(0)")
+    expect(tab, "the state is refused:", "player.setState(%s)" %
+           json.dumps(line))
+    after = tab.run("Array.from(viewer.values())")
+    # Seven digits.
+    if max(abs(a - b) for a, b in zip(before[:9], after[:9])) > 2 ** 12 or \
+            max(abs(a - b) for a, b in zip(before[9:12], after[9:12])) > 64 or \
+            tab.run("viewer.frame") != 5:
+        complain("a state comes back as", before, after)
+    for bad in ("", "eye=1,2", "frame=x", "fov=40&eye=1,2,3&target=1,2,3"):
+        expect(tab, "obeys " + bad, "!player.setState(%s)" % json.dumps(bad))
+    tab.go(url + "index.html?src=%s#%s" % (DEMO, line))
+    settle(tab)
+    shown = tab.run("Array.from(viewer.values())")[:12]
+    if max(abs(a - b) for a, b in zip(shown, after)) > 2 ** 12 or \
+            tab.run("viewer.frame") != 5:
+        complain("the address is obeyed as", shown, "not", after)
+    tab.run("viewer.selectCamera(1)")
+    tab.wait("location.hash === '#camera=1&frame=5'")
+    tab.run("location.hash = 'camera=2&frame=9'")
+    tab.wait("viewer.camera === 2 && viewer.frame === 9")
+    verdict("state")
+
+
+def check_names(tab):
+    put(tab, controls="")
+    nodes = tab.call("Accessibility.getFullAXTree")["nodes"]
+    named = {}
+    for node in nodes:
+        is_focusable = any(p["name"] == "focusable" and p["value"]["value"]
+                           for p in node.get("properties", []))
+        if is_focusable and node["role"]["value"] != "RootWebArea":
+            named.setdefault(node["role"]["value"], []).append(
+                node["name"]["value"])
+    want = {"button": ["Play (space)", "Back to the camera (R)",
+                       "Full screen (F)"], "slider": ["time"],
+            "combobox": ["camera"]}
+    for role, names in want.items():
+        if named.get(role) != names:
+            complain("of the role", role, "there are", named.get(role))
+    if not any("drag" in name for name in named.get("image", []) +
+               named.get("img", [])):
+        complain("the canvas has no name:", named)
+    verdict("names")
+
+
+def main():
+    if not os.path.exists(os.path.join(WEB, "saga.wasm")):
+        print("ok   player skipped: no clang or no wasm-ld, so no decoder")
+        return 0
+    if not browser.find_chromium():
+        print("ok   player skipped: chromium is not installed")
+        return 0
+    files = {name: read(os.path.join(WEB, name)) for name in os.listdir(WEB)}
+    names = sorted(os.listdir(GOOD))
+    files.update({name: read(GOOD + name) for name in names})
+    files[DEMO] = read("docs/demo.saga")
+    files["empty.html"] = (
+        b"<!doctype html><meta name=viewport content=width=device-width><body>")
+    server, tab = browser.FileServer(files), browser.Browser()
+    try:
+        tab.go(server.url + "empty.html")
+        check_call(tab)
+        check_window(tab)
+        check_pace(tab)
+        check_element(tab)
+        check_keys(tab)
+        check_touch(tab)
+        check_names(tab)
+        check_state(tab, server.url)
+        check_near(tab, names + [DEMO])
+        checks.complaints.extend(tab.log)
+        verdict("console")
+    finally:
+        tab.close()
+    return 1 if checks.failed else 0
+
+
+sys.exit(main())
