@@ -1,0 +1,324 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The built-in room, loaded from its transforms.json, its files in the layouts
+ * of other formats, and whether it is loaded from there with the same cameras
+ * and the same pixels, or at 40 dB where the pictures are not lossless: a table
+ * of this is printed at the end.
+ */
+#ifndef SCENE_LAYOUTS_H
+#define SCENE_LAYOUTS_H
+
+#include "capture_files.h"
+#include "picture.h"
+#include "tiny_training.h"
+
+enum { W = 64, H = 48, N_VIEWS = 4, N_FRAMES = 3, N_POINTS = 300 };
+
+/* --- The scene ----------------------------------------------------------- */
+
+static saga_capture scene;
+
+/* Averages boxes of 5x5 pixels: a quarter of the colours' samples, as video
+ * has, is then enough for 40 dB. */
+static inline void soften(uint8_t *rgb)
+{
+    static uint8_t sharp[3 * W * H];
+
+    memcpy(sharp, rgb, sizeof sharp);
+    for (int i = 0; i < 3 * W * H; i++) {
+        const int x = i / 3 % W, y = i / 3 / W;
+        int sum = 0, n = 0;
+
+        for (int b = y > 2 ? y - 2 : 0; b <= y + 2 && b < H; b++)
+            for (int a = x > 2 ? x - 2 : 0; a <= x + 2 && a < W; a++, n++)
+                sum += sharp[3 * (b * W + a) + i % 3];
+        rgb[i] = (uint8_t)((sum + n / 2) / n);
+    }
+}
+
+static inline int make_scene(void **state)
+{
+    saga_synth_options s = synth_options(W, H, N_VIEWS, N_FRAMES, N_POINTS);
+
+    (void)state;
+    s.n_hold_out = 0;
+    scene = tiny_capture(&s);
+    for (int v = 0; v < N_VIEWS; v++)
+        for (int k = 0; k < N_FRAMES; k++)
+            soften(scene.views[v].rgb + 3 * W * H * k);
+    return 0;
+}
+
+/* w, x, y, z of a rotation matrix whose w is not small. */
+static inline void quaternion_of(const double r[9], double q[4])
+{
+    q[0] = sqrt(1 + r[0] + r[4] + r[8]) / 2;
+    assert_true(q[0] > 0.1);
+    q[1] = (r[7] - r[5]) / (4 * q[0]);
+    q[2] = (r[2] - r[6]) / (4 * q[0]);
+    q[3] = (r[3] - r[1]) / (4 * q[0]);
+}
+
+/* --- Its files ----------------------------------------------------------- */
+
+/* Writes a picture, where the format's arguments are the view and the frame. */
+static inline void write_picture(folder *f, const char *name, int view,
+                                 int frame)
+{
+    saga_error error = { "" };
+
+    if (!saga_png_write(folder_file(f, name), W, H,
+                        saga_capture_frame(&scene, view, frame), &error))
+        fail_msg("%s", error.message);
+}
+
+/* Calls a file of a view and a frame, numbers from 0. */
+typedef void name_fn(char name[80], int view, int frame);
+
+static inline void camera_and_number(char name[80], int view, int frame)
+{
+    snprintf(name, 80, "cam%02d/f_%04d.png", view, 10 * frame);
+}
+
+static inline void number_and_camera(char name[80], int view, int frame)
+{
+    snprintf(name, 80, "t%d/cam%02d.png", 8 + frame, view);
+}
+
+static inline void camera_alone(char name[80], int view, int frame)
+{
+    (void)frame;
+    snprintf(name, 80, "cam%02d.png", view);
+}
+
+/* Pictures of the frames from..to-1 in a folder. */
+static inline void write_pictures(folder *f, const char *root, name_fn *name,
+                                  int from, int to)
+{
+    for (int v = 0; v < N_VIEWS; v++)
+        for (int k = from; k < to; k++) {
+            char part[80], path[120];
+
+            name(part, v, k);
+            snprintf(path, sizeof path, "%s/%s", root, part);
+            folder_run(f, "mkdir -p $(dirname %s)", path);
+            write_picture(f, path, v, k);
+        }
+}
+
+/* COLMAP's model with images of n_frames frames each, without features. */
+static inline void write_model(folder *f, const char *root, name_fn *name,
+                               int n_frames)
+{
+    bytes cameras = { 0 }, images = { 0 }, points = { 0 };
+    char part[80], path[120];
+
+    folder_run(f, "mkdir -p %s", root);
+    for (int v = 0; v < N_VIEWS; v++) {
+        const saga_shot *const s = &scene.views[v];
+        double q[4];
+
+        put_text(&cameras, "%d PINHOLE %d %d %.17g %.17g %.17g %.17g\n", v + 1,
+                 W, H, s->fx, s->fy, s->cx, s->cy);
+        quaternion_of(s->rotation, q);
+        for (int k = 0; k < n_frames; k++) {
+            name(part, v, k);
+            put_text(&images, "%d %.17g %.17g %.17g %.17g %.17g %.17g %.17g "
+                     "%d %s\n\n", v + N_VIEWS * k + 1, q[0], q[1], q[2], q[3],
+                     s->translation[0], s->translation[1], s->translation[2],
+                     v + 1, part);
+        }
+    }
+    for (size_t i = 0; i < scene.n_points; i++)
+        put_text(&points, "%zu %.17g %.17g %.17g %d %d %d 0.5 1 0 2 0\n", i + 1,
+                 scene.points[i].position[0], scene.points[i].position[1],
+                 scene.points[i].position[2], scene.points[i].rgb[0],
+                 scene.points[i].rgb[1], scene.points[i].rgb[2]);
+    snprintf(path, sizeof path, "%s/cameras.txt", root);
+    write_bytes(f, path, &cameras);
+    snprintf(path, sizeof path, "%s/images.txt", root);
+    write_bytes(f, path, &images);
+    snprintf(path, sizeof path, "%s/points3D.txt", root);
+    write_bytes(f, path, &points);
+}
+
+/* COLMAP's model in bytes, without points. */
+static inline void write_model_bytes(folder *f, const char *root, name_fn *name)
+{
+    bytes cameras = { 0 }, images = { 0 }, points = { 0 };
+    char part[80], path[120];
+
+    folder_run(f, "mkdir -p %s", root);
+    put_le(&cameras, N_VIEWS, 8);
+    put_le(&images, N_VIEWS, 8);
+    put_le(&points, 0, 8);
+    for (int v = 0; v < N_VIEWS; v++) {
+        const saga_shot *const s = &scene.views[v];
+        const double lens[] = { s->fx, s->fy, s->cx, s->cy };
+        double q[4];
+
+        put_le(&cameras, (uint64_t)v + 1, 4);
+        put_le(&cameras, 1, 4); /* PINHOLE */
+        put_le(&cameras, W, 8);
+        put_le(&cameras, H, 8);
+        quaternion_of(s->rotation, q);
+        put_le(&images, (uint64_t)v + 7, 4);
+        for (int i = 0; i < 4; i++) {
+            put_f64(&cameras, lens[i]);
+            put_f64(&images, q[i]);
+        }
+        for (int i = 0; i < 3; i++)
+            put_f64(&images, s->translation[i]);
+        put_le(&images, (uint64_t)v + 1, 4);
+        name(part, v, 0);
+        put(&images, part, strlen(part) + 1);
+        put_le(&images, 0, 8);
+    }
+    snprintf(path, sizeof path, "%s/cameras.bin", root);
+    write_bytes(f, path, &cameras);
+    snprintf(path, sizeof path, "%s/images.bin", root);
+    write_bytes(f, path, &images);
+    snprintf(path, sizeof path, "%s/points3D.bin", root);
+    write_bytes(f, path, &points);
+}
+
+/* The pose of a view as transforms.json has it. */
+static inline void put_pose(bytes *b, int view)
+{
+    const saga_shot *const s = &scene.views[view];
+    const double *const r = s->rotation, *const t = s->translation;
+
+    put_text(b, "\"transform_matrix\": [");
+    /* Columns right, up, backwards, centre. */
+    for (int i = 0; i < 3; i++)
+        put_text(b, "[%.17g, %.17g, %.17g, %.17g], ", r[i], -r[3 + i],
+                 -r[6 + i], -(r[i] * t[0] + r[3 + i] * t[1] + r[6 + i] * t[2]));
+    put_text(b, "[0, 0, 0, 1]]");
+}
+
+/* transforms.json, or another name, of some frames of the views from..to-1. */
+static inline void write_json(folder *f, const char *path, name_fn *name,
+                              int from, int to, int n_frames, const char *root)
+{
+    bytes b = { 0 };
+    char part[80];
+
+    put_text(&b, "{\"camera_angle_x\": %.17g, \"fl_y\": %.17g, \"frames\": [",
+             2 * atan(W / (2 * scene.views[0].fx)), scene.views[0].fy);
+    for (int v = from; v < to; v++)
+        for (int k = 0; k < n_frames; k++) {
+            name(part, v, k);
+            if (strstr(part, ".png"))
+                *strrchr(part, '.') = '\0';
+            put_text(&b, "%s{\"file_path\": \"%s/%s\", ",
+                     v > from || k ? ", " : "", root, part);
+            put_pose(&b, v);
+            put_text(&b, "}");
+        }
+    put_text(&b, "]}");
+    write_bytes(f, path, &b);
+}
+
+/* --- The table ----------------------------------------------------------- */
+
+/* How a layout was loaded: the greatest difference of a number of a camera, the
+ * least PSNR of a picture, LOSSLESS where all bytes are the same. */
+typedef struct row {
+    char layout[64];
+    int n_frames;
+    double camera, least;
+} row;
+
+enum { LOSSLESS = 99, MOST_ROWS = 40 };
+
+static row rows[MOST_ROWS];
+static int n_rows;
+
+static inline void add_row(const char *layout, int n_frames, double camera,
+                           double least)
+{
+    row *const r = &rows[n_rows++];
+
+    assert_true(n_rows < MOST_ROWS);
+    *r = (row){ .n_frames = n_frames, .camera = camera, .least = least };
+    snprintf(r->layout, sizeof r->layout, "%s", layout);
+}
+
+static inline void print_rows(void)
+{
+    print_message("%-48s %6s %9s %s\n", "layout", "frames", "cameras",
+                  "pictures");
+    for (int i = 0; i < n_rows; i++) {
+        print_message("%-48s %6d %9.1e ", rows[i].layout, rows[i].n_frames,
+                      rows[i].camera);
+        if (rows[i].least < LOSSLESS)
+            print_message("%.1f dB\n", rows[i].least);
+        else
+            print_message("the same\n");
+    }
+}
+
+static inline int free_scene(void **state)
+{
+    (void)state;
+    print_rows();
+    saga_capture_free(&scene);
+    return 0;
+}
+
+TEST_GROUP(make_scene, free_scene);
+
+/* --- Comparing ----------------------------------------------------------- */
+
+static inline double psnr(const uint8_t *a, const uint8_t *b)
+{
+    double sum = 0;
+
+    for (int i = 0; i < 3 * W * H; i++)
+        sum += (a[i] - b[i]) * (a[i] - b[i]);
+    return sum > 0 ? 10 * log10(255.0 * 255 * 3 * W * H / sum) : 99;
+}
+
+/* Returns by how much the numbers differ at most. */
+static inline double check_camera(const saga_shot *a, const saga_shot *b)
+{
+    double most = fmax(fmax(fabs(a->fx - b->fx), fabs(a->fy - b->fy)),
+                       fmax(fabs(a->cx - b->cx), fabs(a->cy - b->cy)));
+
+    for (int i = 0; i < 9; i++)
+        most = fmax(most, fabs(a->rotation[i] - b->rotation[i]));
+    for (int i = 0; i < 3; i++)
+        most = fmax(most, fabs(a->translation[i] - b->translation[i]));
+    assert_true(most < 1e-6);
+    assert_string_equal(a->name, b->name);
+    assert_int_equal(a->width, W);
+    assert_int_equal(a->height, H);
+    return most;
+}
+
+/* Loads it: the scene's first n_frames frames, pictures of that PSNR at least.
+ * A row of the table has the layout's name. */
+static inline void check_same(const char *path, const char *layout,
+                              int n_frames, double least)
+{
+    saga_capture c = load(path);
+    double camera = 0, worst = LOSSLESS;
+
+    assert_int_equal(c.n_views, N_VIEWS);
+    assert_int_equal(c.n_frames, n_frames);
+    for (int v = 0; v < N_VIEWS; v++) {
+        camera = fmax(camera, check_camera(&c.views[v], &scene.views[v]));
+        for (int k = 0; k < n_frames; k++) {
+            const double db = psnr(saga_capture_frame(&c, v, k),
+                                   saga_capture_frame(&scene, v, k));
+
+            worst = fmin(worst, db);
+            if (db < least)
+                fail_msg("%s, view %d, frame %d: %.2f dB", layout, v, k, db);
+        }
+    }
+    add_row(layout, n_frames, camera, worst);
+    saga_capture_free(&c);
+}
+
+#endif
