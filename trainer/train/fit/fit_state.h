@@ -6,6 +6,7 @@
 #define SAGA_FIT_STATE_H
 
 #include "adam.h"
+#include "block_adam.h"
 #include "fit.h"
 
 struct saga_fit {
@@ -17,7 +18,9 @@ struct saga_fit {
     int iteration;
     real *feature;               /* (coarse, F) as used: noisy or rounded */
     real *position;              /* (prim, 4) the same, used.prim_x */
-    real *m, *v;                 /* Adam's moments (n_reals) */
+    real *m, *v;                 /* Adam's moments (n_reals); the features'
+                                  * along their axes */
+    real *covariance, *axes;     /* (coarse, F, F) of the features' gradients */
     saga_scene used;             /* what the twin runs: scene, but its networks
                                   * are params, noisy or rounded, its primitives
                                   * where position says; not owned */

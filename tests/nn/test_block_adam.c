@@ -1,0 +1,222 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Adam in the axes of each block: against Adam itself, against the axes that a
+ * known covariance has, and in a narrow valley that lies across the
+ * coordinates.
+ */
+#include "block_adam.h"
+#include "rng.h"
+#include "testing.h"
+#include "threads.h"
+
+#include <omp.h>
+
+enum { WIDTH = 8 };
+
+/* The state of a number of blocks. */
+typedef struct {
+    float *x, *g, *m, *v, *covariance, *axes;
+    saga_block_adam b;
+} blocks;
+
+static float *reals(size_t n)
+{
+    return calloc(n, sizeof(float));
+}
+
+static blocks make(size_t n, float rate)
+{
+    blocks s = { reals(n * WIDTH), reals(n * WIDTH), reals(n * WIDTH),
+                 reals(n * WIDTH), reals(n * WIDTH * WIDTH),
+                 reals(n * WIDTH * WIDTH), { 0 } };
+
+    s.b = (saga_block_adam){ s.x, s.g, s.m, s.v, s.covariance, s.axes, n,
+                             WIDTH, rate };
+    saga_block_adam_begin(&s.b);
+    return s;
+}
+
+static void drop(blocks *s)
+{
+    free(s->x);
+    free(s->g);
+    free(s->m);
+    free(s->v);
+    free(s->covariance);
+    free(s->axes);
+}
+
+/* Block i turns in the first step whose number and i make a multiple of 50:
+ * those before 40 not in nine steps. One of 30 times the usual gradient shows
+ * that the bound is Adam's, too. */
+TEST(blocks_should_step_as_adam_before_they_turn)
+{
+    enum { N = 40, STEPS = 9 };
+    const saga_adam adam = saga_adam_default();
+    const saga_rng r = saga_rng_stream(7, 1);
+    blocks s = make(N, 0.01f);
+    float *const x = reals(N * WIDTH), *const m = reals(N * WIDTH);
+    float *const v = reals(N * WIDTH);
+    const saga_adam_tensor t = { "x", x, s.g, m, v, N * WIDTH, 0.01f };
+    saga_error error = { "" };
+    uint64_t step;
+    size_t i;
+
+    for (step = 1; step <= STEPS; step++) {
+        for (i = 0; i < N * WIDTH; i++)
+            s.g[i] = (float)saga_rng_normal(r, step * N * WIDTH + i) *
+                     (step == STEPS ? 30 : 1);
+        assert_true(saga_adam_update(&adam, &t, 1, step, &error));
+        saga_block_adam_update(&s.b, &adam, step);
+    }
+    for (i = 0; i < N * WIDTH; i++)
+        assert_true(fabs((double)(x[i] - s.x[i])) < 1e-6);
+    free(x);
+    free(m);
+    free(v);
+    drop(&s);
+}
+
+/* Sets q to a rotation: turns by these angles in planes of neighbours. */
+static void rotate(double q[WIDTH][WIDTH])
+{
+    size_t i, k, turn;
+
+    for (i = 0; i < WIDTH; i++)
+        for (k = 0; k < WIDTH; k++)
+            q[i][k] = i == k;
+    for (turn = 0; turn < 3 * WIDTH; turn++) {
+        const size_t a = turn % WIDTH, b = (turn + 1 + turn / WIDTH) % WIDTH;
+        const double angle = 0.4 + 0.1 * (double)turn;
+
+        for (k = 0; k < WIDTH; k++) {
+            const double u = q[a][k], w = q[b][k];
+
+            q[a][k] = cos(angle) * u - sin(angle) * w;
+            q[b][k] = sin(angle) * u + cos(angle) * w;
+        }
+    }
+}
+
+/* Gradients have deviations 1, 2, 4, .. 128 along known axes. Each axis found
+ * must be one of them, up to what 200 gradients leave unknown, and all must
+ * stay orthonormal through 80 turns. */
+TEST(axes_should_be_those_of_the_gradients)
+{
+    enum { STEPS = 4000 };
+    const saga_adam adam = saga_adam_default();
+    const saga_rng r = saga_rng_stream(7, 2);
+    double q[WIDTH][WIDTH];
+    blocks s = make(1, 0);
+    uint64_t step;
+    size_t i, k, l;
+
+    rotate(q);
+    for (step = 1; step <= STEPS; step++) {
+        double g[WIDTH] = { 0 };
+
+        for (i = 0; i < WIDTH; i++) {
+            const double z = ldexp(saga_rng_normal(r, step * WIDTH + i),
+                                   (int)i);
+
+            for (k = 0; k < WIDTH; k++)
+                g[k] += z * q[i][k];
+        }
+        for (k = 0; k < WIDTH; k++)
+            s.g[k] = (float)g[k];
+        saga_block_adam_update(&s.b, &adam, step);
+    }
+    for (i = 0; i < WIDTH; i++) {
+        double best = 0;
+
+        for (k = 0; k < WIDTH; k++) {
+            double along = 0, dot = 0;
+
+            for (l = 0; l < WIDTH; l++) {
+                along += (double)s.axes[i * WIDTH + l] * q[k][l];
+                dot += (double)s.axes[i * WIDTH + l] *
+                       (double)s.axes[k * WIDTH + l];
+            }
+            best = fmax(best, fabs(along));
+            assert_true(fabs(dot - (i == k)) < 1e-5);
+        }
+        assert_true(best > 0.98);
+    }
+    drop(&s);
+}
+
+/* L = (u^2 + 10^4 w^2) / 2 in turned coordinates, with noise as large as the
+ * gradient: along the floor u Adam is held back by the walls. */
+static double floor_left(bool own_axes)
+{
+    enum { STEPS = 1500 };
+    const saga_adam adam = saga_adam_default();
+    const saga_rng r = saga_rng_stream(7, 3);
+    blocks s = make(1, 0.002f);
+    const saga_adam_tensor t = { "x", s.x, s.g, s.m, s.v, WIDTH, 0.002f };
+    saga_error error = { "" };
+    double q[WIDTH][WIDTH], u = 0;
+    uint64_t step;
+    size_t i, k;
+
+    rotate(q);
+    for (k = 0; k < WIDTH; k++)
+        s.x[k] = (float)(2 * q[0][k]);
+    for (step = 1; step <= STEPS; step++) {
+        double g[WIDTH] = { 0 };
+
+        for (i = 0; i < WIDTH; i++) {
+            const double steep = i ? 1e4 : 1;
+            double at = 0.01 * saga_rng_normal(r, step * WIDTH + i);
+
+            for (k = 0; k < WIDTH; k++)
+                at += (double)s.x[k] * q[i][k];
+            for (k = 0; k < WIDTH; k++)
+                g[k] += steep * at * q[i][k];
+        }
+        for (k = 0; k < WIDTH; k++)
+            s.g[k] = (float)g[k];
+        if (own_axes)
+            saga_block_adam_update(&s.b, &adam, step);
+        else
+            assert_true(saga_adam_update(&adam, &t, 1, step, &error));
+    }
+    for (k = 0; k < WIDTH; k++)
+        u += (double)s.x[k] * q[0][k];
+    drop(&s);
+    return fabs(u);
+}
+
+TEST(blocks_should_walk_along_a_valley)
+{
+    const double own = floor_left(true), adam = floor_left(false);
+
+    printf("  valley: %.3f of 2 are left, Adam leaves %.3f\n", own, adam);
+    assert_true(own < 0.5 && adam > 1.5);
+}
+
+TEST(blocks_should_not_depend_on_threads)
+{
+    enum { N = 300, STEPS = 60 };
+    const saga_adam adam = saga_adam_default();
+    const saga_rng r = saga_rng_stream(7, 4);
+    blocks s[2];
+    uint64_t step;
+    size_t i;
+
+    saga_set_least_work(0);
+    for (int k = 0; k < 2; k++) {
+        omp_set_num_threads(k ? 3 : 1);
+        s[k] = make(N, 0.01f);
+        for (step = 1; step <= STEPS; step++) {
+            for (i = 0; i < N * WIDTH; i++)
+                s[k].g[i] = saga_rng_float(r, step * N * WIDTH + i) - 0.4f;
+            saga_block_adam_update(&s[k].b, &adam, step);
+        }
+    }
+    assert_memory_equal(s[0].x, s[1].x, N * WIDTH * sizeof(float));
+    assert_memory_equal(s[0].axes, s[1].axes, N * WIDTH * WIDTH *
+                        sizeof(float));
+    drop(&s[0]);
+    drop(&s[1]);
+}
