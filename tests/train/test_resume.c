@@ -159,6 +159,42 @@ TEST(train_should_resume_to_the_same_file)
     assert_true(interrupt(tiny_defaults(), &plain, &often) >= 5);
 }
 
+/* The three training views are some 20 degrees apart. A lesson is half of the
+ * warm-up, so two and the warm-up are twice as long; a checkpoint at half of it
+ * holds a teacher that has ended and is not kept yet. */
+TEST(teachers_should_resume_to_the_same_file)
+{
+    static const tiny_stop places[] = {
+        { SAGA_TRAIN_WARM, 7, 0, 0 }, { SAGA_TRAIN_WARM, TINY_WARM / 2, 0, 0 },
+        { SAGA_TRAIN_WARM, TINY_WARM / 2 + 1, 0, 0 },
+        { SAGA_TRAIN_WARM, TINY_WARM, 0, 0 },
+        { SAGA_TRAIN_WARM, TINY_WARM + 9, 0, 0 },
+        { SAGA_TRAIN_WARM, 2 * TINY_WARM, 0, 0 },
+        { SAGA_TRAIN_RENDER, 11, 0, 0 }, { SAGA_TRAIN_PACK, 0, 0, 0 },
+        { SAGA_TRAIN_N_STAGES, 0, 0, 0 }
+    };
+    saga_train_options o = tiny_defaults();
+    trained taught, other;
+
+    o.n_teachers = 2;
+#ifdef _OPENMP
+    omp_set_num_threads(3);
+#endif
+    taught = tiny_train(&room.capture, &o);
+#ifdef _OPENMP
+    omp_set_num_threads(1);
+#endif
+    assert_int_equal(interrupt(o, &taught, places),
+                     sizeof places / sizeof places[0] - 1);
+    /* They show in the file; and without them it is what it was. */
+    assert_false(tiny_same(&taught, &plain));
+    o.ablate = "slots=32,no-teachers";
+    other = tiny_train(&room.capture, &o);
+    assert_true(tiny_same(&other, &plain));
+    free(taught.bytes);
+    free(other.bytes);
+}
+
 TEST(layers_should_resume_to_the_same_file)
 {
     static const tiny_stop places[] = {

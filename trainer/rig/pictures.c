@@ -4,6 +4,7 @@
 #include "alloc.h"
 #include "camera.h"
 #include "checkpoint.h"
+#include "novel.h"
 #include "threads.h"
 
 #include <stdlib.h>
@@ -230,15 +231,26 @@ bool saga_pictures_canvas(saga_canvas *canvas, const saga_pictures *p,
     return true;
 }
 
+/* Returns a camera of the capture, or behind these one of novel.h. */
+static const saga_shot *shot_of(const saga_pictures *p, int view)
+{
+    const int n = p->capture->n_views;
+
+    return view < n ? &p->capture->views[view] : &p->novel->shot[view - n];
+}
+
 double saga_pictures_near(const saga_pictures *p, int view)
 {
-    return NEAR_PART * p->range[2 * view];
+    const int n = p->capture->n_views;
+
+    return NEAR_PART * (view < n ? p->range[2 * view]
+                                 : p->novel->nearest[view - n]);
 }
 
 void saga_pictures_camera(saga_splat_camera *cam, const saga_pictures *p,
                           saga_sample sample)
 {
-    const saga_shot *const v = &p->capture->views[sample.view];
+    const saga_shot *const v = shot_of(p, sample.view);
     const double scale = 1.0 / (1 << sample.mip);
     double c[3];
 
@@ -271,8 +283,7 @@ void saga_pictures_aim(saga_canvas *canvas, const saga_pictures *p,
     canvas->still = b ? &b->seen[sample.view] : NULL;
     canvas->n_still = b ? b->n : 0;
     /* A camera that is late took frame k at k + late. */
-    canvas->t = (real)((sample.frame +
-                        p->capture->views[sample.view].late) /
+    canvas->t = (real)((sample.frame + shot_of(p, sample.view)->late) /
                        p->capture->n_frames);
 }
 

@@ -39,6 +39,8 @@ typedef struct saga_pictures {
     int n_there;
     const saga_backdrop *backdrop; /* drawn with all of them; NULL at first:
                            * none */
+    struct saga_novel *novel; /* pictures that nobody took (novel.h) between
+                           * the others; NULL at first: none */
     bool is_steep;        /* splats fall off by s + s^2 / 2; false at first */
 } saga_pictures;
 

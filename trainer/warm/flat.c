@@ -3,6 +3,7 @@
 
 #include "adam.h"
 #include "alloc.h"
+#include "novel.h"
 #include "threads.h"
 
 #include <math.h>
@@ -362,24 +363,24 @@ static bool look(saga_flat *f, double *mse, saga_sample sample,
 {
     saga_splat_learning l = { .d = f->grad, .stats = &f->stats };
 
-    saga_pictures_aim(&f->canvas, f->pictures, sample);
-    saga_pictures_truth(&f->canvas, f->pictures, sample);
     clear_gradients(f);
-    if (!saga_splat_learn(&l, &f->canvas, &f->value, f->n, error))
+    if (!saga_novel_show(&f->canvas, f->pictures, sample, error) ||
+        !saga_splat_learn(&l, &f->canvas, &f->value, f->n, error))
         return false;
     *mse = l.mse;
     return (*mse >= 0 && *mse < INFINITY) ||
            saga_fail(error, NULL, "try another --seed, and report it",
                      "picture of view %s is not finite at iteration %d",
-                     f->pictures->capture->views[sample.view].name,
+                     saga_novel_is(f->pictures, sample) ? "of a teacher"
+                     : f->pictures->capture->views[sample.view].name,
                      f->iteration);
 }
 
 bool saga_flat_iterate(saga_flat *f, double *mse, saga_error *error)
 {
     const saga_rng r = saga_rng_stream(f->o.seed, FLAT_RNG_PICTURE);
-    saga_sample sample = saga_pictures_pick(f->pictures, r,
-                                            (uint64_t)f->iteration);
+    saga_sample sample = saga_novel_pick(f->pictures, r,
+                                         (uint64_t)f->iteration);
 
     sample.mip = saga_flat_mip_at(f, f->iteration);
     /* The count first: it needs the statistics of the iterations before, and
@@ -387,6 +388,8 @@ bool saga_flat_iterate(saga_flat *f, double *mse, saga_error *error)
     if (!saga_flat_change_count(f, error) ||
         !look(f, mse, sample, error) || !update(f, *mse, error))
         return false;
+    if (saga_novel_is(f->pictures, sample))
+        *mse = 0;
     f->iteration++;
     return true;
 }

@@ -45,7 +45,8 @@ saga_flat *saga_flat_new(const saga_pictures *pictures,
 void saga_flat_free(saga_flat *flat);
 
 /* Does one iteration, of n_iterations in all; the last one of them leaves as
- * many primitives as were asked for. *mse of its picture. Fails where memory is
+ * many primitives as were asked for. *mse of its picture, 0 of one that nobody
+ * took (novel.h). Fails where memory is
  * short, or where a picture or a tensor, which the error names, is no longer
  * finite. */
 bool saga_flat_iterate(saga_flat *flat, double *mse, saga_error *error);

@@ -2,6 +2,7 @@
 #include "fit_state.h"
 
 #include "alloc.h"
+#include "novel.h"
 #include "threads.h"
 
 #include <math.h>
@@ -368,12 +369,12 @@ static bool learn_picture(saga_fit *f, saga_sample picture,
     saga_splat_learning l = { .d = f->twin.d_attr };
     saga_canvas *const c = &f->canvas;
 
-    saga_pictures_aim(c, f->pictures, picture);
-    saga_pictures_truth(c, f->pictures, picture);
+    if (!saga_novel_show(c, f->pictures, picture, error))
+        return false;
     saga_twin_colour(&f->twin, &f->used, c->camera.centre);
     if (!saga_splat_learn(&l, c, &f->twin.attr, n_drawn(f), error))
         return false;
-    *mse = l.mse;
+    *mse = saga_novel_is(f->pictures, picture) ? 0 : l.mse;
     saga_twin_colour_backward(&f->twin, &f->grad, &f->used);
     return true;
 }
@@ -394,8 +395,8 @@ static bool render_iteration(saga_fit *f, double *mse, saga_error *error)
 {
     const int turn = f->iteration;
     const saga_rng r = saga_rng_stream(f->o.seed, STREAM_VIEW);
-    const saga_sample picture = saga_pictures_pick(f->pictures, r,
-                                                   (uint64_t)turn);
+    const saga_sample picture = saga_novel_pick(f->pictures, r,
+                                                (uint64_t)turn);
     const real ramp = turn < RAMP ? R(turn + 1) / RAMP : 1;
     const real rate = ramp * decay(turn, f->o.n_render, R(0.03));
     const rates now = {

@@ -66,8 +66,9 @@ saga_fit *saga_fit_new(saga_scene *scene, const saga_pictures *pictures,
                        const saga_fit_options *options, saga_error *error);
 void saga_fit_free(saga_fit *fit);
 
-/* Does one iteration; *mse of its picture. Fails where memory is short, or
- * where a tensor, which the error names, is no longer finite. */
+/* Does one iteration; *mse of its picture, 0 of one that nobody took
+ * (novel.h). Fails where memory is short, or where a tensor, which the error
+ * names, is no longer finite. */
 bool saga_fit_iterate(saga_fit *fit, double *mse, saga_error *error);
 int saga_fit_iteration(const saga_fit *fit);
 

@@ -15,6 +15,8 @@
  * where it is not worth its weights. */
 typedef struct saga_ablation {
     uint16_t no_hyper, no_parent, no_bank; /* 1: without these sources */
+    uint16_t no_teachers;        /* 1: no teachers, however far apart cameras
+                                  * are */
     uint16_t no_steep;           /* 1: splats are normal distributions */
     uint16_t groups;             /* of each tier, 1..16; 0: 8; 1: none, and
                                   * neither the source */
@@ -39,6 +41,9 @@ typedef struct saga_ablation {
       "what stands still, once for all segments") \
     X(no_steep, "no-steep", "       ", 1, \
       "splats steeper than normal curves") \
+    X(no_teachers, "no-teachers", "    ", 1, \
+      "pictures between cameras that are far\n" \
+      "               apart, drawn by models made for that") \
     X(groups, "groups=", "K       ", SAGA_MAX_GROUPS, \
       "1 to 16 groups of anchors, each coded by\n" \
       "               what the earlier ones hold; 1: none (8)") \

@@ -117,6 +117,9 @@ static bool check_options(const saga_train_options *o,
     if (!(o->lambda >= 0 && o->lambda <= 1e6))
         return saga_fail(error, NULL, "give 0 to 1000000", "--lambda %g",
                          o->lambda);
+    if (o->n_teachers < 0 || o->n_teachers > SAGA_TRAIN_MOST_TEACHERS)
+        return saga_fail(error, NULL, "give 0 to 8", "%d teachers",
+                         o->n_teachers);
     if (c->n_frames > 65535)
         return saga_fail(error, NULL, "take shorter ones with --segment",
                          "%d frames are more than the 65535 of a segment",
@@ -310,7 +313,8 @@ static int n_turns(const saga_train *t, bool has_base)
 static bool spend_minutes(saga_train *t, saga_error *error)
 {
     const double warm = try_iterations(t, error) / TRIAL_COST;
-    const double mean = warm * (warm_part + (1 - warm_part) * cost[1]);
+    const double mean = warm * (warm_part * (1 + saga_train_teaching(t)) +
+                                (1 - warm_part) * cost[1]);
 
     if (!(mean > 0))
         return false;
@@ -331,17 +335,11 @@ int saga_train_n_iterations(const saga_train *t)
     return t->o.n_iterations;
 }
 
-static bool begin_flat(saga_train *t, saga_error *error)
-{
-    t->flat = saga_flat_new(&t->pictures, &t->flat_options, error);
-    return t->flat != NULL;
-}
-
 static bool begin_with_nothing(saga_train *t, saga_error *error)
 {
-    return find_tones(t, error) &&
+    return find_tones(t, error) && saga_train_place_teachers(t, error) &&
            (!(t->o.minutes > 0) || spend_minutes(t, error)) &&
-           begin_flat(t, error);
+           saga_train_begin_warm(t, error);
 }
 
 /* The segment that made the networks is finished. */
@@ -352,7 +350,8 @@ static bool begin_with_networks(saga_train *t, saga_error *error)
     /* The first segment is in the file already, unless a base made it be
      * trained once more: there is nothing left to do. */
     if (t->o.only != t->o.first || t->base.n_prim)
-        return begin_flat(t, error);
+        return saga_train_place_teachers(t, error) &&
+               saga_train_begin_warm(t, error);
     t->turn = 0;
     t->stage = SAGA_TRAIN_N_STAGES;
     return saga_encoder_finish(t->file.encoder, &t->bytes, &t->nbytes,
@@ -401,6 +400,7 @@ static void end_segment(saga_train *t)
     saga_twin_free(&t->decoded_twin);
     saga_scene_free(&t->decoded);
     saga_flat_free(t->flat);
+    saga_novel_free(&t->novel);
     saga_pictures_free(&t->pictures);
     free(t->bytes);
     /* The others become empty when they are freed. */
@@ -501,7 +501,8 @@ bool saga_train_next(saga_train *t, const saga_capture *capture,
     /* The warm-up's primitives depend on the turn. */
     t->turn++;
     saga_train_set_flat(t);
-    if (!begin_flat(t, error))
+    if (!saga_train_place_teachers(t, error) ||
+        !saga_train_begin_warm(t, error))
         return false;
     t->stage = SAGA_TRAIN_WARM;
     save(t);
@@ -630,13 +631,13 @@ bool saga_train_begin_fit(saga_train *t, saga_error *error)
 
 static int iterations_of(const saga_train *t, saga_train_stage stage)
 {
-    return stage == SAGA_TRAIN_WARM ? t->o.n_warm
+    return stage == SAGA_TRAIN_WARM ? saga_train_warm_iterations(t)
          : stage == SAGA_TRAIN_RENDER ? t->o.n_render : 1;
 }
 
 static int iteration_of(const saga_train *t)
 {
-    return t->stage == SAGA_TRAIN_WARM ? saga_flat_iteration(t->flat)
+    return t->stage == SAGA_TRAIN_WARM ? saga_train_warm_iteration(t)
          : t->stage == SAGA_TRAIN_RENDER ? saga_fit_iteration(t->fit) : 0;
 }
 
@@ -675,7 +676,9 @@ static bool tell(const saga_train *t)
     /* .done takes all turns to be alike: one for each segment, and with a base
      * one for it and one more for the first segment. */
     const saga_train_progress p = {
-        .stage = t->stage, .name = saga_train_stage_name(t->stage),
+        .stage = t->stage,
+        .name = t->stage == SAGA_TRAIN_WARM && saga_train_is_teaching(t)
+            ? "teachers" : saga_train_stage_name(t->stage),
         .segment = saga_train_segment(t),
         .iteration = iteration_of(t),
         .n_iterations = iterations_of(t, t->stage),
@@ -698,9 +701,9 @@ static bool tell(const saga_train *t)
  * 0.6 dB with small pictures, 4 to 6 without, and 0.7 to 2.7 dB. */
 static double error_left(const saga_train *t)
 {
-    const int at = iteration_of(t);
+    const int at = saga_flat_iteration(t->flat);
 
-    if (!t->o.free_count || t->turn > 0)
+    if (!t->o.free_count || t->turn > 0 || saga_train_is_teaching(t))
         return 0;
     /* Parts of the mean squared error: 0.87 is 0.6 dB less, 0.36 is 4.4. */
     if (at == (int)(GUESS_AT * t->o.n_warm))
@@ -737,6 +740,8 @@ static bool step(saga_train *t, double *mse, saga_error *error)
     /* The count and, below, the step change between two iterations: so a
      * checkpoint never lies within a change. */
     if (t->stage == SAGA_TRAIN_WARM) {
+        if (!saga_train_end_lesson(t, error))
+            return false;
         settle_count(t);
         return saga_flat_iterate(t->flat, mse, error);
     }
@@ -754,9 +759,10 @@ static saga_outcome run_iterations(saga_train *t, saga_error *error)
         if (!step(t, &mse, error))
             return SAGA_FAILED;
         /* A running mean, which the first picture begins. The price is settled
-         * by it. */
-        t->recent_mse += (t->recent_mse > 0 ? 1 - RECENT_PART : 1) *
-                         (mse - t->recent_mse);
+         * by it, so the teachers' pictures, whose mse is 0, do not count. */
+        if (mse > 0)
+            t->recent_mse += (t->recent_mse > 0 ? 1 - RECENT_PART : 1) *
+                             (mse - t->recent_mse);
         /* Who stops it loses nothing: the checkpoint is written first. */
         go_on = tell(t);
         if (!go_on ||

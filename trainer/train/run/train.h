@@ -53,6 +53,8 @@ typedef enum saga_train_motion {
 /* This stands where a segment's number would, for the base. */
 enum { SAGA_TRAIN_BASE = 1 << 24 };
 
+enum { SAGA_TRAIN_MOST_TEACHERS = 8 };
+
 /* There is no base for one of these reasons. */
 typedef enum saga_train_no_base {
     SAGA_TRAIN_HAS_BASE,         /* there is one */
@@ -119,6 +121,10 @@ typedef struct saga_train_options {
                                   * distortion (policy.h); 0: what balances
                                   * the warm-up's error and n_primitives */
     int level;                   /* 0..3, obeyed */
+    int n_teachers;              /* 0..SAGA_TRAIN_MOST_TEACHERS warm-ups of half
+                                  * its length before each, whose mean shows
+                                  * it views between cameras that are far apart
+                                  * (rig/novel.h); none where none are */
     int n_layers;                /* of each segment, 1..SAGA_MAX_LAYERS; each
                                   * has twice the primitives of the one before,
                                   * the first those of most light; there is no

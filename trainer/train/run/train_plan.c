@@ -16,11 +16,12 @@ static const saga_preset presets[] = {
       .plus = "all stages and tools; large pictures of a still are made "
               "smaller where there is no time for all visits" },
     { .name = "balanced", .primitives = 1, .iterations = 20000, .visits = 25,
-      .still_visits = 25, .better = "best",
+      .still_visits = 25, .teachers = 2, .better = "best",
       .plus = "as before, plus whole pictures of a still, 1.4 times the "
-              "primitives, 2.5 times the visits; the default" },
+              "primitives, 2.5 times the visits, two teachers where cameras "
+              "are far apart; the default" },
     { .name = "best", .primitives = 1.4, .iterations = 60000, .visits = 75,
-      .still_visits = 75,
+      .still_visits = 75, .teachers = 2,
       .plus = "as before, plus 1.4 times the primitives, 3 times the visits" }
 };
 
@@ -280,6 +281,7 @@ void saga_plan(saga_train_options *o, saga_plan_reasons *why,
                const saga_capture *capture, const saga_preset *preset)
 {
     memset(why, 0, sizeof *why);
+    o->n_teachers = preset->teachers;
     if (o->n_primitives == 0)
         plan_primitives(o, why->primitives, sizeof why->primitives, capture,
                         preset);

@@ -19,6 +19,8 @@ typedef struct saga_preset {
     double still_minutes;        /* of a still no more than that, by
                                   * saga_plan_minutes; 0: no limit, */
     int still_visits;            /* but that many for each of its pictures */
+    int teachers;                /* where cameras are far apart (train.h); they
+                                  * take some 50 % more time */
     const char *plus;            /* what it has that the one before has not */
     const char *better;          /* which is worth a try where it is not good
                                   * enough; NULL: none */

@@ -17,7 +17,7 @@ typedef struct {
     uint64_t primitives, coarse, fine, warm, render, level, seed;
     uint64_t motion, capture, segments, first, turn, n_bytes, n_finished;
     uint64_t views, base_why, base_still, base_looked_at, base_prim, base_kept;
-    uint64_t layers;
+    uint64_t layers, teachers;
     uint64_t only;               /* the segment in training, if it has networks
                                   * of another training; else its number of
                                   * segments */
@@ -56,6 +56,7 @@ static void fill(head *h, const saga_train *t)
     h->base_saved = t->base.saved;
     h->n_pixels = t->n_pixels;
     h->layers = (uint64_t)t->o.n_layers;
+    h->teachers = (uint64_t)t->o.n_teachers;
     /* The number of segments, which no segment has, says that there is none. */
     h->only = (uint64_t)(t->o.networks ? t->o.only : t->o.n_segments);
     if (t->o.ablate)
@@ -138,7 +139,7 @@ bool saga_train_save(saga_train *t, saga_error *error)
     /* In the first turn nothing is finished. */
     if (t->turn > 0)
         write_finished(t, &c);
-    saga_flat_save(t->flat, &c);
+    saga_train_save_warm(t, &c);
     if (t->fitting)
         saga_fit_walk(t->fit, &c);
     return saga_checkpoint_close(&c, true, error);
@@ -219,6 +220,7 @@ static bool same_options(const saga_train *t, const head *h, const char *file,
            same(file, "--size", h->n_bytes, now.n_bytes, error) &&
            same(file, "--level", h->level, now.level, error) &&
            same(file, "--layers", h->layers, now.layers, error) &&
+           same(file, "teachers", h->teachers, now.teachers, error) &&
            same(file, "--seed", h->seed, now.seed, error) &&
            same_motion(file, h->motion, now.motion, error) &&
            same_ablation(file, h, &now, error);
@@ -375,10 +377,11 @@ static bool load_state(saga_train *t, const head *h, saga_checkpoint *c,
         return false;
     /* The warm-up is always there: hierarchy and targets are made of it once
      * more. */
-    t->flat = saga_flat_restore(&t->pictures, &t->flat_options, c, error);
+    if (!saga_train_load_warm(t, c, error))
+        return false;
     t->stage = (saga_train_stage)h->stage;
     t->recent_mse = h->recent_mse;
-    return t->flat && (!h->fitting || load_fit(t, c, error));
+    return !h->fitting || load_fit(t, c, error);
 }
 
 /* The cameras are those of the capture, which fits. */
@@ -498,6 +501,7 @@ static bool options_of(saga_train_options *o, const head *h)
      * arrays. */
     if (h->level >= SAGA_N_PROFILES || h->motion > SAGA_TRAIN_STILL ||
         h->layers < 1 || h->layers > SAGA_MAX_LAYERS ||
+        h->teachers > SAGA_TRAIN_MOST_TEACHERS ||
         !memchr(h->ablate, 0, sizeof h->ablate))
         return false;
     *o = saga_train_defaults();
@@ -517,6 +521,7 @@ static bool options_of(saga_train_options *o, const head *h)
     o->lambda = h->lambda;
     o->level = (int)h->level;
     o->n_layers = (int)h->layers;
+    o->n_teachers = (int)h->teachers;
     o->seed = h->seed;
     o->motion = (saga_train_motion)h->motion;
     o->ablate = h->ablate[0] ? h->ablate : NULL;
@@ -543,7 +548,8 @@ static bool pack_so_far(saga_train *t, saga_error *error)
     return saga_fail(error, t->o.checkpoint, "look again when it renders",
                      "its training is in the warm-up, at iteration %d of %d, "
                      "of which nothing can be packed",
-                     saga_flat_iteration(t->flat), t->o.n_warm);
+                     saga_train_warm_iteration(t),
+                     saga_train_warm_iterations(t));
 }
 
 static bool alloc_tones(saga_train *t, saga_error *error)

@@ -11,6 +11,7 @@
 #include "fit.h"
 #include "flat.h"
 #include "hierarchy.h"
+#include "novel.h"
 #include "pack.h"
 #include "policy.h"
 #include "pictures.h"
@@ -43,8 +44,11 @@ struct saga_train {
     saga_train_stage stage;      /* of the segment in training */
     double recent_mse;           /* of the stage's pictures, for progress; 0:
                                   * none yet */
-    saga_flat_options flat_options;
-    saga_flat *flat;
+    saga_flat_options flat_options; /* of the warm-up; a teacher's differ */
+    saga_novel novel;            /* the segment's teachers there are by now */
+    int n_teachers;              /* that there will be: as asked for, or 0 */
+    saga_flat *flat;             /* the warm-up, or a teacher until there are
+                                  * so many */
 
     /* From the rendering on. */
     bool fitting, dynamic;
@@ -102,6 +106,27 @@ bool saga_train_build_layers(saga_train *t, uint32_t *source,
                              const saga_hierarchy_pool *pool,
                              const saga_hierarchy_options *o,
                              saga_error *error);
+
+/* teach.c */
+/* Finds out whether the segment has teachers, and places their cameras; its
+ * pictures and the base are there. */
+bool saga_train_place_teachers(saga_train *t, saga_error *error);
+/* Tells whether t->flat is a teacher. */
+bool saga_train_is_teaching(const saga_train *t);
+/* Returns what all teachers take, of the time of a warm-up. */
+double saga_train_teaching(const saga_train *t);
+/* Return the iterations of warm-up and teachers, in all and so far. */
+int saga_train_warm_iterations(const saga_train *t);
+int saga_train_warm_iteration(const saga_train *t);
+/* Makes t->flat: the next teacher, or the warm-up. */
+bool saga_train_begin_warm(saga_train *t, saga_error *error);
+/* Where a teacher has had its iterations, keeps it and begins the next set;
+ * called before each iteration. */
+bool saga_train_end_lesson(saga_train *t, saga_error *error);
+/* Save and restore teachers and t->flat. */
+void saga_train_save_warm(saga_train *t, saga_checkpoint *c);
+bool saga_train_load_warm(saga_train *t, saga_checkpoint *c,
+                          saga_error *error);
 
 /* motion.c: sets t->dynamic, explained, changing. */
 bool saga_train_decide(saga_train *t, saga_error *error);

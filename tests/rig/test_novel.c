@@ -1,0 +1,349 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Pictures that nobody took: where their cameras stand, in which order they
+ * come, what they show, and that a warm-up learns from them.
+ */
+#include "camera.h"
+#include "flat.h"
+#include "novel.h"
+#include "testing.h"
+
+enum { W = 32, H = 24, VIEWS = 5, FRAMES = 3, HELD_OUT = 2 };
+
+#define DISTANCE 4.0             /* of all cameras from the origin */
+
+/* Has a camera at an angle look at the origin from a height of 0. */
+static void look(saga_shot *s, double angle)
+{
+    const double c = cos(angle), d = sin(angle);
+    const double r[9] = { c, 0, -d, 0, 1, 0, d, 0, c };
+
+    /* It stands at -DISTANCE times its forward axis, so t = (0, 0,
+     * DISTANCE). */
+    memcpy(s->rotation, r, sizeof r);
+    s->translation[0] = s->translation[1] = 0;
+    s->translation[2] = DISTANCE;
+}
+
+typedef struct {
+    saga_capture capture;
+    saga_shot views[VIEWS];
+    uint8_t rgb[FRAMES * W * H * 3];
+    saga_pictures pictures;
+} fixture;
+
+/* Cameras `step` apart on an arc, one of them held out; all see grey. */
+static fixture *make(double step)
+{
+    fixture *const f = zeroed(1, sizeof *f);
+    saga_error error = { "" };
+
+    f->capture = (saga_capture){ .n_views = VIEWS, .n_frames = FRAMES,
+                                 .fps = 25, .views = f->views };
+    /* No two neighbours alike: no colour is a background's. */
+    for (size_t i = 0; i < sizeof f->rgb; i++)
+        f->rgb[i] = (uint8_t)(100 + i * 37 % 56);
+    for (int v = 0; v < VIEWS; v++) {
+        saga_shot *const s = &f->views[v];
+
+        *s = (saga_shot){ .width = W, .height = H, .fx = 30, .fy = 30,
+                          .cx = W / 2.0, .cy = H / 2.0, .near_depth = 2,
+                          .far_depth = 8, .held_out = v == HELD_OUT,
+                          .rgb = f->rgb };
+        look(s, step * v);
+    }
+    if (!saga_pictures_init(&f->pictures, &f->capture, &error))
+        fail_msg("%s", error.message);
+    return f;
+}
+
+static void drop(fixture *f)
+{
+    saga_pictures_free(&f->pictures);
+    free(f);
+}
+
+static saga_novel placed(const fixture *f)
+{
+    saga_error error = { "" };
+    saga_novel o;
+
+    if (!saga_novel_init(&o, &f->pictures, &error))
+        fail_msg("%s", error.message);
+    return o;
+}
+
+/* --- Cameras ------------------------------------------------------------- */
+
+/* Returns how far a place is off the segment between two cameras. */
+static double off(const double x[3], const saga_shot *a, const saga_shot *b)
+{
+    double p[3], q[3], along = 0, length = 0, sum = 0;
+
+    saga_shot_centre(p, a);
+    saga_shot_centre(q, b);
+    for (int i = 0; i < 3; i++) {
+        along += (x[i] - p[i]) * (q[i] - p[i]);
+        length += (q[i] - p[i]) * (q[i] - p[i]);
+    }
+    along = fmin(fmax(along / length, 0), 1);
+    for (int i = 0; i < 3; i++) {
+        const double d = p[i] + along * (q[i] - p[i]) - x[i];
+
+        sum += d * d;
+    }
+    return sqrt(sum);
+}
+
+/* Cameras 0, 1, 3 and 4 are learned from. 0 has the neighbours 1 and 3, 1 has 0
+ * and 3, 3 has 4 and 1, 4 has 3 and 1: five pairs, three cameras each. */
+TEST(cameras_should_stand_between_training_views)
+{
+    static const int pair[5][2] = {
+        { 0, 1 }, { 0, 3 }, { 1, 3 }, { 3, 4 }, { 1, 4 }
+    };
+    fixture *const f = make(0.22);
+    saga_novel o = placed(f);
+    int n[5] = { 0 };
+
+    assert_int_equal(o.n_shots, 15);
+    for (int i = 0; i < o.n_shots; i++) {
+        const double *const r = o.shot[i].rotation;
+        double x[3], ahead = 0, length = 0;
+        int at = -1;
+
+        saga_shot_centre(x, &o.shot[i]);
+        for (int k = 0; k < 5; k++)
+            if (off(x, &f->views[pair[k][0]], &f->views[pair[k][1]]) < 1e-9)
+                at = k;
+        assert_true(at >= 0);
+        n[at]++;
+        /* It looks at the origin, as those do that it stands between: forward
+         * is -x / |x|, but for what a chord is off the arc in between. */
+        for (int k = 0; k < 3; k++) {
+            ahead -= r[6 + k] * x[k];
+            length += x[k] * x[k];
+        }
+        assert_true(ahead / sqrt(length) > 0.99);
+        /* Rows are orthonormal. */
+        for (int k = 0; k < 9; k++) {
+            const double *const a = r + k / 3 * 3, *const b = r + k % 3 * 3;
+
+            assert_true(fabs(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] -
+                             (k % 4 == 0)) < 1e-12);
+        }
+    }
+    for (int k = 0; k < 5; k++)
+        assert_int_equal(n[k], 3);
+    saga_novel_free(&o);
+    drop(f);
+}
+
+/* In the middle of each third of the way. */
+TEST(rotation_should_be_shared_evenly)
+{
+    static const double part[3] = { 1 / 6.0, 1 / 2.0, 5 / 6.0 };
+    fixture *const f = make(0.22);
+    saga_novel o = placed(f);
+
+    /* The first pair is that of cameras 0 and 1, 0.22 apart. */
+    for (int i = 0; i < 3; i++)
+        assert_true(fabs(atan2(o.shot[i].rotation[6], o.shot[i].rotation[8]) -
+                         0.22 * part[i]) < 1e-12);
+    saga_novel_free(&o);
+    drop(f);
+}
+
+TEST(cameras_should_not_know_held_out_views)
+{
+    fixture *const f = make(0.22);
+    saga_novel a = placed(f), b;
+
+    /* Wherever the held-out camera stands, and whatever it sees. */
+    look(&f->views[HELD_OUT], -1.1);
+    b = placed(f);
+    assert_int_equal(a.n_shots, b.n_shots);
+    assert_memory_equal(a.shot, b.shot, (size_t)a.n_shots * sizeof *a.shot);
+    saga_novel_free(&a);
+    saga_novel_free(&b);
+    drop(f);
+}
+
+/* The origin, at distance 4, is the middle depth. 0.18 is 10.3 degrees, so that
+ * no view has another within 10; 0.17 is 9.7, and all four have one. At 0.9
+ * neighbours are 47 degrees apart, 2 atan(sin 0.45): too far. */
+TEST(cameras_should_stand_where_views_are_far_apart)
+{
+    fixture *f = make(0.18);
+    saga_novel o = placed(f);
+
+    assert_int_equal(o.n_shots, 15);
+    saga_novel_free(&o);
+    drop(f);
+    f = make(0.17);
+    o = placed(f);
+    assert_int_equal(o.n_shots, 0);
+    saga_novel_free(&o);
+    drop(f);
+    f = make(0.9);
+    o = placed(f);
+    assert_int_equal(o.n_shots, 0);
+    saga_novel_free(&o);
+    drop(f);
+}
+
+/* --- Pictures ------------------------------------------------------------ */
+
+/* A ball before the cameras that fills their pictures, of one colour. */
+static void ball(saga_splat_params *p, real red)
+{
+    saga_error error = { "" };
+
+    assert_true(saga_params_alloc(p, SAGA_ATTR_BIT(SAGA_ATTR_SUPPORT) - 1, 1,
+                                  &error));
+    p->quat[0] = 1;
+    p->opacity[0] = 12;
+    for (int k = 0; k < 3; k++)
+        p->log2_scale[k] = 1;
+    p->colour[0] = red;
+    p->colour[1] = p->colour[2] = R(0.5);
+}
+
+static void teach(saga_novel *o, real red)
+{
+    saga_error error = { "" };
+    saga_splat_params p;
+
+    ball(&p, red);
+    assert_true(saga_novel_teach(o, &p, 1, &error));
+    saga_params_free(&p);
+}
+
+/* Three in ten, and the others as if there were no such pictures. */
+TEST(others_should_keep_their_order)
+{
+    const saga_rng r = saga_rng_stream(1, 2);
+    fixture *const f = make(0.22);
+    saga_novel o = placed(f);
+    uint64_t own = 0;
+    int moments = 0;
+
+    for (uint64_t i = 0; i < 20; i++)
+        assert_false(saga_novel_is(&f->pictures,
+                                   saga_novel_pick(&f->pictures, r, i)));
+    f->pictures.novel = &o;
+    for (uint64_t i = 0; i < 1000; i++) {
+        const saga_sample s = saga_novel_pick(&f->pictures, r, i);
+
+        if (saga_novel_is(&f->pictures, s)) {
+            assert_in_range(s.view, VIEWS, VIEWS + o.n_shots - 1);
+            assert_in_range(s.frame, 0, FRAMES - 1);
+            moments |= 1 << s.frame;
+        } else {
+            const saga_sample t = saga_pictures_pick(&f->pictures, r, own++);
+
+            assert_int_equal(s.view, t.view);
+            assert_int_equal(s.frame, t.frame);
+        }
+    }
+    assert_int_equal(own, 700);
+    assert_int_equal(moments, (1 << FRAMES) - 1);
+    saga_novel_free(&o);
+    drop(f);
+}
+
+TEST(truth_should_be_the_mean_of_the_teachers)
+{
+    fixture *const f = make(0.22);
+    const size_t middle = W * (H / 2) + W / 2, plane = W * H;
+    saga_error error = { "" };
+    saga_novel o = placed(f);
+    saga_canvas canvas;
+    real red[3];
+
+    assert_true(saga_pictures_canvas(&canvas, &f->pictures, &error));
+    f->pictures.novel = &o;
+    for (int k = 0; k < 3; k++) {
+        /* One teacher, the other alone, then both. */
+        if (k > 0)
+            for (int i = 0; i < o.n_teachers; i++)
+                saga_params_free(&o.teacher[i]);
+        o.n_teachers = 0;
+        if (k != 1)
+            teach(&o, R(0.25));
+        if (k != 0)
+            teach(&o, R(0.75));
+        assert_true(saga_novel_show(&canvas, &f->pictures,
+                                    (saga_sample){ VIEWS, 1, 0 }, &error));
+        assert_int_equal(canvas.n_unseen, 0);
+        red[k] = canvas.truth[middle];
+        assert_true(canvas.truth[middle + plane] > R(0.4));
+    }
+    /* Alpha is 0.99 before black. */
+    assert_true(fabs((double)red[0] - 0.2475) < 0.01);
+    assert_true(fabs((double)red[1] - 0.7425) < 0.01);
+    assert_true(fabs((double)(red[0] + red[1]) / 2 - (double)red[2]) < 1e-6);
+    saga_canvas_free(&canvas);
+    saga_novel_free(&o);
+    drop(f);
+}
+
+/* --- Learning ------------------------------------------------------------ */
+
+/* Returns the mean squared error of a warm-up's picture against the teacher's
+ * at the first camera between two views. */
+static double distance_of(const fixture *f, saga_flat *flat,
+                          const saga_novel *o)
+{
+    const saga_splat_params p = saga_flat_params(flat);
+    saga_pictures pictures = f->pictures;
+    saga_error error = { "" };
+    saga_canvas canvas;
+    double mse;
+
+    pictures.novel = (saga_novel *)(uintptr_t)o;
+    assert_true(saga_pictures_canvas(&canvas, &pictures, &error));
+    assert_true(saga_novel_show(&canvas, &pictures,
+                                (saga_sample){ VIEWS, 0, 0 }, &error));
+    assert_true(saga_splat_forward(&canvas, &p, saga_flat_count(flat),
+                                   &error));
+    mse = saga_canvas_mse(&canvas);
+    saga_canvas_free(&canvas);
+    return mse;
+}
+
+/* Cameras see grey, the teacher red between them: who listens is redder there.
+ * Its pictures are told as an error of 0. */
+TEST(warm_up_should_learn_from_teachers)
+{
+    saga_flat_options options = saga_flat_defaults();
+    fixture *const f = make(0.22);
+    saga_error error = { "" };
+    saga_novel o = placed(f);
+    double away[2], mse;
+    int n_novel = 0;
+
+    teach(&o, R(1));
+    options.n_primitives = 60;
+    options.n_iterations = 100;
+    options.temporal = false;
+    for (int k = 0; k < 2; k++) {
+        saga_flat *flat;
+
+        f->pictures.novel = k ? &o : NULL;
+        flat = saga_flat_new(&f->pictures, &options, &error);
+        assert_non_null(flat);
+        for (int i = 0; i < options.n_iterations; i++) {
+            if (!saga_flat_iterate(flat, &mse, &error))
+                fail_msg("%s", error.message);
+            n_novel += !(mse > 0);
+        }
+        away[k] = distance_of(f, flat, &o);
+        saga_flat_free(flat);
+    }
+    assert_int_equal(n_novel, 30);
+    if (!(away[1] < 0.7 * away[0]))
+        fail_msg("%g with a teacher, %g without", away[1], away[0]);
+    saga_novel_free(&o);
+    drop(f);
+}

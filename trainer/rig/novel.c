@@ -1,0 +1,319 @@
+/* SPDX-License-Identifier: MIT */
+#include "novel.h"
+
+#include "alloc.h"
+#include "camera.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* Neighbours of a view, and cameras between two views: more of either
+ * gains nothing. */
+enum { N_NEIGHBOURS = 2, N_BETWEEN = 3 };
+
+/* Views nearer to each other than that, in radians, need no help between them:
+ * 10 degrees. */
+#define LEAST_ANGLE 0.1745
+
+/* Views farther apart share too little: teachers would guess, and what was
+ * filmed lose by it: 40 degrees. */
+#define MOST_ANGLE 0.7
+
+/* Views look the same way where the cosine between them is above it: as
+ * plane_sweep.c has it. */
+#define SAME_WAY 0.2
+
+/* Of the pictures, these are the teachers': a half costs the views that were
+ * filmed 0.4 dB more, and gains nothing (docs/lab/teachers.md). */
+#define NOVEL_PART 0.3
+
+/* This is a stream of the random numbers. */
+enum { STREAM_NOVEL = 500 };
+
+/* Everything that is drawn has these attributes. */
+#define LEAST_SET (SAGA_ATTR_BIT(SAGA_ATTR_SUPPORT) - 1)
+
+static const char what[] = "the teachers";
+
+/* --- Cameras ------------------------------------------------------------- */
+
+/* Sets r to the rotation a, turned by the part u of what leads to b. */
+static void turn(double r[9], const double *a, const double *b, double u)
+{
+    double between[9], by[9], axis[3], sine, angle;
+
+    /* B A^T = exp(angle [axis]x): its antisymmetric part is twice the axis
+     * times the sine, its trace 1 + 2 times the cosine. */
+    for (int i = 0; i < 9; i++)
+        between[i] = b[i / 3 * 3] * a[i % 3 * 3] +
+                     b[i / 3 * 3 + 1] * a[i % 3 * 3 + 1] +
+                     b[i / 3 * 3 + 2] * a[i % 3 * 3 + 2];
+    axis[0] = between[7] - between[5];
+    axis[1] = between[2] - between[6];
+    axis[2] = between[3] - between[1];
+    sine = sqrt(axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2]);
+    angle = u * atan2(sine, between[0] + between[4] + between[8] - 1);
+    for (int i = 0; i < 3; i++)
+        axis[i] = sine > 0 ? axis[i] / sine : 0;
+    /* Rodrigues: cos 1 + sin [axis]x + (1 - cos) axis axis^T. */
+    for (int i = 0; i < 9; i++)
+        by[i] = (i % 4 ? 0 : cos(angle)) +
+                (1 - cos(angle)) * axis[i / 3] * axis[i % 3];
+    for (int i = 0; i < 3; i++) {
+        const int j = (i + 1) % 3, k = (i + 2) % 3;
+
+        by[3 * j + k] -= sin(angle) * axis[i];
+        by[3 * k + j] += sin(angle) * axis[i];
+    }
+    if (!(sine > 0))
+        memcpy(by, (double[9]){ 1, 0, 0, 0, 1, 0, 0, 0, 1 }, sizeof by);
+    for (int i = 0; i < 9; i++)
+        r[i] = by[i / 3 * 3] * a[i % 3] + by[i / 3 * 3 + 1] * a[3 + i % 3] +
+               by[i / 3 * 3 + 2] * a[6 + i % 3];
+}
+
+/* Makes a camera at the part u of the way from a to b, with a's lens. */
+static void place(saga_shot *out, const saga_shot *a, const saga_shot *b,
+                  double u)
+{
+    double from[3], to[3];
+
+    memset(out, 0, sizeof *out);
+    out->width = a->width;
+    out->height = a->height;
+    out->fx = a->fx;
+    out->fy = a->fy;
+    out->cx = a->cx;
+    out->cy = a->cy;
+    turn(out->rotation, a->rotation, b->rotation, u);
+    saga_shot_centre(from, a);
+    saga_shot_centre(to, b);
+    /* t = -R c, as a shot has it. */
+    for (int i = 0; i < 3; i++)
+        for (int k = 0; k < 3; k++)
+            out->translation[i] -= out->rotation[3 * i + k] *
+                                   (from[k] + u * (to[k] - from[k]));
+}
+
+static double depth_of(const saga_pictures *p, int view)
+{
+    return sqrt(p->range[2 * view] * p->range[2 * view + 1]);
+}
+
+/* Returns the angle between two views as the middle of the scene sees them;
+ * infinite where they look another way. */
+static double apart(const saga_pictures *p, int v, int w)
+{
+    const saga_shot *const a = &p->capture->views[v];
+    const saga_shot *const b = &p->capture->views[w];
+    double x[3], y[3], square = 0, same = 0;
+
+    saga_shot_centre(x, a);
+    saga_shot_centre(y, b);
+    for (int i = 0; i < 3; i++) {
+        square += (x[i] - y[i]) * (x[i] - y[i]);
+        same += a->rotation[6 + i] * b->rotation[6 + i];
+    }
+    return same > SAME_WAY
+        ? 2 * atan(sqrt(square) / 2 / fmin(depth_of(p, v), depth_of(p, w)))
+        : INFINITY;
+}
+
+/* Finds the training views, by their index, that are nearest to one, the first
+ * of equals; returns how many, 0 where the nearest is near enough. */
+static int find_neighbours(int near[N_NEIGHBOURS], const saga_pictures *p,
+                           int k)
+{
+    double far[N_NEIGHBOURS];
+    int n = 0;
+
+    for (int i = 0; i < p->n_train; i++) {
+        const double d = i == k ? INFINITY
+                                : apart(p, p->train[k], p->train[i]);
+        int at;
+
+        if (!(d < MOST_ANGLE) || (n == N_NEIGHBOURS && d >= far[n - 1]))
+            continue;
+        n += n < N_NEIGHBOURS;
+        for (at = n - 1; at > 0 && far[at - 1] > d; at--) {
+            far[at] = far[at - 1];
+            near[at] = near[at - 1];
+        }
+        far[at] = d;
+        near[at] = i;
+    }
+    return n > 0 && far[0] > LEAST_ANGLE ? n : 0;
+}
+
+static bool is_neighbour(const saga_pictures *p, int k, int i)
+{
+    int near[N_NEIGHBOURS];
+    const int n = find_neighbours(near, p, k);
+    bool found = false;
+
+    for (int j = 0; j < n; j++)
+        found = found || near[j] == i;
+    return found;
+}
+
+/* Places cameras between view k and its neighbours; a pair that is mutual is
+ * its first view's. */
+static void place_around(saga_novel *o, const saga_pictures *p, int k)
+{
+    int near[N_NEIGHBOURS];
+    const int n = find_neighbours(near, p, k);
+
+    for (int j = 0; j < n; j++) {
+        const int v = p->train[k], w = p->train[near[j]];
+
+        if (near[j] < k && is_neighbour(p, near[j], k))
+            continue;
+        for (int i = 0; i < N_BETWEEN; i++) {
+            place(&o->shot[o->n_shots], &p->capture->views[v],
+                  &p->capture->views[w], (i + 0.5) / N_BETWEEN);
+            o->nearest[o->n_shots++] = fmin(p->range[2 * v], p->range[2 * w]);
+        }
+    }
+}
+
+bool saga_novel_init(saga_novel *o, const saga_pictures *p, saga_error *error)
+{
+    const size_t most = (size_t)p->n_train * N_NEIGHBOURS * N_BETWEEN;
+
+    memset(o, 0, sizeof *o);
+    o->shot = saga_calloc(most, sizeof *o->shot, what, error);
+    o->nearest = saga_calloc(most, sizeof *o->nearest, what, error);
+    for (int k = 0; o->shot && o->nearest && k < p->n_train; k++)
+        place_around(o, p, k);
+    if (o->shot && o->nearest &&
+        (o->n_shots == 0 || saga_pictures_canvas(&o->canvas, p, error)))
+        return true;
+    saga_novel_free(o);
+    return false;
+}
+
+void saga_novel_free(saga_novel *o)
+{
+    for (int k = 0; k < o->n_teachers; k++)
+        saga_params_free(&o->teacher[k]);
+    free(o->shot);
+    free(o->nearest);
+    saga_canvas_free(&o->canvas);
+    memset(o, 0, sizeof *o);
+}
+
+/* --- Teachers ------------------------------------------------------------ */
+
+bool saga_novel_teach(saga_novel *o, const saga_splat_params *params,
+                      uint32_t n, saga_error *error)
+{
+    o->n[o->n_teachers] = n;
+    return saga_params_gather(&o->teacher[o->n_teachers++], params, NULL, n,
+                              error);
+}
+
+/* Returns the set of attributes that there are arrays of. */
+static uint64_t attributes_of(const saga_splat_params *p)
+{
+    uint64_t set = 0;
+
+    for (int a = 0; a < SAGA_N_ATTRS; a++)
+        set |= p->of[a] ? SAGA_ATTR_BIT(a) : 0;
+    return set;
+}
+
+static void walk_teacher(saga_novel *o, int k, uint32_t most,
+                         saga_checkpoint *c, saga_error *error)
+{
+    saga_splat_params *const p = &o->teacher[k];
+    uint64_t head[2] = { o->n[k], attributes_of(p) };
+
+    saga_checkpoint_walk(c, head, sizeof head);
+    if (c->reading) {
+        /* Bounds before anything is allocated. */
+        if (head[0] < 1 || head[0] > most || head[1] > SAGA_ATTRS_ALL ||
+            (head[1] & LEAST_SET) != LEAST_SET)
+            c->failed = true;
+        if (c->failed || !saga_params_alloc(p, (uint32_t)head[1],
+                                            (size_t)head[0], error)) {
+            c->failed = true;
+            return;
+        }
+        o->n[k] = (uint32_t)head[0];
+    }
+    for (int a = 0; a < SAGA_N_ATTRS; a++)
+        if (p->of[a])
+            saga_checkpoint_walk(c, p->of[a], (size_t)o->n[k] *
+                                 (size_t)saga_attributes[a].width *
+                                 sizeof(real));
+}
+
+void saga_novel_walk(saga_novel *o, uint32_t most_primitives,
+                     saga_checkpoint *c, saga_error *error)
+{
+    uint64_t n = (uint64_t)o->n_teachers;
+
+    saga_checkpoint_walk(c, &n, sizeof n);
+    if (n > SAGA_NOVEL_MOST_TEACHERS)
+        c->failed = true;
+    for (int k = 0; !c->failed && k < (int)n; k++) {
+        /* One that is read half is freed with the others. */
+        if (c->reading)
+            o->n_teachers = k + 1;
+        walk_teacher(o, k, most_primitives, c, error);
+    }
+}
+
+/* --- Pictures ------------------------------------------------------------ */
+
+saga_sample saga_novel_pick(const saga_pictures *p, saga_rng rng,
+                            uint64_t draw)
+{
+    /* So many of the pictures before this one were the teachers'; another such
+     * picture is due wherever the number grows. */
+    const uint64_t n = p->novel ? (uint64_t)((double)draw * NOVEL_PART) : 0;
+    const uint64_t next = p->novel
+        ? (uint64_t)((double)(draw + 1) * NOVEL_PART) : 0;
+    const saga_rng r = saga_rng_stream(rng.key, STREAM_NOVEL);
+
+    if (n == next)
+        return saga_pictures_pick(p, rng, draw - n);
+    return (saga_sample){
+        .view = p->capture->n_views +
+                (int)saga_rng_below(r, 2 * n, (uint32_t)p->novel->n_shots),
+        .frame = (int)saga_rng_below(r, 2 * n + 1,
+                                     (uint32_t)p->capture->n_frames)
+    };
+}
+
+/* truth is the mean of what the teachers draw, each as a screen shows it. */
+static bool draw_mean(saga_canvas *canvas, saga_novel *o, saga_error *error)
+{
+    saga_canvas *const c = &o->canvas;
+    const size_t n = 3 * (size_t)canvas->camera.width *
+                     (size_t)canvas->camera.height;
+
+    c->camera = canvas->camera;
+    c->t = canvas->t;
+    memset(canvas->truth, 0, n * sizeof *canvas->truth);
+    for (int k = 0; k < o->n_teachers; k++) {
+        if (!saga_splat_forward(c, &o->teacher[k], o->n[k], error))
+            return false;
+        for (size_t i = 0; i < n; i++)
+            canvas->truth[i] += saga_clamp(c->image[i], 0, 1) /
+                                R(o->n_teachers);
+    }
+    canvas->n_unseen = 0;
+    return true;
+}
+
+bool saga_novel_show(saga_canvas *canvas, const saga_pictures *p,
+                     saga_sample sample, saga_error *error)
+{
+    saga_pictures_aim(canvas, p, sample);
+    if (saga_novel_is(p, sample))
+        return draw_mean(canvas, p->novel, error);
+    saga_pictures_truth(canvas, p, sample);
+    return true;
+}

@@ -1,0 +1,142 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Before the warm-up of a segment whose cameras stand far apart there are
+ * others, each from another seed, for half of its iterations: the teachers of
+ * novel.h. They are sets of the warm-up like any, and go when the segment ends.
+ */
+#include "train_state.h"
+
+#include "rng.h"
+
+/* A teacher has this part of the warm-up's iterations; with all of them it
+ * costs twice the time, and teaches no better (docs/lab/teachers.md). */
+#define LESSON 0.5
+
+/* This is a stream of the random numbers. */
+enum { STREAM_TEACHER = 600 };
+
+/* A base is drawn with each view's own colours, and there are none between the
+ * views; what was imported is not learned; and pictures of a camera that moves
+ * have no neighbours that were taken at their moment. */
+static bool may_teach(const saga_train *t)
+{
+    return t->o.n_teachers > 0 && !t->ablation.no_teachers && !t->o.given &&
+           !t->capture->moves && t->backdrop.n == 0;
+}
+
+bool saga_train_place_teachers(saga_train *t, saga_error *error)
+{
+    t->n_teachers = 0;
+    if (!may_teach(t))
+        return true;
+    if (!saga_novel_init(&t->novel, &t->pictures, error))
+        return false;
+    if (t->novel.n_shots > 0)
+        t->n_teachers = t->o.n_teachers;
+    return true;
+}
+
+bool saga_train_is_teaching(const saga_train *t)
+{
+    return t->novel.n_teachers < t->n_teachers;
+}
+
+static int lesson(const saga_train *t)
+{
+    const int n = (int)(LESSON * t->o.n_warm);
+
+    return n < 1 ? 1 : n;
+}
+
+double saga_train_teaching(const saga_train *t)
+{
+    return LESSON * t->n_teachers;
+}
+
+int saga_train_warm_iterations(const saga_train *t)
+{
+    return t->n_teachers * lesson(t) + t->o.n_warm;
+}
+
+int saga_train_warm_iteration(const saga_train *t)
+{
+    return t->novel.n_teachers * lesson(t) + saga_flat_iteration(t->flat);
+}
+
+/* Returns the options of the set that is in training: of the next teacher, or
+ * of the warm-up that has been taught. */
+static saga_flat_options options_of(const saga_train *t)
+{
+    const saga_rng r = saga_rng_stream(t->o.seed, STREAM_TEACHER);
+    saga_flat_options o = t->flat_options;
+
+    if (saga_train_is_teaching(t)) {
+        o.n_iterations = lesson(t);
+        o.seed = saga_rng_bits(r, (uint64_t)t->novel.n_teachers);
+    }
+    return o;
+}
+
+/* Teachers do not see what those before them draw. */
+static void show(saga_train *t)
+{
+    t->pictures.novel = t->n_teachers > 0 && !saga_train_is_teaching(t)
+        ? &t->novel : NULL;
+}
+
+bool saga_train_begin_warm(saga_train *t, saga_error *error)
+{
+    const saga_flat_options o = options_of(t);
+
+    show(t);
+    t->flat = saga_flat_new(&t->pictures, &o, error);
+    return t->flat != NULL;
+}
+
+bool saga_train_end_lesson(saga_train *t, saga_error *error)
+{
+    saga_splat_params p;
+    bool ok;
+
+    if (!saga_train_is_teaching(t) || saga_flat_iteration(t->flat) < lesson(t))
+        return true;
+    p = saga_flat_params(t->flat);
+    ok = saga_novel_teach(&t->novel, &p, saga_flat_count(t->flat), error);
+    saga_flat_free(t->flat);
+    t->flat = NULL;
+    /* The next set's pictures begin a mean of their own. */
+    t->recent_mse = 0;
+    return ok && saga_train_begin_warm(t, error);
+}
+
+void saga_train_save_warm(saga_train *t, saga_checkpoint *c)
+{
+    uint64_t n = (uint64_t)t->n_teachers;
+
+    saga_checkpoint_walk(c, &n, sizeof n);
+    saga_novel_walk(&t->novel, 0, c, NULL);
+    saga_flat_save(t->flat, c);
+}
+
+bool saga_train_load_warm(saga_train *t, saga_checkpoint *c, saga_error *error)
+{
+    uint64_t n = 0;
+    saga_flat_options o;
+
+    /* Cameras are placed anew; how many teachers there will be is kept, since
+     * one that looks into a checkpoint does not know all of the capture. */
+    if (!saga_train_place_teachers(t, error))
+        return false;
+    saga_checkpoint_walk(c, &n, sizeof n);
+    saga_novel_walk(&t->novel, saga_caps[t->o.level].n_prim, c, error);
+    if (n > SAGA_NOVEL_MOST_TEACHERS || (int)n < t->novel.n_teachers ||
+        (n > 0 && t->novel.n_shots == 0))
+        c->failed = true;
+    if (c->failed)
+        return false;
+    t->n_teachers = (int)n;
+    o = options_of(t);
+    show(t);
+    t->flat = saga_flat_restore(&t->pictures, &o, c, error);
+    return t->flat != NULL;
+}
