@@ -4,17 +4,6 @@
 #include <stdint.h>
 #include <stdlib.h>
 
-static const char remedy[] = "take fewer or smaller pictures, fewer "
-                             "primitives or fewer threads";
-
-bool saga_no_memory(size_t nbytes, const char *what, saga_error *error)
-{
-    if (nbytes == 0)
-        return saga_fail(error, what, remedy, "out of memory");
-    return saga_fail(error, what, remedy, "out of memory, %zu bytes wanted",
-                     nbytes);
-}
-
 /* Returns the bytes of count elements: at least 1, and where the product
  * overflows, more than anybody has. */
 static size_t product(size_t count, size_t size)

@@ -32,8 +32,4 @@ void *saga_realloc(void *p, size_t count, size_t size, const char *what,
 void *saga_aligned_alloc(size_t align, size_t nbytes, const char *what,
                          saga_error *error);
 
-/* Says the same of memory that a library could not get; nbytes is 0 where it
- * does not tell how much. Returns false. */
-bool saga_no_memory(size_t nbytes, const char *what, saga_error *error);
-
 #endif

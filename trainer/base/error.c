@@ -1,12 +1,13 @@
 /* SPDX-License-Identifier: MIT */
 #include "error.h"
 
-#include "alloc.h"
-
 #include <errno.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
+
+static const char less_memory[] = "take fewer or smaller pictures, fewer "
+                                  "primitives or fewer threads";
 
 bool saga_fail(saga_error *error, const char *file, const char *remedy,
                const char *format, ...)
@@ -27,6 +28,14 @@ bool saga_fail(saga_error *error, const char *file, const char *remedy,
                    tail ? tail : "", tail ? ": " : "", 400, what,
                    remedy ? "; " : "", remedy ? remedy : "");
     return false;
+}
+
+bool saga_no_memory(size_t nbytes, const char *what, saga_error *error)
+{
+    if (nbytes == 0)
+        return saga_fail(error, what, less_memory, "out of memory");
+    return saga_fail(error, what, less_memory,
+                     "out of memory, %zu bytes wanted", nbytes);
 }
 
 bool saga_fail_errno(saga_error *error, const char *file, const char *remedy,

@@ -27,6 +27,7 @@
 #define SAGA_ERROR_H
 
 #include <stdbool.h>
+#include <stddef.h>
 
 enum { SAGA_MESSAGE_NBYTES = 1024 };
 
@@ -66,5 +67,9 @@ static inline bool saga_failed(const saga_error *error)
 {
     return error->message[0] != '\0';
 }
+
+/* Says that there was no memory for `what`, a file or a noun; nbytes is 0 where
+ * a library does not tell how much it wanted. Returns false. */
+bool saga_no_memory(size_t nbytes, const char *what, saga_error *error);
 
 #endif

@@ -9,9 +9,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Iterations between refreshes of the neighbours; iterations until the full
- * learning rate of the pictures, while Adam's moments fill anew. */
-enum { REFRESH_EVERY = 50, RAMP = 300 };
+/* Iterations between refreshes of the neighbours. */
+enum { REFRESH_EVERY = 50 };
 
 /* Streams of random numbers. */
 enum { STREAM_VIEW = 100, STREAM_NOISE, STREAM_OFFSET, STREAM_LAYERS };
@@ -149,16 +148,6 @@ static saga_rate_input rate_input(saga_fit *f, real *feature)
     return x;
 }
 
-int saga_fit_first_rounding(const saga_fit *f)
-{
-    return (2 * f->o.n_render + 2) / 3;
-}
-
-static int is_rounding(const saga_fit *f)
-{
-    return f->iteration >= saga_fit_first_rounding(f);
-}
-
 /* The reads are made anew at intervals, and where the rounding begins, which
  * leaves those of another model. */
 static int is_remembering(const saga_fit *f)
@@ -176,7 +165,7 @@ static bool add_rate(saga_fit *f, double price, saga_error *error)
 {
     const saga_rate_input x = rate_input(f, f->feature);
     saga_rate_options o = {
-        .rounding = is_rounding(f),
+        .rounding = saga_fit_is_rounding(f),
         .seed = f->o.seed ^ ((uint64_t)f->iteration << 20),
         .weight = (real)price
     };
@@ -209,7 +198,7 @@ static void use_features(void *user, size_t part)
     size_t i;
 
     /* Against mu of each anchor's last evaluation. */
-    if (is_rounding(f)) {
+    if (saga_fit_is_rounding(f)) {
         saga_rate_round(f->feature, &f->rate, f->scene, of);
         return;
     }
@@ -244,7 +233,7 @@ static void use_positions(void *user, size_t part)
          * positions. */
         for (k = 0; k < 4; k++)
             o[k] = (s->prim_x[4 * i + k] - at[k]) / support[k];
-        if (is_rounding(f))
+        if (saga_fit_is_rounding(f))
             saga_rate_round_offset(o, &f->rate, s, fine);
         else
             for (k = 0; k < 4; k++)
@@ -279,15 +268,6 @@ static void use_all_positions(saga_fit *f)
 
 /* --- Steps --------------------------------------------------------------- */
 
-/* Falls from 1 down to `last`, a half cosine. */
-static real decay(int i, int n, real last)
-{
-    const double x = n > 1 ? (double)i / (double)(n - 1) : 0;
-
-    return (real)((double)last + (1 - (double)last) * 0.5 *
-                  (1 + cos(M_PI * x)));
-}
-
 static void tensor(saga_adam_tensor *t, saga_fit *f, const char *name,
                    real *x, size_t n, real rate)
 {
@@ -302,10 +282,7 @@ static void tensor(saga_adam_tensor *t, saga_fit *f, const char *name,
     t->rate = rate;
 }
 
-/* Learning rates. */
-typedef struct { real feature, prim, entropy, networks, steps; } rates;
-
-static bool descend(saga_fit *f, const rates *r, saga_error *error)
+static bool descend(saga_fit *f, const saga_fit_rates *r, saga_error *error)
 {
     saga_scene *const s = f->scene;
     const saga_adam adam = saga_adam_default();
@@ -379,32 +356,12 @@ static bool learn_picture(saga_fit *f, saga_sample picture,
     return true;
 }
 
-/* A long rendering has the time to let features go twice as far. In the axes of
- * its own a block takes half as long steps again as Adam's did in those of the
- * coordinates (0.012): 0.018 gains 0.1 dB beside 0.012, 0.024 as much for more
- * bytes. */
-static real feature_rate(const saga_fit *f)
-{
-    return R(0.018 * fmin(fmax(f->o.n_render / 2400.0, 1), 2));
-}
-
-/* Once features are rounded, against the means that the entropy networks
- * foretell, these stand still: a weight that goes to and fro between two
- * multiples of its step would move all features with it. */
 static bool render_iteration(saga_fit *f, double *mse, saga_error *error)
 {
-    const int turn = f->iteration;
     const saga_rng r = saga_rng_stream(f->o.seed, STREAM_VIEW);
     const saga_sample picture = saga_novel_pick(f->pictures, r,
-                                                (uint64_t)turn);
-    const real ramp = turn < RAMP ? R(turn + 1) / RAMP : 1;
-    const real rate = ramp * decay(turn, f->o.n_render, R(0.03));
-    const rates now = {
-        .feature = rate * feature_rate(f), .prim = rate * R(0.0001),
-        .entropy = is_rounding(f) || f->o.given ? 0 : rate * R(0.004),
-        .networks = f->o.given ? 0 : rate * R(0.0016),
-        .steps = is_rounding(f) || f->o.given ? 0 : rate * R(0.01)
-    };
+                                                (uint64_t)f->iteration);
+    const saga_fit_rates now = saga_fit_rates_now(f);
 
     /* Forward: positions, attributes, then the picture, which leaves its
      * gradients. */

@@ -34,9 +34,18 @@ struct saga_fit {
 /* Returns the quantisation step of the coarse features, in reals. */
 double saga_fit_feature_step(const saga_scene *s);
 
+/* fit_schedule.c */
 /* Returns the first iteration of the rendering that rounds: the last third
  * does. */
 int saga_fit_first_rounding(const saga_fit *f);
+bool saga_fit_is_rounding(const saga_fit *f);
+
+/* Learning rates of an iteration; 0: the tensor stands still. */
+typedef struct saga_fit_rates {
+    real feature, prim, entropy, networks, steps;
+} saga_fit_rates;
+
+saga_fit_rates saga_fit_rates_now(const saga_fit *f);
 
 /* fit_step.c: the step of the features and the prices are in the checkpoint. */
 void saga_fit_walk_step(saga_fit *f, saga_checkpoint *c);

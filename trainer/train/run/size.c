@@ -117,7 +117,10 @@ bool saga_train_steer(saga_train *t, saga_error *error)
     return true;
 }
 
-uint32_t saga_train_sized_share(const saga_train *t)
+/* Returns the primitives of the segment in training, after the first turn and
+ * the base's: as planned, or where a size was asked for, those that fill what
+ * the finished ones left of it. */
+static uint32_t sized_share(const saga_train *t)
 {
     const saga_encode_sizes *const z = &t->report.sizes;
     const int n_done = t->turn - (t->base.n_prim ? 2 : 0);
@@ -136,4 +139,11 @@ uint32_t saga_train_sized_share(const saga_train *t)
     return (uint32_t)fmin(fmin(fmax(left / of_one, n / MOST_UNLIKE),
                                MOST_UNLIKE * (n + base) - base),
                           saga_caps[t->o.level].n_prim - base);
+}
+
+uint32_t saga_train_share(const saga_train *t)
+{
+    /* The networks' segment has all, as if there were no base. */
+    return t->turn == 0 ? t->o.n_primitives
+         : saga_train_in_base(t) ? t->base.n_prim : sized_share(t);
 }

@@ -166,13 +166,6 @@ void saga_train_choose_base(saga_train *t)
                                    b->n_prim);
 }
 
-uint32_t saga_train_share(const saga_train *t)
-{
-    /* The networks' segment has all, as if there were no base. */
-    return t->turn == 0 ? t->o.n_primitives
-         : saga_train_in_base(t) ? t->base.n_prim : saga_train_sized_share(t);
-}
-
 /* --- As it is decoded ---------------------------------------------------- */
 
 static const char what[] = "the base";
@@ -246,11 +239,6 @@ bool saga_train_keep_base(saga_train *t, saga_error *error)
         memcpy(b->seen[v].colour, from->colour, 3 * n * sizeof(real));
     }
     return true;
-}
-
-bool saga_train_in_base(const saga_train *t)
-{
-    return t->base.n_prim && t->turn == 1 && !t->o.networks;
 }
 
 void saga_train_show_base(saga_train *t)

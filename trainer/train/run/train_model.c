@@ -126,7 +126,8 @@ static void set_networks(saga_model *m, const saga_train *t)
         m->q_in[i] = 12;
         m->int8[i] = caps->int8_only != 0;
     }
-    /* Three pairs carry the colour (start.c), and two units are left. */
+    /* Three pairs carry the colour (start_networks.c),
+     * and two units are left. */
     m->width[SAGA_NET_COLOUR] = 8;
     m->width[SAGA_NET_FUSE_C] = m->width[SAGA_NET_FUSE_F] = 0;
     /* An anchor of one's own has nothing to make of the features. */

@@ -72,22 +72,64 @@ struct saga_train {
     bool complained;
 };
 
-/* train.c: returns the segment of a turn, where `first` has the first and, with
- * a base, turn 1 is that; builds the hierarchy and the fit, t->dynamic is
- * decided. */
+/* turn.c */
+/* Returns the segment of a turn, where `first` has the first and, with a base,
+ * turn 1 is that. */
 int saga_train_segment_at(int first, int turn, bool has_base);
+int saga_train_n_turns(const saga_train *t, bool has_base);
+/* Tells whether the base is in training. */
+bool saga_train_in_base(const saga_train *t);
+
+/* train_options.c: the warm-up has this part of the iterations. The rendering
+ * begins where it ends, and its iterations cost more. */
+#define SAGA_WARM_PART 0.6
+bool saga_train_check_options(const saga_train_options *o,
+                              const saga_capture *c, saga_error *error);
+bool saga_train_read_ablation(saga_ablation *a, const saga_train_options *o,
+                              saga_error *error);
+/* Sets the anchors and the split of iterations that nobody gave. */
+void saga_train_derive(saga_train_options *o);
+
+/* train_time.c */
+/* Sets the iterations by the minutes that were asked for, by a trial. */
+bool saga_train_spend_minutes(saga_train *t, saga_error *error);
+/* These return the iterations that a stage has, and the current one's number in
+ * its stage. */
+int saga_train_stage_iterations(const saga_train *t, saga_train_stage stage);
+int saga_train_stage_iteration(const saga_train *t);
+/* Calls the progress function; false: it wants to stop. */
+bool saga_train_tell(const saga_train *t);
+
+/* train_begin.c */
+/* Makes a training whose options are checked and whose pictures are there. */
+saga_train *saga_train_make(const saga_capture *capture,
+                            const saga_train_options *options,
+                            saga_error *error);
 /* Checks t->o for t->capture, derives what it leaves open, and sets what
  * follows from it. */
 bool saga_train_set_up(saga_train *t, saga_error *error);
+/* Makes the pictures of a segment's capture. */
+bool saga_train_look_at(saga_train *t, const saga_capture *capture,
+                        saga_error *error);
+/* Drops all that is of one segment. */
+void saga_train_end_segment(saga_train *t);
 /* The file has one rig: this says whether a segment's capture has its views. */
 bool saga_train_same_views(const saga_train *t, const saga_capture *capture,
                            int segment, saga_error *error);
+/* Evens out the pictures' tones, unless primitives are given, and keeps
+ * them. */
+bool saga_train_find_tones(saga_train *t, saga_error *error);
 /* Gives the pictures t->tones. */
 void saga_train_tone(saga_train *t);
 /* Sets of the warm-up's options what is not the same for all segments. */
 void saga_train_set_flat(saga_train *t);
 /* Says whether splats are steep: as the networks that are there want it. */
 void saga_train_set_steep(saga_train *t);
+
+/* train_fit.c */
+/* Sets lambda, where the rule has to, and what goes by it. */
+void saga_train_settle_price(saga_train *t);
+/* Builds the hierarchy and the fit; t->dynamic is decided. */
 bool saga_train_begin_fit(saga_train *t, saga_error *error);
 
 /* train_model.c */
@@ -172,20 +214,15 @@ bool saga_train_pack_blind(saga_train *t, saga_error *error);
 /* size.c: where a size was asked for, brings the file nearer to it, before an
  * iteration of the rendering. */
 bool saga_train_steer(saga_train *t, saga_error *error);
-/* Returns the primitives of the segment in training, after the first turn and
- * the base's: as planned, or where a size was asked for, those that fill what
- * the finished ones left of it. */
-uint32_t saga_train_sized_share(const saga_train *t);
+/* Returns the primitives of what is in training: where a size was asked for, as
+ * many as fill what the finished segments left of it. */
+uint32_t saga_train_share(const saga_train *t);
 
 /* train_base.c */
 /* Tells whether the options leave it open. */
 bool saga_train_may_have_base(const saga_train *t);
 /* Decides on a base by the first warm-up, when it ends. */
 void saga_train_choose_base(saga_train *t);
-/* Returns the primitives of what is in training. */
-uint32_t saga_train_share(const saga_train *t);
-/* Tells whether the base is in training. */
-bool saga_train_in_base(const saga_train *t);
 /* Returns the number of reals in the block of a base of n primitives. */
 size_t saga_train_base_reals(uint32_t n, int n_views);
 /* Makes room for n primitives, whose arrays lie behind each other in the block:

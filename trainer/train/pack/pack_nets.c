@@ -1,0 +1,235 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Networks become symbols: weights and biases in the steps they were trained
+ * for, formats by row, and constants for kinds without sources.
+ */
+#include "pack_state.h"
+
+#include "alloc.h"
+#include "cost.h"
+#include "fx.h"
+
+#include <math.h>
+#include <string.h>
+
+static const char symbols_of_nets[] = "symbols of the networks";
+
+/* Gives the Q of each row of a network's last layer. What the trainer's entropy
+ * networks give for mu is in units of their own. */
+static void output_formats(uint8_t *q, const saga_model *m, int net,
+                           uint32_t n)
+{
+    const int kind = net - SAGA_NET_E_COARSE;
+    uint32_t i;
+
+    for (i = 0; i < n; i++)
+        q[i] = (uint8_t)(kind >= 0 && kind < SAGA_N_KINDS && i < n / 2
+                         ? saga_rate_mu_q(m, kind, i)
+                         : saga_output_q(m, net, i));
+}
+
+/* Returns how many bits finer than q values up to `most` may be. They get a bit
+ * less than they would have room for: a later segment's may be larger. Weights
+ * of 8 bits cannot be shifted down. */
+static uint8_t finer_by(const saga_packing *p, int net, double most, int q)
+{
+    const int reader = net == SAGA_NET_COLOUR_BASE ? SAGA_NET_COLOUR : net;
+    const int more = saga_pack_q(2 * p->room * most,
+                                 SAGA_EMBEDDING_Q + SAGA_N_FINER - 1) - q;
+
+    return p->model->int8[reader] ? 0
+         : (uint8_t)fx_clamp(more, 0, SAGA_N_FINER - 1);
+}
+
+/* Returns the largest value of row k of layer i, of units of F_color's first
+ * layer with what the direction may add. */
+static double most_row(const saga_packing *p, int net, int i, uint32_t k)
+{
+    const saga_scene *const s = &p->choice->scene;
+
+    if (i + 1 < s->net[net].n_layers)
+        return saga_pack_most_hidden(p, net, i, k, 1);
+    if (net == SAGA_NET_COLOUR_BASE)
+        return saga_pack_most_before_colour(s, p->twin, k, 1);
+    return saga_pack_most_out(s, p->twin, net, k, 1);
+}
+
+/* Gives the formats of a layer's rows: q[row] of all, `finer` of those that
+ * have one, which q includes. Returns what the next layer calls its q_in. */
+static int row_formats(uint8_t *q, uint8_t *finer, const saga_packing *p,
+                       const saga_net_symbols *nets, int net, int i)
+{
+    const saga_scene *const s = &p->choice->scene;
+    const uint32_t n = (uint32_t)s->net[net].dim[i + 1];
+    int common;
+    uint32_t k;
+
+    /* A format for the whole layer first: of an output it is the head's, of
+     * hidden units what the largest of them needs. */
+    if (i + 1 == s->net[net].n_layers)
+        output_formats(q, p->model, net, n);
+    else
+        memset(q, saga_pack_q(
+                   p->room * saga_pack_most_hidden(p, net, i, 0, n),
+                   SAGA_EMBEDDING_Q), n);
+    common = q[0];
+    /* Then some rows have bits of their own, where they are small. */
+    for (k = 0; k < saga_nets_n_finer(p->shapes, net, i); k++) {
+        finer[k] = finer_by(p, net, most_row(p, net, i, k), common);
+        q[k] = (uint8_t)(common + finer[k]);
+    }
+    /* What the direction adds has to be in the format of what it is added
+     * to. */
+    for (k = 0; net == SAGA_NET_COLOUR_VIEW && k < n; k++)
+        q[k] = (uint8_t)(common +
+                         nets->layer[SAGA_NET_COLOUR_BASE][0].finer[k]);
+    return common;
+}
+
+/* Gives the formats of what a layer takes: of the rows that come before it. */
+static void input_formats(saga_layer_values *v, const saga_net_symbols *nets,
+                          const saga_packing *p, int net, int i)
+{
+    /* A first layer may read another network's rows as they are: then that
+     * network's last layer came before this one. */
+    if (i == 0 && saga_nets_takes(p->shapes, net) >= 0) {
+        net = saga_nets_takes(p->shapes, net);
+        i = p->shapes->shape[net].n_layers;
+    }
+    v->n_finer = i ? saga_nets_n_finer(p->shapes, net, i - 1) : 0;
+    v->finer = i ? nets->layer[net][i - 1].finer : NULL;
+}
+
+/* The entropy networks' biases are as fine as what they give. */
+static const real entropy_bias_step = 1.0f / 2048;
+
+static void set_layer_steps(saga_layer_values *v, const saga_rate_choice *c,
+                            const saga_weights *steps, int net, int layer)
+{
+    if (saga_is_entropy_net(net)) {
+        v->step = (real)c->rate->decision.step[net];
+        v->bias_step = entropy_bias_step;
+    } else {
+        const int t = saga_weights_find(steps, net, layer);
+
+        v->step = (real)saga_weights_step(steps, t);
+        v->bias_step = (real)saga_weights_step(steps, t + 1);
+    }
+}
+
+static bool pack_layer(saga_net_symbols *out, int *q_in, const saga_packing *p,
+                       int net, int i, saga_error *error)
+{
+    const saga_net *const f = &p->choice->scene.net[net];
+    const uint32_t n_out = (uint32_t)f->dim[i + 1];
+    saga_layer_symbols *const l = &out->layer[net][i];
+    uint8_t q[SAGA_MAX_VECTOR];
+    saga_layer_values v = {
+        f->w[i], f->b[i], (uint32_t)f->dim[i], n_out, *q_in, q, NULL, 0, 0, 0,
+        p->model->int8[net]
+    };
+
+    l->finer = saga_calloc(n_out, 1, symbols_of_nets, error);
+    if (!l->finer)
+        return false;
+    /* Outputs before inputs: the next layer's q_in is what row_formats returns,
+     * v has taken this one's. */
+    *q_in = row_formats(q, l->finer, p, out, net, i);
+    input_formats(&v, out, p, net, i);
+    set_layer_steps(&v, p->choice, p->steps, net, i);
+    if (!saga_quantise_layer(l, &v, error))
+        return false;
+    /* In reals, for the decoded scene and for segments that take these
+     * networks. */
+    if (p->decoded)
+        saga_dequantise_layer(p->decoded->net[net].w[i],
+                              p->decoded->net[net].b[i], l, &v);
+    return true;
+}
+
+static bool pack_net(saga_net_symbols *out, const saga_packing *p, int net,
+                     saga_error *error)
+{
+    int q_in = p->model->q_in[net], i;
+
+    for (i = 0; i < p->choice->scene.net[net].n_layers; i++)
+        if (!pack_layer(out, &q_in, p, net, i, error))
+            return false;
+    return true;
+}
+
+/* A network without inputs has biases alone: the parameters, row by row. */
+static bool pack_constants(saga_net_symbols *out, int net,
+                           const int32_t *value, uint32_t n,
+                           saga_error *error)
+{
+    saga_layer_symbols *const l = &out->layer[net][0];
+
+    /* Constants are of any size: they get the widest of the deviations. */
+    l->step_q16 = 1;
+    l->bias_scale = 63;
+    l->weight = saga_calloc(1, sizeof *l->weight, symbols_of_nets, error);
+    l->bias = saga_alloc(n, sizeof *l->bias, symbols_of_nets, error);
+    l->shift = saga_calloc(n, 1, symbols_of_nets, error);
+    if (!l->weight || !l->bias || !l->shift)
+        return false;
+    memcpy(l->bias, value, n * sizeof *l->bias);
+    return true;
+}
+
+/* A kind without sources has constants per channel. */
+static bool pack_entropy(saga_net_symbols *out, const saga_packing *p, int kind,
+                         saga_error *error)
+{
+    const saga_rate_constants *const c = &p->choice->rate->constants;
+    const uint32_t n = saga_n_channels(p->model, kind);
+    int32_t v[2 * (4 + SAGA_MAX_FEATURES)];
+    uint32_t i;
+
+    for (i = 0; i < n; i++) {
+        const double mean = (double)c->mean[kind][i];
+
+        /* As rows of a network would be: means in the values' format, then log2
+         * of the deviations. */
+        v[i] = (int32_t)lrint(ldexp(mean, saga_rate_value_q(p->model, kind,
+                                                            i)));
+        v[n + i] = (int32_t)lrint(ldexp((double)c->log2_sigma[kind][i],
+                                        SAGA_COST_SIGMA_Q));
+    }
+    return pack_constants(out, SAGA_NET_E_COARSE + kind, v, 2 * n, error);
+}
+
+bool saga_pack_nets(saga_net_symbols *out, const saga_packing *p,
+                    saga_error *error)
+{
+    bool ok = true;
+    int net;
+
+    memset(out, 0, sizeof *out);
+    for (net = 0; net < SAGA_N_NETS && ok; net++) {
+        const int kind = net - SAGA_NET_E_COARSE;
+
+        /* Absent networks; and without steps, all but the entropy model's. */
+        if (!p->choice->scene.net[net].n_layers ||
+            (!p->steps && !saga_is_entropy_net(net)))
+            continue;
+        ok = kind >= 0 && kind < SAGA_N_KINDS && !p->model->sources[kind]
+            ? pack_entropy(out, p, kind, error)
+            : pack_net(out, p, net, error);
+    }
+    if (!ok)
+        saga_net_symbols_free(out);
+    return ok;
+}
+
+bool saga_pack_entropy(saga_net_symbols *nets, saga_model *m,
+                       const saga_rate_choice *choice, const saga_twin *twin,
+                       saga_error *error)
+{
+    saga_nets shapes;
+    const saga_packing p = { m, choice, twin, NULL, NULL, &shapes, 1 };
+
+    saga_nets_layout(&shapes, m);
+    saga_pack_entropy_formats(m, choice);
+    return saga_pack_nets(nets, &p, error);
+}

@@ -1,0 +1,196 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * A training is made and freed here, and takes up the pictures of each segment:
+ * their tones, the kind of their splats, the base behind them.
+ */
+#include "train_state.h"
+
+#include "alloc.h"
+#include "exposure_match.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* On a base a warm-up begins with this part of its primitives: most of those
+ * drawn at random would be the base's once more, and the errors say where the
+ * others are needed. */
+#define START_ON_BASE 0.1
+
+/* Formats hold this many times what the segment shows that makes the networks:
+ * features and outputs of the others were cut where they were larger, which a
+ * short training lost 20 dB by. */
+#define SEGMENT_ROOM 2
+
+/* --- Tones ---------------------------------------------------------------- */
+
+void saga_train_tone(saga_train *t)
+{
+    const size_t n = 3 * (size_t)t->capture->n_views;
+
+    memcpy(t->pictures.exposure, t->tones, n * sizeof *t->tones);
+    for (size_t k = 0; k < 3; k++)
+        t->pictures.background[k] = (uint8_t)t->tones[n + k];
+}
+
+/* Keeps those of the pictures for later segments and checkpoints. */
+static void keep_tones(saga_train *t)
+{
+    const size_t n = 3 * (size_t)t->capture->n_views;
+
+    memcpy(t->tones, t->pictures.exposure, n * sizeof *t->tones);
+    for (size_t k = 0; k < 3; k++)
+        t->tones[n + k] = t->pictures.background[k];
+}
+
+static bool make_tones(saga_train *t, saga_error *error)
+{
+    t->n_views = t->capture->n_views;
+    t->tones = saga_alloc(3 * (size_t)t->n_views + 3, sizeof *t->tones,
+                          "the views", error);
+    if (!t->tones)
+        return false;
+    keep_tones(t);
+    return true;
+}
+
+bool saga_train_find_tones(saga_train *t, saga_error *error)
+{
+    if (!t->o.given && !saga_exposure_find(&t->pictures, t->o.seed, error))
+        return false;
+    keep_tones(t);
+    return true;
+}
+
+const double *saga_train_exposure(const saga_train *t)
+{
+    return t->pictures.exposure;
+}
+
+/* --- Pictures of a segment ------------------------------------------------ */
+
+void saga_train_set_flat(saga_train *t)
+{
+    t->flat_options.n_primitives = saga_train_share(t);
+    /* Whether anything moves is found out at the end of a warm-up that may
+     * move; one frame never does. */
+    t->flat_options.temporal = t->capture->n_frames > 1 &&
+                               t->o.motion != SAGA_TRAIN_STILL;
+    if (t->backdrop.n)
+        t->flat_options.start = R(START_ON_BASE);
+}
+
+void saga_train_set_steep(saga_train *t)
+{
+    const saga_model *const m = &t->file.networks.scene.model;
+
+    /* A file has one kind of splat, which its networks were trained for. Those
+     * that are imported were fitted as normal distributions. */
+    t->pictures.is_steep = t->file.encoder
+        ? (m->tools & SAGA_TOOL_STEEP) != 0
+        : !t->o.given && !t->ablation.no_steep;
+}
+
+/* Makes the pictures of a segment's capture. */
+bool saga_train_look_at(saga_train *t, const saga_capture *capture,
+                        saga_error *error)
+{
+    if (!saga_pictures_init(&t->pictures, capture, error))
+        return false;
+    t->capture = capture;
+    saga_train_set_steep(t);
+    /* Tones of the first segment serve all; here they are 1 until they are
+     * found. */
+    if (t->tones)
+        saga_train_tone(t);
+    else if (!make_tones(t, error)) {
+        saga_pictures_free(&t->pictures);
+        return false;
+    }
+    /* The digest takes every pixel, and only checkpoints compare it. */
+    if (t->o.checkpoint)
+        t->digest = saga_pictures_digest(&t->pictures);
+    saga_train_show_base(t);
+    return true;
+}
+
+bool saga_train_same_views(const saga_train *t, const saga_capture *capture,
+                           int segment, saga_error *error)
+{
+    char what[32] = "the base";
+
+    if (segment != SAGA_TRAIN_BASE)
+        snprintf(what, sizeof what, "segment %d", segment);
+    return capture->n_views == t->n_views ||
+           saga_fail(error, NULL, "give a longer --segment, or leave those "
+                     "cameras out", "%d cameras have pictures in %s, %d in "
+                     "those before", capture->n_views, what, t->n_views);
+}
+
+/* --- Making and freeing --------------------------------------------------- */
+
+bool saga_train_set_up(saga_train *t, saga_error *error)
+{
+    saga_flat_options *const f = &t->flat_options;
+
+    if (!saga_train_check_options(&t->o, t->capture, error) ||
+        !saga_train_read_ablation(&t->ablation, &t->o, error))
+        return false;
+    saga_train_derive(&t->o);
+    t->lambda = t->o.lambda;
+    /* Other segments take these networks as they are. */
+    t->room = t->o.n_segments > 1 ? SEGMENT_ROOM : 1;
+    t->explained = (double)NAN;
+    *f = saga_flat_defaults();
+    f->n_iterations = t->o.n_warm;
+    f->seed = t->o.seed;
+    f->given = t->o.given;
+    saga_train_set_flat(t);
+    return true;
+}
+
+saga_train *saga_train_make(const saga_capture *capture,
+                            const saga_train_options *options,
+                            saga_error *error)
+{
+    saga_train *const t = saga_calloc(1, sizeof *t, "the training", error);
+
+    if (!t)
+        return NULL;
+    t->o = *options;
+    t->capture = capture;
+    if (saga_train_set_up(t, error) && saga_train_look_at(t, capture, error))
+        return t;
+    free(t->tones);
+    free(t);
+    return NULL;
+}
+
+/* Drops all that is of one segment. */
+void saga_train_end_segment(saga_train *t)
+{
+    saga_fit_free(t->fit);
+    saga_params_free(&t->target);
+    saga_scene_free(&t->scene);
+    saga_twin_free(&t->decoded_twin);
+    saga_scene_free(&t->decoded);
+    saga_flat_free(t->flat);
+    saga_novel_free(&t->novel);
+    saga_pictures_free(&t->pictures);
+    free(t->bytes);
+    /* The others become empty when they are freed. */
+    t->fit = NULL;
+    t->flat = NULL;
+    t->bytes = NULL;
+}
+
+void saga_train_free(saga_train *t)
+{
+    if (!t)
+        return;
+    saga_train_end_segment(t);
+    saga_packed_free(&t->file);
+    saga_train_free_base(&t->backdrop);
+    free(t->tones);
+    free(t);
+}

@@ -1,0 +1,128 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * From the warm-up to the fit: the warm-up's primitives become a hierarchy and
+ * the targets of its ranks, and the price of a bit is settled.
+ */
+#include "train_state.h"
+
+#include "alloc.h"
+#include "hierarchy.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+/* Returns the importance of the warm-up's primitives: opaque ones first. */
+static float *scores_of(const saga_splat_params *p, uint32_t n,
+                        saga_error *error)
+{
+    float *const score = saga_alloc(n, sizeof *score, "the warm-up's scores",
+                                    error);
+
+    /* Peak alpha 8 / (1 + 2^(3 - o)), of which pixels show 1 at most. The 0.05
+     * lets even those count that have nearly vanished. */
+    for (uint32_t i = 0; score && i < n; i++)
+        score[i] = (float)(0.05 + fmin(1, exp2(SAGA_PEAK_LOG2) /
+                           (1 + exp2(SAGA_PEAK_LOG2 -
+                                     (double)p->opacity[i]))));
+    return score;
+}
+
+/* Returns the anchors of the segment in training, of those asked for. */
+static uint32_t of_segment(const saga_train *t, uint32_t anchors)
+{
+    return (uint32_t)((uint64_t)anchors * t->flat_options.n_primitives /
+                      t->o.n_primitives);
+}
+
+static bool build(saga_train *t, uint32_t *source,
+                  const saga_splat_params *pool, uint32_t n,
+                  saga_error *error)
+{
+    float *const score = scores_of(pool, n, error);
+    const saga_hierarchy_pool all = { pool, score, n };
+    saga_hierarchy_options o;
+    saga_model model;
+    bool ok;
+
+    /* Once there are networks, their model is everybody's. */
+    if (t->file.encoder)
+        model = t->file.networks.scene.model;
+    else
+        saga_train_model(&model, t);
+    saga_hierarchy_defaults(&o);
+    o.model = &model;
+    o.max_coarse = of_segment(t, t->o.n_coarse);
+    o.max_fine = of_segment(t, t->o.n_fine);
+    o.seed = t->o.seed;
+    ok = score && saga_train_build_layers(t, source, &all, &o, error);
+    free(score);
+    return ok;
+}
+
+/* Makes hierarchy and targets of its ranks, from the warm-up's primitives. */
+static bool propose(saga_train *t, saga_error *error)
+{
+    const saga_splat_params flat = saga_flat_params(t->flat);
+    const uint32_t n = saga_flat_count(t->flat);
+    uint32_t *const source = saga_alloc(n, sizeof *source, "the targets",
+                                        error);
+    saga_splat_params pool;
+    bool ok = saga_params_gather(&pool, &flat, NULL, n, error) && source;
+
+    /* Attributes that no tool is left for are taken out before the tree looks
+     * at them. */
+    if (ok && t->dynamic && t->flat_options.temporal) {
+        saga_train_reduce(&pool, n, t->tools);
+        saga_train_centre(&pool, n);
+    } else if (ok)
+        saga_train_freeze(&pool, n);
+    ok = ok && build(t, source, &pool, n, error);
+    /* A base has no temporal attributes, whatever the file's model has. */
+    t->scene.still = saga_train_in_base(t);
+    ok = ok &&
+         saga_params_gather(&t->target, &pool, source, t->scene.n.prim, error);
+    saga_params_free(&pool);
+    free(source);
+    return ok;
+}
+
+/* Returns the training pixels that bits are weighed against: of the segment,
+ * or of all of them for the base, which shows in each. */
+static double n_pixels_of(saga_train *t)
+{
+    /* Kept, since a base's own pictures are one of every view. */
+    if (t->turn == 0)
+        t->n_pixels = saga_pictures_pixels(&t->pictures);
+    return saga_train_in_base(t) ? t->n_pixels * t->o.n_segments
+                                 : saga_pictures_pixels(&t->pictures);
+}
+
+/* Sets lambda, where the rule has to, and what goes by it. */
+void saga_train_settle_price(saga_train *t)
+{
+    const double n_pixels = n_pixels_of(t);
+
+    if (!(t->lambda > 0))
+        t->lambda = saga_policy_lambda(t->recent_mse, n_pixels,
+                                       t->o.n_primitives);
+    t->policy = saga_policy_of(t->lambda, n_pixels, t->o.n_primitives);
+}
+
+bool saga_train_begin_fit(saga_train *t, saga_error *error)
+{
+    saga_fit_options o = {
+        .n_render = t->o.n_render, .seed = t->o.seed,
+        .raw_networks = t->ablation.raw_networks,
+        .given = t->file.encoder ? &t->file.networks : NULL
+    };
+
+    /* A second time: a restored training comes here directly, with its lambda
+     * but not with what follows from it. */
+    saga_train_settle_price(t);
+    o.price = t->policy.price;
+    t->fitting = true;
+    if (!propose(t, error))
+        return false;
+    t->fit = saga_fit_new(&t->scene, &t->pictures, &o, error);
+    return t->fit != NULL;
+}

@@ -1,0 +1,87 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * A look into a checkpoint: what is trained by now is packed as a file, without
+ * the capture.
+ */
+#include "alloc.h"
+#include "train_head.h"
+
+/* Packs what is there: the finished segments, and the one in training if its
+ * fit has begun. A base alone is no segment. */
+static bool pack_so_far(saga_train *t, saga_error *error)
+{
+    if (saga_train_in_base(t))
+        return saga_fail(error, t->o.checkpoint, "look again when a segment "
+                         "renders", "its training is in the base, of which "
+                         "alone nothing can be packed");
+    /* Everything is rounded as it stands, and the segment is packed beside the
+     * finished ones. */
+    if (t->fitting) {
+        saga_fit_cut_short(t->fit);
+        return saga_train_pack_blind(t, error);
+    }
+    if (t->turn > (t->base.n_prim ? 2 : 0))
+        return saga_encoder_finish(t->file.encoder, &t->bytes, &t->nbytes,
+                                   &t->report.sizes, error);
+    return saga_fail(error, t->o.checkpoint, "look again when it renders",
+                     "its training is in the warm-up, at iteration %d of %d, "
+                     "of which nothing can be packed",
+                     saga_train_warm_iteration(t),
+                     saga_train_warm_iterations(t));
+}
+
+static bool alloc_tones(saga_train *t, saga_error *error)
+{
+    t->tones = saga_calloc(3 * (1 + (size_t)t->capture->n_views),
+                           sizeof *t->tones, "the views", error);
+    return t->tones != NULL;
+}
+
+/* Reads a training without its pictures' pixels: it can be packed, no more. h
+ * must outlive it. */
+static bool load_blind(saga_train *t, saga_train_head *h, saga_capture *capture,
+                       saga_checkpoint *c, saga_error *error)
+{
+    saga_train_head_walk(h, c);
+    if (c->failed || !saga_train_head_options(&t->o, h)) {
+        c->failed = true;
+        return false;
+    }
+    if (h->stage >= SAGA_TRAIN_N_STAGES)
+        return saga_fail(error, c->path, "`saga encode --networks` takes it",
+                         "has the networks of a training that is over");
+    /* Complaints name it. */
+    t->o.checkpoint = c->path;
+    t->capture = capture;
+    if (!saga_pictures_restore(&t->pictures, capture, c, error) ||
+        !saga_train_set_up(t, error))
+        return false;
+    saga_train_set_steep(t);
+    return alloc_tones(t, error) && saga_train_load_state(t, h, c, error);
+}
+
+bool saga_train_peek(uint8_t **bytes, size_t *nbytes, const char *checkpoint,
+                     saga_error *error)
+{
+    saga_capture capture = { 0 };
+    saga_checkpoint c;
+    saga_train *t;
+    saga_train_head h;
+    bool ok;
+
+    *bytes = NULL;
+    if (!saga_checkpoint_open(&c, checkpoint, error))
+        return false;
+    t = saga_calloc(1, sizeof *t, "the training", error);
+    ok = t && load_blind(t, &h, &capture, &c, error);
+    ok = saga_checkpoint_close(&c, ok, error) && pack_so_far(t, error);
+    /* The bytes change their owner. */
+    if (ok) {
+        *bytes = t->bytes;
+        *nbytes = t->nbytes;
+        t->bytes = NULL;
+    }
+    saga_train_free(t);
+    saga_capture_free(&capture);
+    return ok;
+}

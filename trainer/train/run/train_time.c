@@ -1,0 +1,151 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Time of a training: how many iterations fit into the minutes asked for, how
+ * much of the work is done, and what the progress function is told.
+ */
+#include "train_state.h"
+
+#include "clock.h"
+
+#include <math.h>
+
+/* Iterations cost this, relative to each other: for the estimate of the time
+ * that is left. */
+static const double cost[SAGA_TRAIN_N_STAGES] = { 1, 2.5, 0 };
+
+/* A trial takes that long, and an iteration of it that many of the warm-up's
+ * mean, since it has no small pictures. */
+#define TRIAL_SECONDS 2.0
+#define TRIAL_COST 1.2
+
+enum { LEAST_TIMED = 100, MOST_TIMED = 10000000 };
+
+const char *saga_train_stage_name(saga_train_stage stage)
+{
+    static const char *const names[SAGA_TRAIN_N_STAGES] = {
+        "warm-up", "rendering", "packing"
+    };
+
+    return stage < SAGA_TRAIN_N_STAGES ? names[stage] : "done";
+}
+
+/* --- Minutes -------------------------------------------------------------- */
+
+/* Returns the seconds of an iteration of a warm-up with all primitives, by a
+ * trial; not positive where it fails. */
+static double try_iterations(const saga_train *t, saga_error *error)
+{
+    saga_flat_options o = t->flat_options;
+    double begun = 0, spent = 0, mse;
+    saga_flat *f;
+    int n = 0;
+
+    /* All primitives and whole pictures from the first iteration on, and no end
+     * that would prune. */
+    o.n_iterations = MOST_TIMED;
+    o.start = o.growth = 1;
+    o.coarse = 0;
+    f = saga_flat_new(&t->pictures, &o, error);
+    /* The first finds nothing in the caches. */
+    while (f && spent < TRIAL_SECONDS && saga_flat_iterate(f, &mse, error)) {
+        if (n++ == 0)
+            begun = saga_clock_seconds();
+        spent = saga_clock_seconds() - begun;
+    }
+    saga_flat_free(f);
+    return saga_failed(error) || n < 2 ? 0 : spent / (n - 1);
+}
+
+/* Takes as many iterations as the minutes asked for allow, a base included
+ * wherever there may be one. */
+bool saga_train_spend_minutes(saga_train *t, saga_error *error)
+{
+    const int n_turns = saga_train_n_turns(t, saga_train_may_have_base(t));
+    const double warm = try_iterations(t, error) / TRIAL_COST;
+    const double mean = warm * (SAGA_WARM_PART * (1 + saga_train_teaching(t)) +
+                                (1 - SAGA_WARM_PART) *
+                                cost[SAGA_TRAIN_RENDER]);
+
+    if (!(mean > 0))
+        return false;
+    /* Then derive splits anew. The minutes are those of all trainings of the
+     * file. */
+    t->o.n_warm = 0;
+    t->o.n_iterations = (int)fmin(
+        fmax(60 * t->o.minutes / n_turns / mean, LEAST_TIMED), MOST_TIMED);
+    saga_train_derive(&t->o);
+    t->flat_options.n_iterations = t->o.n_warm;
+    return true;
+}
+
+int saga_train_n_iterations(const saga_train *t)
+{
+    return t->o.n_iterations;
+}
+
+/* --- Progress ------------------------------------------------------------- */
+
+int saga_train_stage_iterations(const saga_train *t, saga_train_stage stage)
+{
+    return stage == SAGA_TRAIN_WARM ? saga_train_warm_iterations(t)
+         : stage == SAGA_TRAIN_RENDER ? t->o.n_render : 1;
+}
+
+int saga_train_stage_iteration(const saga_train *t)
+{
+    return t->stage == SAGA_TRAIN_WARM ? saga_train_warm_iteration(t)
+         : t->stage == SAGA_TRAIN_RENDER ? saga_fit_iteration(t->fit) : 0;
+}
+
+int saga_train_iteration(const saga_train *t)
+{
+    int sum = t->turn * t->o.n_iterations;
+
+    for (int s = 0; s < (int)t->stage; s++)
+        sum += saga_train_stage_iterations(t, (saga_train_stage)s);
+    return t->stage < SAGA_TRAIN_N_STAGES
+        ? sum + saga_train_stage_iteration(t) : sum;
+}
+
+/* Counts in units of an iteration of the warm-up. */
+static double work_done(const saga_train *t)
+{
+    double sum = 0;
+
+    /* Stages that are over, then what is done of this one. */
+    for (int s = 0; s < (int)t->stage; s++)
+        sum += cost[s] * saga_train_stage_iterations(t, (saga_train_stage)s);
+    return t->stage < SAGA_TRAIN_N_STAGES
+        ? sum + cost[t->stage] * saga_train_stage_iteration(t) : sum;
+}
+
+static double work_of_all(const saga_train *t)
+{
+    double sum = 0;
+
+    for (int s = 0; s < SAGA_TRAIN_N_STAGES; s++)
+        sum += cost[s] * saga_train_stage_iterations(t, (saga_train_stage)s);
+    return sum;
+}
+
+bool saga_train_tell(const saga_train *t)
+{
+    /* .done takes all turns to be alike: one for each segment, and with a base
+     * one for it and one more for the first segment. */
+    const saga_train_progress p = {
+        .stage = t->stage,
+        .name = t->stage == SAGA_TRAIN_WARM && saga_train_is_teaching(t)
+            ? "teachers" : saga_train_stage_name(t->stage),
+        .segment = saga_train_segment(t),
+        .iteration = saga_train_stage_iteration(t),
+        .n_iterations = saga_train_stage_iterations(t, t->stage),
+        .all = saga_train_iteration(t),
+        .psnr = t->recent_mse > 0 ? -10 * log10(t->recent_mse) : 0,
+        .bits = t->stage == SAGA_TRAIN_RENDER ? saga_fit_bits(t->fit) : 0,
+        .done = (t->turn + work_done(t) / work_of_all(t)) /
+                (t->o.networks ? t->turn + 1
+                               : saga_train_n_turns(t, t->base.n_prim > 0))
+    };
+
+    return !t->o.progress || t->o.progress(t->o.progress_user, &p);
+}
