@@ -18,8 +18,8 @@ static const saga_preset presets[] = {
     { .name = "balanced", .primitives = 1, .iterations = 20000, .visits = 25,
       .still_visits = 25, .teachers = 2, .better = "best",
       .plus = "as before, plus whole pictures of a still, 1.4 times the "
-              "primitives, 2.5 times the visits, two teachers where cameras "
-              "are far apart; the default" },
+              "primitives, 2.5 times the visits, of a still two teachers "
+              "where cameras are far apart; the default" },
     { .name = "best", .primitives = 1.4, .iterations = 60000, .visits = 75,
       .still_visits = 75, .teachers = 2,
       .plus = "as before, plus 1.4 times the primitives, 3 times the visits" }
@@ -281,7 +281,9 @@ void saga_plan(saga_train_options *o, saga_plan_reasons *why,
                const saga_capture *capture, const saga_preset *preset)
 {
     memset(why, 0, sizeof *why);
-    o->n_teachers = preset->teachers;
+    /* Where things move, teachers cost more than they show
+     * (docs/lab/teachers.md). */
+    o->n_teachers = capture->n_frames == 1 ? preset->teachers : 0;
     if (o->n_primitives == 0)
         plan_primitives(o, why->primitives, sizeof why->primitives, capture,
                         preset);
