@@ -281,9 +281,6 @@ void saga_plan(saga_train_options *o, saga_plan_reasons *why,
                const saga_capture *capture, const saga_preset *preset)
 {
     memset(why, 0, sizeof *why);
-    /* Where things move, teachers cost more than they show
-     * (docs/lab/teachers.md). */
-    o->n_teachers = capture->n_frames == 1 ? preset->teachers : 0;
     if (o->n_primitives == 0)
         plan_primitives(o, why->primitives, sizeof why->primitives, capture,
                         preset);
