@@ -187,6 +187,24 @@ static void source_init(source *src, const saga_encoder *e)
     src->features = e->header.model.features;
 }
 
+/* Makes room for a chunk whose payload has at most `bound` bytes, and the way
+ * of its symbols there: the traversal drives the cost counter, and that one the
+ * encoder. The caller gives src its symbols. */
+static bool begin_chunk(source *src, saga_cost *cost, saga_buffer *to,
+                        size_t bound, const saga_encoder *e,
+                        saga_error *error)
+{
+    uint8_t *const p = saga_buffer_reserve(to, SAGA_CHUNK_NBYTES + bound,
+                                           error);
+
+    if (!p)
+        return false;
+    source_init(src, e);
+    saga_cost_init(cost, &src->coder);
+    saga_range_enc_init(&src->range, p + SAGA_CHUNK_NBYTES, bound);
+    return true;
+}
+
 /* Adds what a chunk cost to the bits of the file. */
 static void add_bits(saga_encoder *e, const saga_cost *cost)
 {
@@ -216,21 +234,15 @@ static size_t networks_bound(const saga_nets *nets)
 bool saga_encode_networks(saga_encoder *e, const saga_net_symbols *nets,
                             saga_error *error)
 {
-    const size_t bound = networks_bound(&e->nets);
-    uint8_t *const p = saga_buffer_reserve(
-        &e->networks, SAGA_CHUNK_NBYTES + bound, error);
     source src;
     saga_cost cost;
     size_t n = 0;
 
-    if (!p)
+    if (!begin_chunk(&src, &cost, &e->networks, networks_bound(&e->nets), e,
+                     error))
         return false;
-    source_init(&src, e);
     src.nets = nets;
-    saga_cost_init(&cost, &src.coder);
-    saga_range_enc_init(&src.range, p + SAGA_CHUNK_NBYTES, bound);
-    /* The traversal drives the cost counter, and that one the encoder. n
-     * stays 0 where symbols are invalid or the bytes exceed the bound. */
+    /* n stays 0 where symbols are invalid or the bytes exceed the bound. */
     if (saga_syntax_networks(&e->nets, e->params, &cost.coder))
         n = saga_range_enc_finish(&src.range);
     if (n == 0)
@@ -326,19 +338,13 @@ static bool encode_chunk(saga_encoder *e, saga_buffer *to, size_t *size,
     static const uint32_t type[3] = {
         SAGA_CHUNK_COARSE, SAGA_CHUNK_FINE, SAGA_CHUNK_PRIM
     };
-    const size_t bound = chunk_bound(e, s, part);
-    uint8_t *const p = saga_buffer_reserve(to, SAGA_CHUNK_NBYTES + bound,
-                                           error);
     source src;
     saga_cost cost;
     size_t n = 0;
 
-    if (!p)
+    if (!begin_chunk(&src, &cost, to, chunk_bound(e, s, part), e, error))
         return false;
-    source_init(&src, e);
     src.s = s;
-    saga_cost_init(&cost, &src.coder);
-    saga_range_enc_init(&src.range, p + SAGA_CHUNK_NBYTES, bound);
     /* A tree that ends before its symbols do would not come back as they
      * are. */
     if (code_chunk(sc, part, &cost.coder) && !cost.coder.error &&

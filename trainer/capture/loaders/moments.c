@@ -148,9 +148,9 @@ bool saga_listing_take_finds(saga_listing *listing, saga_finds *finds,
         join_stills(finds, n_of);
     if (finds->n > 0)
         qsort(finds->items, finds->n, sizeof *finds->items, by_moment);
+    bool ok = n_of != NULL;
     free(n_of);
     const int n = count_moments(finds);
-    bool ok = n_of != NULL;
     if (ok && n > SAGA_MAX_FRAMES)
         ok = saga_fail(error, listing->path, "split the capture",
                        "has more than %d frames", SAGA_MAX_FRAMES);
