@@ -22,7 +22,7 @@ typedef enum {
 typedef struct bench_row {
     char name[56];
     double best, median;         /* ms */
-    double count;                /* of so many things */
+    double count;                /* number of things done in that time */
     const char *each;            /* of which this is one */
     bench_kind kind;
     double work;                 /* of the kind, in all of it */

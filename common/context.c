@@ -416,8 +416,8 @@ static void set_params(saga_run *run, const saga_scaffold *sc, int kind)
     }
 }
 
-/* So many blocks of a kind run together. None of them may read what another's
- * round has written. */
+/* Returns how many blocks of a kind run together. None of them may read what
+ * another's round has written. */
 static uint32_t most_blocks(const saga_scaffold *sc, int kind)
 {
     const uint32_t sources = sc->model->sources[kind];

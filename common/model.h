@@ -47,7 +47,7 @@ enum {
     X(OPACITY_T, 0, "temporal opacity", "temporal_opacity") \
     X(SLOPE, 1, "linear rotation", "linear_rotation") \
     X(VIEW, 2, "view-dependent colour", "view_dependent_colour") \
-    /* What stands still is there once for the file. */ \
+    /* A base holds once for the file all that stands still. */ \
     X(BASE, 5, "base segment", "base_segment") \
     /* Splats fall off by s + s^2 / 2, not by s. */ \
     X(STEEP, 6, "steep splats", "steep_splats") \

@@ -63,7 +63,7 @@ int saga_nets_takes(const saga_nets *nets, int net);
 
 /* --- Runs ---------------------------------------------------------------- */
 
-/* So many points run through networks together, at most. */
+/* At most this number of points runs through a network together. */
 enum { SAGA_MAX_POINTS = 8 };
 
 /* The networks' scratch. Each point of a run has its vectors in it, padded,

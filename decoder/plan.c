@@ -7,7 +7,7 @@
 #include "primitive.h"
 
 /* Level 3's weights take far less; a head's size then fits 32 bits. So does it
- * with a base of so many bytes. */
+ * with a base of at most MAX_BASE_NBYTES. */
 #define MAX_NETS_NBYTES (1u << 28)
 #define MAX_BASE_NBYTES (1u << 30)
 

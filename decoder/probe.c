@@ -24,6 +24,7 @@ static void info_of(saga_info *info, const saga_header *h,
 {
     int i;
 
+    /* The file: sizes, time, rig. */
     info->version = SAGA_VERSION;
     info->level = h->level;
     info->work_nbytes = plan->work_nbytes;
@@ -33,10 +34,12 @@ static void info_of(saga_info *info, const saga_header *h,
     info->fps_num = h->fps_num;
     info->fps_den = h->fps_den;
     info->n_cameras = h->n_cameras;
+    /* A segment: the most of each tier. */
     info->n_layers = saga_n_layers(h);
     info->max_coarse = h->max.coarse;
     info->max_fine = h->max.fine;
     info->max_primitives = h->max.prim;
+    /* The model. */
     info->n_weights = 0;
     for (i = 0; i < SAGA_N_NETS; i++)
         info->n_weights += saga_net_macs(&plan->nets.shape[i]);
@@ -44,6 +47,7 @@ static void info_of(saga_info *info, const saga_header *h,
     info->tools = h->model.tools;
     info->motion_order = (uint32_t)saga_motion_order(&h->model);
     info->features = h->model.features;
+    /* The base, then multiply-accumulates (plan.c). */
     info->base_coarse = h->base.coarse;
     info->base_fine = h->base.fine;
     info->base_primitives = h->base.prim;
@@ -52,6 +56,7 @@ static void info_of(saga_info *info, const saga_header *h,
     info->work = plan->work;
     info->decode_macs = saga_plan_segment_macs(h, &plan->nets, 0);
     info->view_macs = saga_plan_view_macs(&plan->nets, &h->model);
+    /* From box units to the capture's unit of length. */
     info->unit_mantissa = h->unit_mantissa;
     info->unit_exponent = h->unit_exponent;
     for (i = 0; i < 3; i++)
@@ -124,6 +129,7 @@ saga_status saga_find(saga_segment *seg, const uint8_t *head, size_t n,
         return s;
     if (frame_den == 0)
         return SAGA_ERR_ARG;
+    /* Entries are in the order of time, and end with the last frame. */
     for (i = 0; i < h.n_segments; i++) {
         saga_io io = { p, NULL, i * SAGA_INDEX_ENTRY_NBYTES };
         saga_index_entry e;
@@ -133,6 +139,7 @@ saga_status saga_find(saga_segment *seg, const uint8_t *head, size_t n,
         end = first + e.n_frames;
         if (e.n_frames == 0 || end > h.n_frames)
             return SAGA_ERR_DATA;
+        /* frame_num / frame_den < end, without a division. */
         if (frame_num < end * frame_den) {
             seg->number = i;
             seg->first_frame = (uint32_t)first;

@@ -16,7 +16,8 @@ static uint32_t pack(uint32_t x0, uint32_t x1, uint32_t y0, uint32_t y1)
     return x0 | (127 - x1) << 8 | y0 << 16 | (127 - y1) << 24;
 }
 
-/* So many bits less seven, and at least tiles of eight. */
+/* A side of a box has seven bits in a key: returns by how many bits the
+ * camera's sides are longer, or 3, a tile of eight, where that is more. */
 uint32_t saga_raster_box_shift(const saga_camera *cam)
 {
     const uint32_t side = cam->width > cam->height ? cam->width : cam->height;

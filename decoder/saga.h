@@ -270,13 +270,14 @@ saga_status saga_decode(saga_decoder *dec, const saga_segment *segment,
                         const uint8_t *bytes, size_t n,
                         const saga_watch *watch);
 
-/* So many bytes of a segment tell of all its layers. */
+/* This number of bytes at the start of a segment tells of all its layers. */
 enum { SAGA_LAYERS_NBYTES = 152 };
 
 typedef struct saga_layer_report {
     uint32_t n_coarse, n_fine, n_primitives;
-    uint32_t end;            /* so many bytes of the segment hold it and the
-                              * layers before it: where a player may stop */
+    uint32_t end;            /* number of bytes of the segment that hold it
+                              * and the layers before it: where a player may
+                              * stop */
 } saga_layer_report;
 
 /* What layer `index` of a segment has, 0..info.n_layers-1, and where it ends.
@@ -369,7 +370,7 @@ saga_status saga_splat_at(saga_splat *out, const saga_decoder *dec,
  * and is mixed front to back, C += T alpha colour, T *= 1 - alpha, from T = 1
  * on; the background comes last, C += T background. Blending in 16-bit floats
  * gives 50 dB and more beside saga_draw.
- * SAGA_OK; ARG: there are not so many; STATE: no view. On an error nothing is
+ * SAGA_OK; ARG: there are fewer; STATE: no view. On an error nothing is
  * written. */
 saga_status saga_splats_at(saga_splat *out, const saga_decoder *dec,
                            uint32_t first, uint32_t n);

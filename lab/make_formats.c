@@ -240,7 +240,8 @@ static void try_activations(session *s)
     r->is_on = 0;
 }
 
-/* Every row's largest weight takes so many bits, sign included. */
+/* Rounds weights so that every row's largest takes `bits` bits, its sign
+ * included. */
 static void round_weights(ref_nets *n, int bits)
 {
     for (int net = 0; net < SAGA_N_NETS; net++)

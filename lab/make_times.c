@@ -2,7 +2,7 @@
  *
  * make_times FILE.saga [REPETITIONS]: JSON of how long the parts of a file of
  * one segment take to decode: milliseconds of CPU time of one thread, the best
- * of so many (default 9). `coarse`, `fine` (with the networks that make its
+ * of N (default 9). `coarse`, `fine` (with the networks that make its
  * features) and `primitives` are layers: coder, entropy networks and bank;
  * `reconstruction` is what decoding takes beyond them.
  */

@@ -78,6 +78,7 @@ static void keep(recorder *r, saga_at at, uint32_t sym, uint32_t n_sym)
 {
     switch (at.sym) {
     case SAGA_SYM_SPLIT:
+        /* Nodes come one after the other: the last is their number. */
         if (at.index >= r->cap_nodes)
             r->coder.error = 1;
         else
@@ -109,6 +110,7 @@ static void keep(recorder *r, saga_at at, uint32_t sym, uint32_t n_sym)
         layer_of(r, at)->finer[at.row] = (uint8_t)sym;
         break;
     default:
+        /* A row shift comes as its eights, then its rest. */
         layer_of(r, at)->shift[at.row] = (uint8_t)(at.column
             ? layer_of(r, at)->shift[at.row] | sym : sym << 3);
     }

@@ -75,8 +75,8 @@ int recorder_segment(saga_segment_header *seg, const saga_header *h,
 int recorder_to_layer(recorder_chunks *at, const saga_segment_header *seg,
                       const saga_header *h, uint32_t layer);
 
-/* Nodes that the tree of so many leaves has at most: each inner one has a
- * child, and lies at most 24 deep. */
+/* Returns the most nodes that a tree of n_coarse leaves has: each inner one has
+ * a child, and lies at most 24 deep. */
 uint32_t recorder_nodes(uint32_t n_coarse);
 
 /* saga_scaffold_alloc; exits without memory. */

@@ -152,9 +152,12 @@ void verify_pixels(session *s, int from)
         level = verify_row(s, SAGA_VERIFY_PIXELS, "picture before 8 bits",
                            "level", 0, from == SAGA_VERIFY_PIXELS);
     for (size_t i = 0; i < s->v->n_pixels; i++) {
+        /* Pixels in which a splat is cut, or light ends, otherwise. */
         to->n_cut += (s->c.otherwise[i] & CUT) != 0;
         to->n_stop += (s->c.otherwise[i] & STOP) != 0;
         for (int k = 0; k < 3; k++) {
+            /* sum + T background, of the integers (Q31) and in double, then
+             * what was drawn of the one and what 8 bits make of the other. */
             const double norm = ((double)s->c.sum[i][k] +
                 (double)s->c.t[i] * cam->background_q15[k]) / 2147483648.0;
             const double value = 255 * (s->c.rgb[i][k] + s->c.trans[i] *
@@ -166,6 +169,7 @@ void verify_pixels(session *s, int from)
             widen(&whole, drawn_as - value);
             widen(&rounded, drawn_as - near);
             to->n_far += fabs(drawn_as - near) > 1;
+            /* Alone, what roundings do where the decisions are the same. */
             if (!s->c.otherwise[i])
                 widen(&same, drawn_as - near);
             if (level.to)

@@ -134,6 +134,7 @@ static void compare_primitives(session *s, int is_alone)
     column colour = verify_row(s, ST, has_view ? "colour, first layer" :
                                "colour", "1", unit, is_alone);
 
+    /* Attributes of the integers, taken for reals, beside those in double. */
     for (uint32_t i = 0; i < n_prims(s); i++) {
         const ref_primitive *const r = prim_of(s, i);
         ref_primitive e;
@@ -144,6 +145,7 @@ static void compare_primitives(session *s, int is_alone)
         note_all(scale, e.log2_scale, r->log2_scale, 3);
         note_all(quat, e.quat, r->quat, 4);
     }
+    /* Colours, or where they depend on the view the part that does not. */
     for (size_t i = 0; i < (size_t)n_prims(s) * s->e.stride; i++) {
         const part *const p = part_of(s, (uint32_t)(i / s->e.stride));
 

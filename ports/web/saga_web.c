@@ -93,7 +93,7 @@ EXPORT(saga_web_draw) int32_t saga_web_draw(void);
  * NULL: no memory, or no view. */
 EXPORT(saga_web_splats) const saga_splat *saga_web_splats(void);
 
-/* What saga_web_view and saga_web_draw tell. */
+/* The reports of saga_web_view and saga_web_draw. */
 EXPORT(saga_web_picture) const web_picture *saga_web_picture(void);
 
 /* CRC-32C of the last picture's R, G, B bytes. */

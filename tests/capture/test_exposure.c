@@ -47,7 +47,7 @@ static void pairs_should_give_the_factors_back(void **state)
     for (int v = 0; v < 4; v++)
         for (int k = 0; k < 3; k++) {
             sum[k] += found[3 * v + k];
-            /* What evens out is one over what was planted; relative to the
+            /* An exposure is one over what was planted; relative to the
              * first camera, since a common factor shows in no pair. */
             assert_true(fabs(found[3 * v + k] - found[k] +
                              log(factor[v][k] / factor[0][k])) < 0.02);

@@ -64,7 +64,7 @@ static bool load_and_free(void *user, saga_error *error)
     return ok;
 }
 
-/* That there are so many at least. */
+/* Lets each allocation fail in turn, of which there are at least `least`. */
 static void fail_each(folder *f, const char *name, long least)
 {
     source s = { folder_file(f, name), 0 };

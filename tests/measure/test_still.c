@@ -86,7 +86,7 @@ TEST(still_should_be_the_median_over_all_parts)
     saga_capture_free(&c);
 }
 
-/* Fifteen pictures; so many of them may be others. */
+/* Of fifteen pictures some may be others. */
 TEST(still_should_count_what_is_steady)
 {
     enum { N = SAGA_STILL_PICTURES };

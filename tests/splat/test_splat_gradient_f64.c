@@ -166,7 +166,7 @@ TEST(splat_gradient_should_skip_time_when_detached)
     free_fixture(f);
 }
 
-/* So many splats in one tile that not all of what they did to it is kept:
+/* A tile has more splats than it can keep all that they did to it:
  * opacities alone, front and back. */
 TEST(splat_gradient_should_match_in_a_crowd)
 {

@@ -216,7 +216,7 @@ static void draw(player *p, const saga_camera *c, const division *d)
     free(scratch);
 }
 
-/* Every so many of n that no more than MAX_TAPS are looked at. */
+/* Returns a stride through n things at which at most MAX_TAPS are met. */
 static uint32_t stride_of(uint32_t n)
 {
     return n / MAX_TAPS + 1;

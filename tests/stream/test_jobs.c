@@ -43,7 +43,7 @@ static gen_options options_of(uint32_t i)
 typedef struct {
     int32_t tile;
     uint32_t list;
-    uint32_t n_tiles;        /* about so many fit the scratch */
+    uint32_t n_tiles;        /* about the number that fits the scratch */
     uint32_t budget;
     int bits;
 } division;

@@ -576,8 +576,8 @@ TEST(macs_should_be_counted_exactly)
     }
 }
 
-/* By hand: 512 values hold so many vectors of the longest of a network, padded
- * to 16; the smallest number of a set counts. */
+/* By hand: 512 values hold these numbers of vectors of the longest of a
+ * network, padded to 16; the smallest number of a set counts. */
 TEST(points_should_be_what_the_vectors_hold)
 {
     static const struct { uint16_t dim[4]; uint8_t n_layers, points; } net[] = {

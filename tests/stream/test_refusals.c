@@ -125,7 +125,7 @@ static size_t networks_at(const uint8_t *bytes)
            SAGA_INDEX_ENTRY_NBYTES * (size_t)fx_load32_le(bytes + 16);
 }
 
-/* The lengths of INDX and of NETS, so many bytes more than they have. */
+/* The lengths of INDX and of NETS are some bytes more than they have. */
 TEST(lengths_should_be_judged_by_their_own_bytes)
 {
     static const int32_t by[] = { 0, -1, 1, 12, 100, 1000, INT32_MAX };

@@ -1078,7 +1078,7 @@ static uint32_t owner_of(const player *p)
 
 enum { SEGMENT_PARTS = 1 + 3 * SAGA_MAX_LAYERS };
 
-/* The chunks of a segment of so many layers: 1 if they are there, whole. */
+/* Splits a segment of n_layers into its chunks: 1 if they are there, whole. */
 static int split_segment(mutate_part part[SEGMENT_PARTS], uint32_t n_layers,
                          uint32_t owner, const uint8_t *bytes, size_t n)
 {

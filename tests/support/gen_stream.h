@@ -15,14 +15,14 @@
 
 enum { GEN_MAX_SEGMENTS = 4, GEN_MAX_LAYERS = 3, GEN_MAX_CAMERAS = 3 };
 
-/* So many coarse anchors fit into level 0's memory beside all the fine ones and
- * primitives it may have. */
+/* This number of coarse anchors fits into level 0's memory beside all the fine
+ * ones and primitives it may have. */
 enum { GEN_FULL_COARSE = 128 };
 
 typedef struct gen_options {
     uint64_t seed;
     int level;               /* 0..3: caps obeyed */
-    uint32_t n_coarse;       /* about so many at most; 0: small and random */
+    uint32_t n_coarse;       /* about the most; 0: small and random */
     int full;                /* counts reach level 0's caps exactly; coarse
                               * anchors are GEN_FULL_COARSE */
     uint32_t n_segments;     /* 1..GEN_MAX_SEGMENTS */

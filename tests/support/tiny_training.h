@@ -25,7 +25,7 @@ void tiny_close(tiny *t);
 /* What `s` makes, without its files. */
 saga_capture tiny_capture(const saga_synth_options *s);
 
-/* What moves, in so many primitives and iterations. */
+/* Options for a scene that moves, with these primitives and iterations. */
 saga_train_options tiny_options(uint32_t n_primitives, int n_warm,
                                 int n_render);
 /* 150 of them, TINY_WARM and TINY_RENDER, lambda by the rule, 32 slots of

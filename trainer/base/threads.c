@@ -24,7 +24,7 @@
 
 /* Nanoseconds that a thread looks for work before it sleeps: longer than what
  * is between two pieces of an iteration. Looks between two at the clock. Work
- * of so many times what feeds a thread wakes those that sleep. */
+ * of WORTH_WAKING times what feeds a thread wakes those that sleep. */
 enum { AWAKE_NS = 50000, LOOKS = 32, WORTH_WAKING = 5 };
 
 /* A share's value has bits for its end, its beginning, the work's number. */

@@ -47,9 +47,9 @@ typedef struct saga_tasks {
     size_t most;          /* threads there is scratch for; 0: for all */
 } saga_tasks;
 
-/* Each thread has so many nanoseconds to do, or there are fewer of them: that
- * is several times what it takes to meet. Tests set less, so that small scenes
- * are worked on by all threads too. */
+/* Each thread has at least this number of nanoseconds to do, or there are fewer
+ * of them: that is several times what it takes to meet. Tests set less, so that
+ * small scenes are worked on by all threads too. */
 enum { SAGA_LEAST_WORK = 8000 };
 void saga_set_least_work(int ns);
 
@@ -86,8 +86,8 @@ static inline saga_range saga_part(size_t n, size_t size, size_t k)
 }
 
 /* Returns slice k of n: an equal part of n_things, but for multiples of unit.
- * Arrays of which each has so many things of the same owners are divided alike.
- */
+ * Arrays are divided alike where each has the same number of things of the same
+ * owners. */
 static inline saga_range saga_slice(size_t n_things, size_t unit, size_t k,
                                     size_t n)
 {

@@ -276,6 +276,7 @@ static bool put_page(FILE *to, const char *name, const saga_survey *s,
     saga_forecast f;
     bool ok = true;
 
+    /* Head: everything is in the page, so that it can be sent as a file. */
     fputs("<!doctype html><html lang=en><meta charset=utf-8><title>", to);
     put_escaped(to, name);
     fputs("</title><style>body{font:15px sans-serif;margin:2em auto;max-width:"
@@ -287,6 +288,7 @@ static bool put_page(FILE *to, const char *name, const saga_survey *s,
             "points.<h2>To mind</h2><ul>", c->format, c->n_views,
             c->n_views == 1 ? "" : "s", c->n_frames,
             c->n_frames == 1 ? "" : "s", c->fps, c->n_points);
+    /* Names and notes come from the capture's files: escaped. */
     for (int i = 0; i < s->n_notes; i++) {
         fputs("<li>", to);
         put_escaped(to, s->note[i]);
@@ -297,6 +299,7 @@ static bool put_page(FILE *to, const char *name, const saga_survey *s,
     put_table(to, s, c);
     for (int v = 0; ok && v < c->n_views; v++)
         ok = put_thumbnail(to, c, v, error);
+    /* Forecast: a row for each preset. */
     fprintf(to, "<h2>Forecast</h2><p>By the measured files of docs/results/"
             "rd.md; what PSNR comes out only a trial tells. Segments: %d, with "
             "so many primitives and iterations each.<table>",

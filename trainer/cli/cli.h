@@ -51,7 +51,7 @@ typedef struct saga_command {
     const char *name;
     const char *arguments;  /* "FILE CAPTURE", for the usage line; "..." at
                              * the end: the last may be repeated */
-    int n_arguments;        /* so many must be given */
+    int n_arguments;        /* number that must be given */
     const char *summary;    /* one line, for the table */
     const char *text;       /* what it does; lines */
     const saga_cli_option *options;

@@ -38,6 +38,8 @@ static const char *contradiction(const saga_encode_options *o,
 {
     const bool sized = o->size + o->bitrate > 0 || o->sweep;
     const bool part = saga_encode_is_part(o), layers = o->layers > 1;
+    /* The first that is there is told: what is missing, two answers to one
+     * question, then what a tool cannot do. */
     const struct {
         bool is_there;
         const char *says;

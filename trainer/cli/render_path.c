@@ -164,7 +164,7 @@ static bool read_key(const reader *r, double *row, const json_t *key, size_t i)
     static const struct {
         const char *name;
         int at;
-        size_t n;            /* 1: a number, else an array of so many */
+        size_t n;            /* 1: a number, else an array of n */
     } parts[] = {
         { "seconds", SECONDS, 1 }, { "frame", FRAME, 1 }, { "fov", FOV, 1 },
         { "eye", EYE, 3 }, { "target", TARGET, 3 }, { "up", UP, 3 }

@@ -59,7 +59,7 @@ static int try_row(saga_layer_symbols *out, const saga_layer_values *v,
         if (fabs(q) > SAGA_MAX_RESIDUAL)
             return 0;
         /* The bound is on the integer weight as the decoder has it, of a
-         * finer input shifted by so many bits more. */
+         * finer input shifted by the unit's bits more. */
         w = llabs(weight_of(out, v, (int32_t)q, k));
         if (w > limit)
             return 0;

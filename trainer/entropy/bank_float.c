@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* So many queries are answered together. */
+/* This number of queries is answered together. */
 enum { CHUNK = 128 };
 
 #define LN2 R(0.69314718055994530942)

@@ -11,8 +11,8 @@
 /* Steps from 2^-SAGA_RATE_FINEST to 2^-COARSEST are tried. */
 enum { COARSEST = 2 };
 
-/* A row's shift and bias, a layer's steps and scales come to about so many
- * bits. */
+/* A row's shift and bias take about ROW_BITS, a layer's steps and scales about
+ * LAYER_BITS. */
 enum { ROW_BITS = 13, LAYER_BITS = 38 };
 
 enum { ALL_SOURCES = SAGA_SOURCES_KNOWN };

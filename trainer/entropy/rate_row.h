@@ -19,7 +19,7 @@
 
 #include <stddef.h>
 
-/* A block has so many values at most, an anchor's or all its primitives', in
+/* The most values of a block, an anchor's or all its primitives', rounded up to
  * whole vectors. */
 enum { SAGA_RATE_ROW = (4 + SAGA_MAX_FEATURES + 7) / 8 * 8 };
 _Static_assert(SAGA_RATE_ROW >= 4 * SAGA_MAX_CHILDREN, "room for primitives");

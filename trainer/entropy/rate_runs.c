@@ -6,7 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* A run of primitives has so many blocks that the products are large. */
+/* A run of primitives has at least this number of blocks, so that the products
+ * are large. */
 enum { LEAST_PRIM_RUN = 256 };
 
 static uint32_t most_blocks(const saga_scene *s, int kind)

@@ -18,8 +18,8 @@
 enum { MOST_POINTS = 20000 };
 #define LEAST_OPACITY 0.3
 
-/* Pictures of them are those of viewers, who widen splats by so many square
- * pixels. */
+/* Pictures of them are those of viewers, who widen splats by this number of
+ * square pixels. */
 #define VIEWERS_LOW_PASS R(0.3)
 
 /* More bytes of pictures are refused. */
@@ -216,7 +216,7 @@ static bool draw(uint8_t *rgb, const frame *f, const saga_shot *v,
     return true;
 }
 
-/* Adds every so many'th mean of what can be seen. */
+/* Adds means of what can be seen, at equal distances in their order. */
 static void add_points(saga_capture *c, const saga_cloud *cloud, int n_frames)
 {
     /* Frames have equal shares: the first does not fill all places. */

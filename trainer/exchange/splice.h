@@ -19,7 +19,7 @@ typedef struct saga_splice_part {
     const uint8_t *bytes;    /* all of it; the caller's */
     size_t nbytes;
     uint32_t first, end;     /* end 0: to the file's end */
-    uint32_t n_layers;       /* the first so many of its layers; 0: all */
+    uint32_t n_layers;       /* number of its layers, the first ones; 0: all */
 } saga_splice_part;
 
 /* Gives the file that shows n_parts >= 1 parts one after another: *bytes

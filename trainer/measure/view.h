@@ -40,7 +40,7 @@ bool saga_film_open(saga_film *film, const char *name, const uint8_t *bytes,
                     size_t nbytes, int n_threads, saga_error *error);
 
 /* Does the same for who is in a hurry: decoding the head, or later a segment,
- * fails after so many seconds. */
+ * fails after seconds_most. */
 bool saga_film_open_within(saga_film *film, const char *name,
                            const saga_bytes *bytes, double seconds_most,
                            saga_error *error);

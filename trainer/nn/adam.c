@@ -6,8 +6,8 @@
 
 #include <stdatomic.h>
 
-/* A thread takes about so many reals at a time, in whole lines of the cache,
- * and this long to check and to step one, in nanoseconds. */
+/* A thread takes about SLICE reals at a time, in whole lines of the cache; the
+ * two times are what it takes to check and to step one, in nanoseconds. */
 enum { SLICE = 4096, LINE = 16 };
 #define CHECK_NS 0.15
 #define STEP_NS 0.7

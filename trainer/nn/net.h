@@ -80,7 +80,7 @@ typedef struct saga_net_pass {
     size_t m;                    /* points */
 } saga_net_pass;
 
-/* So many points go through all layers together. */
+/* This number of points goes through all layers together. */
 enum { SAGA_NET_CHUNK = 128 };
 
 /* For those who do more with points than a network, a part at a time, in

@@ -270,7 +270,7 @@ void saga_novel_walk(saga_novel *o, uint32_t most_primitives,
 saga_sample saga_novel_pick(const saga_pictures *p, saga_rng rng,
                             uint64_t draw)
 {
-    /* So many of the pictures before this one were the teachers'; another such
+    /* n of the pictures before this one were the teachers'; another such
      * picture is due wherever the number grows. */
     const uint64_t n = p->novel ? (uint64_t)((double)draw * NOVEL_PART) : 0;
     const uint64_t next = p->novel

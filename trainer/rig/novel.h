@@ -39,7 +39,7 @@ void saga_novel_free(saga_novel *novel);
 bool saga_novel_teach(saga_novel *novel, const saga_splat_params *params,
                       uint32_t n, saga_error *error);
 
-/* Saves the teachers; or reads them, who have at most so many primitives each.
+/* Saves the teachers; or reads them, who have at most most_primitives each.
  * Reading fails as checkpoints do, or for want of memory. */
 void saga_novel_walk(saga_novel *novel, uint32_t most_primitives,
                      saga_checkpoint *checkpoint, saga_error *error);

@@ -111,7 +111,7 @@ typedef struct {
     size_t f, n, n_parts;
 } scattering;
 
-/* Sources take turns, so many at a time. */
+/* Sources take turns, TURN of them at a time. */
 enum { TURN = 16 };
 
 static bool is_of(size_t source, size_t part, size_t n_parts)

@@ -29,8 +29,8 @@ typedef struct saga_links {
 #define saga_links_supports SAGA_REAL_NAME(saga_links_supports)
 #define saga_links_scaffold_free SAGA_REAL_NAME(saga_links_scaffold_free)
 
-/* Makes room for so many queries, none of them linked. saga_links_free it also
- * after a failure. */
+/* Makes room for this number of queries, none of them linked. saga_links_free
+ * it also after a failure. */
 bool saga_links_alloc(saga_links *l, size_t queries, saga_error *error);
 void saga_links_free(saga_links *l);
 

@@ -18,9 +18,10 @@
 #include "scene.h"
 #include "splat.h"
 
-/* Motion has at least so many bits behind the point, and so at most 127.996
- * supports per age^order: what is cut goes on in larger supports. Rounded more
- * coarsely, for the sake of a few, it is most of what a picture is off. */
+/* Motion has at least this number of bits behind the point, and so at most
+ * 127.996 supports per age^order: what is cut goes on in larger supports.
+ * Rounded more coarsely, for the sake of a few, it is most of what a picture is
+ * off. */
 enum { SAGA_TWIN_MOTION_Q = 8 };
 
 /* A batch goes through a network: what goes in and comes out, and gradients.
@@ -64,7 +65,7 @@ typedef struct saga_twin {
 #define saga_twin_anchor_loss SAGA_REAL_NAME(saga_twin_anchor_loss)
 #define saga_twin_backward SAGA_REAL_NAME(saga_twin_backward)
 
-/* Lays out the batch of so many rows through a network. */
+/* Lays out the batch of `rows` rows through a network. */
 void saga_twin_batch_take(saga_twin_batch *b, saga_arena *a,
                           const saga_net *net, size_t rows);
 

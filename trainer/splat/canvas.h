@@ -112,7 +112,7 @@ typedef struct saga_canvas {
     real *image;                /* as drawn */
     real *truth;                /* filled by the caller; below 0 where a pixel
                                  * does not count */
-    size_t n_unseen;            /* so many of them */
+    size_t n_unseen;            /* number of such pixels */
     real *d_image;              /* dL/dimage */
     saga_splat_work splat;
 } saga_canvas;

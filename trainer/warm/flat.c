@@ -10,8 +10,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Threads take so many primitives at a time; what one takes for each, in
- * nanoseconds. */
+/* Threads take PART primitives at a time; the others are what one primitive
+ * takes, in nanoseconds. */
 enum { PART = 256, TURN_NS = 5, SETTLE_NS = 40 };
 
 /* Octaves that a step of a mean goes with its primitive's size. */

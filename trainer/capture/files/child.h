@@ -11,7 +11,7 @@
 
 #include <sys/types.h>
 
-/* A child is given up after so many seconds without output: counting the
+/* A child is given up after this many seconds without output: counting the
  * packets of a long video takes minutes. */
 enum { SAGA_CHILD_PATIENCE = 300 };
 

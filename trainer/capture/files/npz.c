@@ -106,7 +106,7 @@ bool saga_npz_has(const saga_npz *npz, const char *name)
 }
 
 /* Returns a member's bytes in the file, behind its own header; NULL where there
- * are not so many. */
+ * are fewer. */
 static const uint8_t *packed(const saga_npz *npz, const member *m)
 {
     saga_cursor c = { npz->bytes.data,

@@ -286,6 +286,7 @@ static exr_result_t encode_chunks(exr_context_t context, int width,
     exr_result_t r = exr_get_scanlines_per_chunk(context, 0, &rows);
     for (int y = 0; y < height && r == EXR_ERR_SUCCESS; y += rows) {
         exr_chunk_info_t chunk;
+        /* The pipeline is made for the first chunk and goes on to the next. */
         r = exr_write_scanline_chunk_info(context, 0, y, &chunk);
         if (r != EXR_ERR_SUCCESS)
             break;
@@ -293,6 +294,7 @@ static exr_result_t encode_chunks(exr_context_t context, int width,
                    : exr_encoding_update(context, 0, &chunk, &encode);
         if (r != EXR_ERR_SUCCESS)
             break;
+        /* Each channel reads its own plane of floats, row by row. */
         for (int c = 0; c < encode.channel_count; c++) {
             exr_coding_channel_info_t *const ch = &encode.channels[c];
             const int p = plane_of(planes, ch->channel_name);

@@ -379,7 +379,7 @@ static bool get_directions(const miv_reader *r, const miv_camera *c,
     return true;
 }
 
-/* All views together give about so many points at most. */
+/* All views together give at most about this number of points. */
 enum { MOST_POINTS = 50000 };
 
 static bool add_depth(miv_reader *r, const miv_camera *c, int kind)

@@ -35,7 +35,7 @@ enum {
 #define SURE_AGREEMENT 4.0
 /* A difference of two correlations has sqrt(2 / n). */
 #define SURE_GAP 1.5
-/* 95 % of what 8 groups estimate lies within so many standard errors (Student's
+/* 95 % of what 8 groups estimate lies within 2.4 standard errors (Student's
  * t with 7 degrees of freedom). A parabola is no more exact than the rest. */
 #define STANDARD_ERRORS 2.4
 #define LEAST_TOLERANCE 0.1

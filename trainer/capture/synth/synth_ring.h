@@ -86,7 +86,7 @@ typedef struct saga_ring_hit {
 /* Takes any time, also negative. */
 void saga_ring_at(saga_ring_state *state, uint32_t seed, double seconds);
 
-/* Finds where the ball is so many seconds after it left a hand at `from` with
+/* Finds where the ball is some seconds after it left a hand at `from` with
  * the velocity `speed`, m/s: it falls, bounces off floor and walls. */
 void saga_ring_fly(double at[3], const double from[3], const double speed[3],
                    double seconds);

@@ -51,8 +51,9 @@ typedef struct saga_capture_options {
     int end_frame;           /* 0: to the last */
     const char *hold_out;    /* names, comma-separated; "" none; NULL: what the
                               * capture says, for Neu3D cam00 */
-    const char *late;        /* "NAME=FRAMES,..": cameras that run so many
-                              * frames, also parts of one, behind the others;
+    const char *late;        /* "NAME=FRAMES,..": cameras that run this
+                              * number of frames, also parts of one, behind the
+                              * others;
                               * NULL: none */
     uint64_t memory_nbytes;  /* budget for pictures and depth */
     int n_threads;           /* 0: as many as OpenMP gives */

@@ -27,7 +27,7 @@ typedef struct saga_pack_input {
     const saga_weights *weights; /* steps of the networks' parameters,
                                   * but for the entropy networks': the
                                   * choice's */
-    double room;                 /* >= 1: formats of the networks hold so many
+    double room;                 /* >= 1: formats of the networks hold this many
                                   * times what is measured, for segments that
                                   * are still to come */
 } saga_pack_input;

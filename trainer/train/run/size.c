@@ -39,7 +39,7 @@ static double spread_of(double bits)
     return exp2(2 * fmax(bits, 0.02)) - 1;
 }
 
-/* Returns by what to multiply the step of n values that take so many bits, for
+/* Returns by what to multiply the step of n values that take `bits` bits, for
  * `more` bits more. */
 static double step_factor(double bits, double more, double n)
 {

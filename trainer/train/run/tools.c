@@ -62,8 +62,8 @@ static void choose_pictures(trial *a)
     const int every = most > 0 ? (n + most - 1) / most : n;
     const int each = most / n > 0 ? most / n : 1;
 
-    /* Every so many views, dealt to the halves in turn; their frames are in the
-     * middle of equal parts of the segment. */
+    /* Every `every`th view, dealt to the halves in turn; their frames are in
+     * the middle of equal parts of the segment. */
     for (int k = 0; k < n && most >= LEAST_PICTURES; k += every)
         for (int i = 0; i < each; i++) {
             const int view = t->pictures.train[k];

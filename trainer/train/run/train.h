@@ -69,7 +69,7 @@ typedef struct saga_train_base {
     saga_train_no_base why;
     uint32_t n_still;            /* primitives of the first warm-up that stand
                                   * still, */
-    uint32_t n_looked_at;        /* of so many; 0: not looked at */
+    uint32_t n_looked_at;        /* number of those looked at; 0: none were */
     uint32_t n_prim;             /* of the base; 0: there is none */
     uint32_t n_kept;             /* of each segment beside it */
     double saved;                /* bytes that this saves, an estimate; of no
@@ -103,7 +103,7 @@ typedef struct saga_train_options {
     int only;                    /* this one is trained, and no more */
     uint32_t n_primitives;       /* of a segment, 1..the level's */
     bool free_count;             /* n_primitives are a guess: the warm-up ends
-                                  * with so many as suit lambda > 0 */
+                                  * with the number that suits lambda > 0 */
     uint32_t n_coarse, n_fine;   /* budgets of anchors; 0: by n_primitives */
     int n_iterations;            /* of all stages of a segment, >= 2; and its */
     int n_warm, n_render;        /* split, both or none given */

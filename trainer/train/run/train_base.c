@@ -114,7 +114,7 @@ static double times_for(int n)
     return fmin(sqrt(by_law), MOST_TIMES);
 }
 
-/* Returns by what to multiply a base of so many primitives, and those that each
+/* Returns by what to multiply the primitives of a base, and those that each
  * segment keeps: where a size was asked for, what a base saves is spent on
  * more of them, if the level has room for what is drawn together. */
 static double filling(const saga_train *t, double base, double kept)

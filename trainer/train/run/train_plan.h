@@ -40,9 +40,9 @@ typedef struct saga_plan_reasons {
 enum { SAGA_PLAN_MOST_FRAMES = 65535 };
 
 /* Returns how many segments a capture is trained in, of whose frames nothing
- * but number, rate and how many fit is looked at. They have about so many
- * frames; 0: of ten seconds, or 24 frames where these are longer, if they fit,
- * of a second at least, and of a camera that moves, all of them. */
+ * but number, rate and how many fit is looked at. They have about this number
+ * of frames; 0: of ten seconds, or 24 frames where these are longer, if they
+ * fit, of a second at least, and of a camera that moves, all of them. */
 int saga_plan_segments(const saga_capture *capture, int frames);
 
 /* Returns N where the pictures of a still should be 1/N of their size, of a
@@ -53,11 +53,11 @@ int saga_plan_segments(const saga_capture *capture, int frames);
 int saga_plan_scale(const saga_train_options *o, const saga_capture *looked_at,
                     const saga_preset *preset);
 
-/* Returns the primitives that a segment of so many seconds wants of whose
+/* Returns the primitives that a segment of this length, seconds, wants of whose
  * pixels at one moment, of all views together, a part 0..1 changes. */
 double saga_plan_primitives(double pixels, double changing, double seconds);
 
-/* Returns the CPU minutes that a training takes whose pictures have so many
+/* Returns the CPU minutes that a training takes whose pictures have `pixels`
  * pixels. */
 double saga_plan_minutes(double n_primitives, double n_iterations,
                          double pixels);
@@ -68,7 +68,7 @@ double saga_plan_minutes(double n_primitives, double n_iterations,
 void saga_plan_nbytes(double *least, double *most, double n_primitives,
                       double n_iterations, bool still);
 
-/* Returns the primitives that make a file of so many bytes, about. */
+/* Returns the number of primitives that make a file of about n_bytes. */
 double saga_plan_primitives_of_size(double n_bytes);
 
 /* Sets n_primitives and n_iterations of o where they are 0, by n_bytes, the

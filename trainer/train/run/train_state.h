@@ -48,7 +48,7 @@ struct saga_train {
     saga_novel novel;            /* the segment's teachers there are by now */
     int n_teachers;              /* that there will be: as asked for, or 0 */
     saga_flat *flat;             /* the warm-up, or a teacher until there are
-                                  * so many */
+                                  * n_teachers */
 
     /* From the rendering on. */
     bool fitting, dynamic;
