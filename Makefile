@@ -308,7 +308,7 @@ WEB = $(BUILD)/web
 WEB_FILES := $(addprefix $(WEB)/,$(notdir $(sort $(wildcard \
     $(addprefix ports/web/*.,html css js)))) $(if $(HAS_WASM),saga.wasm \
     saga_simd.wasm))
-# What `npm pack` wants beside it.
+# `npm pack` wants these beside it.
 WEB_PACK := $(patsubst ports/web/%,$(WEB)/%,$(sort $(wildcard ports/web/*.ts \
     ports/web/*.json ports/web/*.md)))
 web: $(WEB_FILES) $(WEB_PACK)

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * What one thread of this machine can do at most: additions that wait for one
+ * The most that one thread of this machine can do: additions that wait for one
  * another (its clock), bytes copied from memory to memory and inside the
  * second cache, multiply-adds of int16 and of float in its registers.
  */

@@ -82,7 +82,7 @@ static void run_once(const uint8_t *bytes, size_t n, const saga_info *info,
     free(scratch);
 }
 
-/* What a stage's time is for, of the file. */
+/* The rows of a file's stages, each by a number from its header. */
 static void report(const saga_info *info)
 {
     bench_row *r;

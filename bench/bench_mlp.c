@@ -78,7 +78,7 @@ static void run_points(bench *b, const saga_layer *layer, uint32_t batch)
     }
 }
 
-/* What runs again and again. */
+/* The subject of a timing: a layer and its inputs, run again and again. */
 typedef struct {
     bench *b;
     const saga_layer *layer;

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: MIT
  *
- * What each operator of the decoder costs and how exact it is: float64, float32
- * and the integers on the same inputs. Times are CPU nanoseconds of one thread
- * a unit (least, quartiles, median), errors those of all values against
- * float64. `make numerics` runs it twice, with the integers in vectors and
- * without any, and draws what it says.
+ * The cost of each of the decoder's operators and how exact it is: float64,
+ * float32 and the integers on the same inputs. Times are CPU nanoseconds of
+ * one thread a unit (least, quartiles, median), errors those of all values
+ * against float64. `make numerics` runs it twice, with the integers in vectors
+ * and without any, and draws what it says.
  *
  *     bench_numerics NAME [count]
  *
@@ -58,7 +58,7 @@ enum {
     REPETITIONS = 15
 };
 
-/* What an operator takes and gives in one type of reals. */
+/* Arguments and results of the operators in one type of reals. */
 #define REALS(REAL, NAME) \
     typedef struct { \
         REAL mean[3], quat[4], slope[4], scale[3], log2_scale[3], opacity, \

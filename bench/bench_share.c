@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * What the components of the decoder take of a file: decoding its first
+ * The share of each component of the decoder in a file: decoding its first
  * segment and drawing its first camera's picture at the segment's middle.
  *
  *     bench_share [--json] FILE...

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * What a picture takes, stage by stage and as a whole: 50,000 splats of random
- * primitives at 640x360 and a colour network of 32 hidden units, for every set
- * of vectors that the machine has.
+ * The time of a picture, stage by stage and as a whole: 50,000 splats of
+ * random primitives at 640x360 and a colour network of 32 hidden units, for
+ * every set of vectors that the machine has.
  */
 #include "animate.h"
 #include "bench_table.h"

@@ -84,7 +84,8 @@ static int is_ceiling(const bench_row *r)
     return !strncmp(r->name, "ceiling", 7);
 }
 
-/* Of a kind in a millisecond: the first row of bench_ceilings. */
+/* The best that this machine does of a kind in a millisecond: the first row of
+ * bench_ceilings. */
 static double ceiling(bench_kind kind)
 {
     int i;

@@ -9,7 +9,7 @@
 
 #include "bench_time.h"
 
-/* What a row does that has a ceiling, measured by bench_ceilings. */
+/* A kind of work that has a ceiling, measured by bench_ceilings. */
 typedef enum {
     BENCH_NOTHING,
     BENCH_CYCLES,                /* additions one after the other */

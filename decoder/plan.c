@@ -265,8 +265,8 @@ static uint64_t bank_macs(const count *c, const saga_counts *n)
     return macs;
 }
 
-/* Of one coarse anchor, fine anchor or primitive there are less than 2^24, of a
- * round less than 2^27. */
+/* Multiply-accumulates of the networks. Nothing overflows: one coarse anchor,
+ * fine anchor or primitive takes less than 2^24, a round less than 2^27. */
 uint64_t saga_plan_macs(const saga_model *m, const saga_nets *nets,
                         const saga_counts *n, uint32_t each)
 {

@@ -59,7 +59,7 @@ static uint32_t bypass(saga_range_dec *d, uint32_t bits)
     return v;
 }
 
-/* What lies beyond the table: Exp-Golomb of |q| - M - 1, then the sign. */
+/* A residual beyond the table is Exp-Golomb of |q| - M - 1, then the sign. */
 static int32_t escaped(saga_range_dec *d, uint32_t max)
 {
     uint32_t bits = SAGA_ESCAPE_ORDER, v = 0, sign;

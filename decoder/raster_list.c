@@ -49,8 +49,8 @@ uint64_t saga_raster_boxes(saga_key *order, const saga_splat *splats,
 
 #define GUARDS 0x80808080u       /* no byte borrows from the next */
 
-/* What the keys of splats that may touch these tiles of the band do not
- * exceed. */
+/* The upper bound of the keys of splats that may touch these tiles of the
+ * band. */
 static uint32_t limit_of(const raster *r, uint32_t nx, uint32_t ny)
 {
     const uint32_t shift = r->box_shift;

@@ -209,8 +209,8 @@ void saga_reconstruct(const saga_scaffold *sc, saga_primitive *prims,
     }
 }
 
-/* So wide a life never fades: |dt| < 2^17 is u <= 2 in Q16, and u^2 log2(e)
- * rounds to 0. */
+/* Gives primitives a life so wide that it never fades: |dt| < 2^17 is u <= 2
+ * in Q16, and u^2 log2(e) rounds to 0. */
 void saga_stand_still(saga_primitive *prims, uint32_t n)
 {
     uint32_t i;

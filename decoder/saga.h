@@ -249,9 +249,9 @@ typedef struct saga_naming {
                               * 0: unknown */
 } saga_naming;
 
-/* What the capture calls camera `index` of the rig, and its unit of length.
- * bytes[0..n): the file's start; a chunk of names lies right behind the head,
- * and the first segment behind that.
+/* Tells the capture's name of camera `index` of the rig, and its unit of
+ * length. bytes[0..n): the file's start; a chunk of names lies right behind
+ * the head, and the first segment behind that.
  * SAGA_OK; ARG: there is no such camera, or the file has no names; TRUNCATED:
  * more bytes are needed; DATA; else as saga_probe. */
 saga_status saga_name_camera(saga_naming *naming, const uint8_t *bytes,
@@ -280,8 +280,8 @@ typedef struct saga_layer_report {
                               * stop */
 } saga_layer_report;
 
-/* What layer `index` of a segment has, 0..info.n_layers-1, and where it ends.
- * segment: as saga_find gave it; bytes[0..n): its beginning.
+/* Tells the counts of layer `index` of a segment, 0..info.n_layers-1, and
+ * where it ends. segment: as saga_find gave it; bytes[0..n): its beginning.
  * SAGA_OK; ARG: there is no such layer; TRUNCATED: more bytes are needed, at
  * most SAGA_LAYERS_NBYTES; DATA. */
 saga_status saga_find_layer(saga_layer_report *layer, const saga_decoder *dec,

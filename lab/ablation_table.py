@@ -29,7 +29,7 @@ VARIANTS = [
     ("all-no-bank", "... but the bank"),
     ("all-plain", "... with the plain update"),
 ]
-# What a variant is compared with, if it is not the full model.
+# A variant is compared with the full model, unless it has another here.
 AGAINST = {"all-no-bank": "all", "all-plain": "all"}
 SLOTS = 32, 64, 128, 256, 512
 # Rows of make_shared.

@@ -26,7 +26,8 @@ def pchip_slopes(x, y):
 
 
 def integral(x, y, lo, hi):
-    """Of the monotone cubic through (x, y), from lo to hi within x."""
+    """The area under the monotone cubic through (x, y), from lo to hi within
+    x."""
     d = pchip_slopes(x, y)
     total = 0.0
     for i in range(len(x) - 1):

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * What a file's values would cost without any context: an adaptive order-0
- * coder of each channel, as an ideal code length. What the entropy model must
- * beat, its networks counted.
+ * The cost of a file's values without any context: an adaptive order-0 coder
+ * of each channel, as an ideal code length. What the entropy model must beat,
+ * its networks counted.
  *
  * A channel's symbols v_1, v_2, ... are coded in rank order with the estimator
  * of Krichevsky and Trofimov,

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * What formats cost on a file: the reference draws a picture in double, then
- * with one rounding at a time, coarser and finer than the norm's, and tells how
- * far the two are apart, before they are rounded to 8 bits. Prints JSON.
+ * The cost of formats on a file: the reference draws a picture in double, then
+ * with one rounding at a time, coarser and finer than the norm's, and tells
+ * how far the two are apart, before they are rounded to 8 bits. Prints JSON.
  *
  *     make_formats FILE.saga [CAMERA [FRAME]]
  */

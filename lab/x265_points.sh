@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: MIT
 #
 # x265_points.sh CAPTURE NBYTES...: prints the PSNR that H.265 reaches on a
-# capture's videos with so many bytes for all of them, simulcast: each camera is
+# capture's videos with NBYTES for all of them, simulcast: each camera is
 # a stream of its own, by x265 with the preset medium and --tune psnr, without
 # what only costs bytes: wavefronts, and the text on itself that x265 writes
 # into each stream (lab/simulcast.py does the same). The PSNR is that of the

@@ -60,8 +60,8 @@ void ref_file_free(ref_file *f);
 
 /* The colours of a primitive: how many the integers have. */
 uint32_t ref_file_colours(const ref_file *f);
-/* What saga_reconstruct makes of it: (prim) and (prim, ref_file_colours); free
- * both, also after a failure. */
+/* Makes what saga_reconstruct does, in double: (prim) and (prim,
+ * ref_file_colours); free both, also after a failure. */
 bool ref_file_primitives(saga_primitive **prim, int16_t **colour,
                          const ref_file *f, saga_error *error);
 

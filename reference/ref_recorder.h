@@ -52,7 +52,7 @@ typedef struct recorder_chunks {
     saga_segment wanted;         /* of a segment's chunks: which it is */
 } recorder_chunks;
 
-/* What stands behind a file's header, and the chunks of a segment. */
+/* List the chunks behind a file's header, and those of a segment. */
 recorder_chunks recorder_head(const saga_header *h, const uint8_t *bytes,
                               size_t n);
 recorder_chunks recorder_segment_chunks(const saga_header *h,
@@ -92,8 +92,8 @@ int recorder_fill(saga_coder *front, saga_coder **inner,
                   const saga_scaffold *sc, uint32_t final_range[3],
                   recorder_chunks at);
 
-/* What recorder_read is to read: the base, or a layer of a segment; the first
- * one is the segment's number alone. */
+/* recorder_read reads the base, or a layer of a segment, whose first one is
+ * the segment's number alone. */
 #define RECORDER_BASE UINT32_MAX
 #define RECORDER_LAYER(number, layer) ((uint32_t)(layer) << 24 | (number))
 

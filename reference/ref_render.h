@@ -62,9 +62,9 @@ int ref_project(ref_splat *s, const ref_animated *a, const saga_camera *c);
  * covariance, not of its factor. */
 double ref_q(const ref_splat *s, double dx, double dy);
 
-/* What is blended: q at the centre of pixel (x, y), by the factor; pixels that
- * a splat may touch, x0, y0, x1, y1; alpha; whether neither cut nor stop; and
- * one splat into one pixel, which begins as 0, 0, 0 and 1. */
+/* The operators of blending: q at the centre of pixel (x, y), by the factor;
+ * pixels that a splat may touch, x0, y0, x1, y1; alpha; whether neither cut
+ * nor stop; and one splat into one pixel, which begins as 0, 0, 0 and 1. */
 double ref_q_at(const ref_splat *s, int x, int y);
 void ref_box(int box[4], const ref_splat *s, const saga_camera *c);
 double ref_alpha(double q);

@@ -33,7 +33,7 @@ fail() {
     echo "FAIL firmware $1"
 }
 
-# What the firmware has to say, one line a picture.
+# The firmware has to say this, one line a picture.
 streams=()
 for f in vectors/good/*.saga; do
     [ "$(od -An -tu1 -j12 -N1 "$f" | tr -d ' ')" = 0 ] && streams+=("$f")

@@ -137,7 +137,7 @@ programs() {
             s=$(seconds "$log/$t.cpu")
             echo "$s $name $t" >>"$build/programs.txt"
             echo "ok   $name $t: $p tests, $s s"
-            # What the test has to say, without cmocka's own lines.
+            # Pass on the test's own words, without cmocka's lines.
             grep -v -e '^\[' -e '^ *$' "$log/$t.log" | sed 's/^/     /'
             continue
         fi
@@ -208,7 +208,7 @@ sanitized() {
     sources=$plain
 }
 
-# What a change of a line must pass.
+# A change of a line must pass these.
 few() {
     tree
     build gcc "all tests $build/gcc/check_vectors" CC=gcc
@@ -217,7 +217,7 @@ few() {
     check round tests/cli/check_round.sh
 }
 
-# What a push must pass.
+# A push must pass these.
 many() {
     tree
     build gcc "all tests lab-programs bench-programs

@@ -112,8 +112,8 @@ INLINE i64s view_coordinate(const int32_t *row, const i64s *d)
            mul(d[2], all(row[2]));
 }
 
-/* What a slope is a difference to, so that it has 32 bits: the middle of those
- * that there are. */
+/* Slopes are differences to this one, the middle of those that there are, so
+ * that they have 32 bits. */
 INLINE int64_t middle_slope(const saga_camera *c, int axis)
 {
     const int32_t side = axis == 0 ? c->width : c->height;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * What runs before main, and what the processor counts.
+ * The code that runs before main, and the processor's counters.
  */
 #ifndef SAGA_BOOT_H
 #define SAGA_BOOT_H

@@ -194,7 +194,7 @@ class Film:
         _check(_lib().saga_probe(ctypes.byref(self._header), self._bytes,
                                  len(data)), name)
         h = self._header
-        # What a header asks for is bounded by its level, 1 GiB at most.
+        # A header's level bounds what it asks for: 1 GiB at most.
         if h.work_nbytes > _LARGEST or h.head_nbytes > len(data):
             raise Error(name + ": the file is cut short")
         self._work = ctypes.create_string_buffer(h.work_nbytes + _ALIGN)
@@ -231,8 +231,8 @@ class Film:
 
     @property
     def names(self):
-        """What the file calls the cameras of its rig; empty where it does
-        not say."""
+        """The file's names of the cameras of its rig; empty where it has
+        none."""
         return [self._naming(i).name.decode(errors="replace")
                 for i in range(self.info.n_cameras)]
 
@@ -273,7 +273,7 @@ class Film:
                f"{self.info.name}: frame {frame}")
         if s.number != self._segment:
             self._segment = None
-            # Of a file that ends early, layers may be whole.
+            # Layers may be whole in a file that ends early.
             nbytes = min(s.nbytes, len(self._data) - s.offset)
             if nbytes < s.nbytes and (self.info.n_layers == 1 or nbytes < 0):
                 raise Error(self.info.name + ": the file is cut short")
@@ -351,7 +351,7 @@ class Film:
 
 def open(file, seconds=None):  # noqa: A001 (that is what it does)
     """A Film of a path, or of the bytes of a file. Decoding its head, or later
-    a segment, may take so many seconds, or raises an Error; None: as long as
+    a segment, may take `seconds`, or raises an Error; None: as long as
     files of its level may take, seconds at level 2."""
     if isinstance(file, (bytes, bytearray, memoryview)):
         return Film("bytes", bytes(file), seconds)

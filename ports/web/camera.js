@@ -201,8 +201,8 @@ export function focusOf(poses) {
     return solve3(m, v);
 }
 
-// What is up for people who hold their cameras level, whatever their tilt: at
-// right angles to all horizontal axes, near the pictures' mean up.
+// Up, for people who hold their cameras level, whatever their tilt: at right
+// angles to all horizontal axes, near the pictures' mean up.
 export function upOf(poses) {
     const mean = poses.reduce((sum, pose) => sub(sum, downOf(pose)),
         [0, 0, 0]);

@@ -11,7 +11,7 @@ const STEP = Math.PI / 36; // of an arrow
 const STRIDE = 24;         // pixels of a key that moves
 const NEARER = 0.92;
 
-// What keys without a modifier do to the camera.
+// Keys without a modifier move the camera.
 const MOVES = {
     ArrowLeft: (viewer) => viewer.orbit(-STEP, 0),
     ArrowRight: (viewer) => viewer.orbit(STEP, 0),

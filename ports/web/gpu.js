@@ -74,7 +74,8 @@ void main() {
                        gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0);
 }`;
 
-// What is left shows the background. WebGL has rows from the bottom.
+// Transparency that is left shows the background. WebGL has rows from the
+// bottom.
 const PICTURE_FRAGMENT = `#version 300 es
 precision highp float;
 precision highp sampler2D;

@@ -37,7 +37,8 @@ export class Pace {
         }
     }
 
-    // What was too large just after it grew is tried again later and later.
+    // A size that was too large just after it grew is tried again later and
+    // later.
     shrink() {
         if (this.grew)
             this.hold = Math.min(64 * MANY, 2 * this.hold);

@@ -137,8 +137,8 @@ function noteState() {
 
 let shown = []; // when the last pictures came, ms
 
-// What came before the last RATE_MS says nothing of now: the time to begin with
-// is that of the last picture before them.
+// Pictures before the last RATE_MS say nothing of now: the time to begin with
+// is that of the last one among them.
 function noteShown(now) {
     shown.push(now);
     while (shown.length > 2 && now - shown[1] >= RATE_MS)
@@ -154,7 +154,7 @@ function rateText() {
         'a second' : '';
 }
 
-// What the reference decoder says of this picture; undefined: it is not said.
+// The reference decoder's word on this picture; undefined: there is none.
 function referenceOf({ num, den, values }) {
     if (viewer.moved || viewer.scale !== 1 || den !== 1)
         return undefined;
@@ -358,7 +358,7 @@ viewer.addEventListener('opened', showFile);
 viewer.addEventListener('change', showState);
 viewer.addEventListener('drawn', showDrawn);
 viewer.addEventListener('failed', (event) => tellProblem(event.detail));
-// What was asked for: ?draw=exact, or a CRC, which the decoder alone has.
+// The address asks for ?draw=exact, or for a CRC, which the decoder alone has.
 if (asked.get('draw') === 'exact' || (asked.has('crc') && !asked.has('draw')))
     viewer.setExact(true);
 viewer.simd = asked.get('simd') === '0' ? false : undefined;

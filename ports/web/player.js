@@ -295,7 +295,7 @@ export class SagaPlayer extends HTMLElement {
         this.viewer.seek(Math.round(this.viewer.frame) + frames);
     }
 
-    // Of the element, and of a page that is nothing but a player.
+    // Keys reach the element, and a page that is nothing but a player.
     onKey(event) {
         const { viewer } = this;
         const [at] = event.composedPath();

@@ -332,7 +332,7 @@ export class SagaFile {
             values: told.slice(0, CAMERA_LENGTH) };
     }
 
-    // Of every segment where it is and which frames it has.
+    // Lists where every segment is and which frames it has.
     listSegments() {
         const list = [];
 
@@ -389,7 +389,8 @@ export class SagaFile {
         this.times.segment = performance.now() - start;
     }
 
-    // Of a segment with layers the first bytes may do: the decoder knows.
+    // Decodes a segment; where it has layers, its first bytes may do: the
+    // decoder knows.
     decodeBytes({ firstFrame }, bytes) {
         this.segment = -1;
         if (bytes.length === 0)
@@ -425,9 +426,9 @@ export class SagaFile {
         this.times.view = performance.now() - start;
     }
 
-    // What a graphics processor makes that picture of (gpu.js): bytes is a view
-    // of the decoder's memory, good until the next call, of saga_splat's array
-    // in saga.h, nearest first.
+    // The splats of a picture, for a graphics processor to draw (gpu.js):
+    // bytes is a view of the decoder's memory, good until the next call, of
+    // saga_splat's array in saga.h, nearest first.
     async splats(camera, num, den = 1) {
         await this.view(camera, num, den);
         const start = performance.now();

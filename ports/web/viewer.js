@@ -204,9 +204,9 @@ export class Viewer extends EventTarget {
         return !this.exact && this.room !== null;
     }
 
-    // What is drawn: the rig's own integers where nothing was moved, and in the
-    // camera's own size. While something moves, pictures are as small as the
-    // machine needs.
+    // The camera that is drawn: the rig's own integers where nothing was
+    // moved, and in the camera's own size. While something moves, pictures are
+    // as small as the machine needs.
     values() {
         const detail = this.isMoving() ? this.pace.scale : 1;
         const lens = this.fills

@@ -107,7 +107,7 @@ static void note_owner(void *user, size_t part)
     ((size_t *)user)[part] = saga_thread_number();
 }
 
-/* Of its own share a thread has the first parts; others take the last. */
+/* A thread has the first parts of its own share; others take the last. */
 TEST(threads_should_keep_to_their_shares)
 {
     enum { TEAM = 3, EACH = 40 };

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * What is UTF-8 against table 3-7 of the Unicode Standard, byte ranges written
- * out; names that are none keep apart and are cut behind a character; JSON that
+ * UTF-8 against table 3-7 of the Unicode Standard, byte ranges written out;
+ * names that are none keep apart and are cut behind a character; JSON that
  * lacks a value is noticed.
  */
 #include "json_memory.h"

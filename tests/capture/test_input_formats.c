@@ -641,8 +641,8 @@ TEST_IN_FOLDER(exr_should_bring_all_8_bits_back)
     assert_memory_equal(rgb, back, 768);
 }
 
-/* What a chunk takes when compressed passes through all sizes around that of
- * the pixels: noise after more and more zeros. */
+/* The size of a compressed chunk passes through all sizes around that of the
+ * pixels: noise after more and more zeros. */
 TEST_IN_FOLDER(exr_should_bring_depth_back_whatever_its_size)
 {
     enum { WIDTH = 24, HEIGHT = 16, N = WIDTH * HEIGHT };

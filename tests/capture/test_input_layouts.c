@@ -127,7 +127,8 @@ static void write_moving(folder *f, const char *path, int from, int to,
     write_bytes(f, path, &b);
 }
 
-/* What view `from` of the scene saw, at moment k of a camera that moves. */
+/* Compares with what view `from` of the scene saw, at moment k of a camera
+ * that moves. */
 static double check_moving(const saga_capture *c, int view, int from, int k,
                            double late)
 {
@@ -201,7 +202,7 @@ TEST_IN_FOLDER(moving_camera_should_need_no_memory_for_what_is_missing)
     o.memory_nbytes = W * H * (4 * 3 + 3 * 7);
     c = load_with(f->path, &o);
     assert_int_equal(c.n_frames, 4);
-    /* Of five even quarters four are frames: thirds of the time. */
+    /* Four of five even quarters are frames: thirds of the time. */
     assert_true(fabs(c.views[1].late - 0.75) < 1e-9 &&
                 saga_capture_has(&c, 1, 0));
     assert_true(fabs(c.views[2].late - 0.5) < 1e-9 &&

@@ -52,7 +52,7 @@ static void undistort(const lens *l, const double to[2], double x[2])
     assert_true(fabs(y[0] - to[0]) < 1e-12 && fabs(y[1] - to[1]) < 1e-12);
 }
 
-/* What there is to see in direction (x, y, 1): 0..255, waves of at least 27
+/* The scene as seen in direction (x, y, 1): 0..255, waves of at least 27
  * pixels, channels of different direction. */
 static double pattern(double x, double y, int channel)
 {
@@ -247,7 +247,7 @@ static void write_fisheye(folder *f, double focal, double slow)
 
 TEST_IN_FOLDER(fisheye_should_become_a_pinhole)
 {
-    /* What fits, and what is cut at 110 degrees. */
+    /* The first focal length fits, the second is cut at 110 degrees. */
     static const double focal[] = { 120, 60 }, slow[] = { 1, 4 };
 
     for (int t = 0; t < 2; t++) {

@@ -155,8 +155,8 @@ TEST_IN_FOLDER(npz_should_be_read_when_stored_or_deflated)
     }
 }
 
-/* What is taken in spite of the damage must be right: only times, versions and
- * comments may be wrong unnoticed. */
+/* Arrays that are taken in spite of the damage must be right: only times,
+ * versions and comments may be wrong unnoticed. */
 TEST_IN_FOLDER(npz_should_be_refused_when_damaged)
 {
     static const char *const names[] = { "net.a", "net.b" };

@@ -312,7 +312,7 @@ TEST_IN_FOLDER(synth_should_be_found_again_by_the_loader)
     saga_capture_free(&c);
 }
 
-/* What the scene's own tracing hits behind a pixel's centre lies at the depth
+/* The scene's own tracing hits something behind a pixel's centre, at the depth
  * of the EXR, in the loaded camera. */
 TEST_IN_FOLDER(depth_should_be_along_the_axis_of_the_loaded_camera)
 {

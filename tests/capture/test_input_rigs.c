@@ -306,7 +306,7 @@ static void turn(double d[3], int axis, double angle)
     d[b] = s * x + c * y;
 }
 
-/* What light comes from a direction of the scene: 0 to 1. */
+/* The light that comes from a direction of the scene: 0 to 1. */
 static double light_from(const double d[3])
 {
     return 0.5 + 0.4 * sin(3 * d[0] + 4 * d[1] - 2 * d[2] + 1);

@@ -83,7 +83,7 @@ TEST_IN_FOLDER(room_should_keep_its_bytes)
         fail_msg("CRC %08lx", (unsigned long)crc);
 }
 
-/* Of four cameras the one between the others is held out, number 1 * 4 / 2;
+/* The one of four cameras between the others is held out, number 1 * 4 / 2;
  * they stand a quarter of a turn apart, give or take 2 * 0.1 / 4 of one. */
 TEST_IN_FOLDER(ring_should_be_all_round_with_a_view_held_out)
 {

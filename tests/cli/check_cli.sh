@@ -222,7 +222,7 @@ while read -r f what status; do
         complain "saga-dec $f: status $rc, no '$said': $(head -n 1 "$tmp/err")"
 done <vectors/MANIFEST
 [ "$n" -ge 20 ] || complain "only $n bad vectors"
-# What is no .saga file at all.
+# A file that is no .saga file at all.
 expect 1 info tests/cli/check_cli.sh
 says 'not a .saga file'
 # No saga is newer than a file of version 0.
@@ -554,7 +554,7 @@ assert sorted(w["name"] for w in i["rig"]) == names, i["rig"]
 assert sorted(w["name"] for w in c["views"]) == names, c["views"]
 ' "$tmp/encode.json" "$tmp/eval.json" "$tmp/info.json" "$tmp/out" \
     2>"$tmp/py" || complain "names that are no UTF-8: $(tail -n 1 "$tmp/py")"
-# Of a file that has such a name no camera is left out.
+# No camera is left out of a file that has such a name.
 python3 -c '
 import sys
 b = bytearray(open(sys.argv[1], "rb").read())
@@ -579,7 +579,8 @@ python3 -c '
 import json, sys
 assert len(json.load(open(sys.argv[1]))["rig"]) == 3' "$tmp/out" \
     2>"$tmp/py" || complain "info of a name that is no UTF-8 lacks cameras"
-# What a report cannot tell of is an error, before the work where it is known.
+# A name that a report cannot hold is an error, before the work where it is
+# known.
 mv "$tmp/odd" "$tmp/$latin"
 expect 2 encode "$tmp/$latin" -o "$tmp/new.saga" --primitives 20 \
     --iterations 6 --json

@@ -407,7 +407,7 @@ for row, line in zip(rows, lines):
         assert float(row[key]) == line[key], (key, row, line)
 assert float(rows[6]["bits"]) == 0 < float(rows[7]["bits"])
 ' 2>>bad || complain "JSON lines: $(head -n 2 l.jsonl)"
-# Of a still teachers come first, but in the preset fast.
+# Teachers come first for a still, but in the preset fast.
 still=(-o t.saga --frames 0:1 --primitives 60 --iterations 40 --log t.csv)
 expect 0 cap "${still[@]}"
 [ "$(sed -n 2p t.csv | cut -d, -f2)" = teachers ] ||

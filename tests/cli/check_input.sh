@@ -283,7 +283,7 @@ verdict frames
 
 # ---- neu3d
 # poses NAME CODE [NBYTES]: p/NAME, a poses_bounds.npy of two cameras, its rows
-# changed by Python, of which so many bytes are kept.
+# changed by Python, of which NBYTES are kept.
 cat >poses.py <<'PYTHON'
 import glob, os, struct
 for name in glob.glob("code/*"):

@@ -76,7 +76,7 @@ def yuv(rgb):
 
 
 def judge_of_ffmpeg(a, b, form, judge, title):
-    """What ffmpeg's filter says of two raw pictures, by component."""
+    """The word of ffmpeg's filter on two raw pictures, by component."""
     for name, data in (("a.raw", a), ("b.raw", b)):
         with open(os.path.join(tmp, name), "wb") as f:
             f.write(data)
@@ -140,7 +140,8 @@ def check_flat():
 
 
 def exposed_mse(made, truth):
-    """Of pictures, after the factor that suits best, for each channel."""
+    """The squared error of pictures, after the factor that suits best, for
+    each channel."""
     left = 0
     for k in range(3):
         x = [p for picture in made for p in picture[k::3]]
@@ -217,7 +218,7 @@ def check_compare():
     report = json.loads(out)
 
     def result(nbytes, db):
-        """A report of so many bytes, all of whose PSNRs are so good."""
+        """A report of a file of nbytes, all of whose PSNRs are db."""
         r = json.loads(out)
         r["nbytes"] = nbytes
         for s in r["views"] + [r["training"]]:

@@ -144,7 +144,7 @@ def depths_of(path, camera):
 
 
 def shown(tmp, scene, kind, channel, size):
-    """What a PNG has, as 16 bits, and an EXR."""
+    """The samples of a PNG, as 16 bits, and those of an EXR."""
     for ending in ("png", "exr"):
         saga("render", scene, "--camera", 2, "--frame", 7, "--size",
              "%dx%d" % size, "--" + kind, "-o", tmp + "/%s.%s" % (kind, ending))

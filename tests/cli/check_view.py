@@ -246,7 +246,7 @@ def refused(arguments, status, says):
 
 
 def encode(tmp, until, *options):
-    """Trains, to be stopped after so many iterations."""
+    """Trains, to be stopped after `until` iterations."""
     log = tmp + "/log.csv"
     if os.path.exists(log):
         os.remove(log)

@@ -76,7 +76,7 @@ def make_long(tmp):
 
 # --- The page --------------------------------------------------------------
 
-# What is on the canvas, as R, G, B bytes in base 64.
+# Gives the canvas, as R, G, B bytes in base 64.
 CANVAS = """(() => {
     const from = viewer.read().data;
     let text = '';
@@ -232,7 +232,8 @@ def check_bad(page, manifest):
         return status;
     })()""" % json.dumps(list(bad)))
     for name, status in bad.items():
-        # What is cut off inside its rig may be told when cameras are listed.
+        # A file that is cut off inside its rig may be told when cameras are
+        # listed.
         if got[name] != int(status):
             complain(name, "is refused with", got[name], "not", status)
     if len(bad) < 40:

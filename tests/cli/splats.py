@@ -228,6 +228,6 @@ def draw(splats, camera, background, low_pass=0.3):
 
 
 def psnr(picture, samples):
-    """Of 0..1 against 8-bit samples."""
+    """The PSNR of 0..1 against 8-bit samples."""
     error = sum((255 * min(p, 1) - s) ** 2 for p, s in zip(picture, samples))
     return 10 * math.log10(255 ** 2 * len(samples) / max(error, 1e-9))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What checks in Python share, as verdict.sh is for those in bash: complaints
+"""Checks in Python share this, as those in bash share verdict.sh: complaints
 are collected, and a verdict prints them with one line "ok   CHECKS NAME" or
 "FAIL CHECKS NAME"."""
 

@@ -190,8 +190,8 @@ static int agrees(double bits, double nbytes)
     return fabs(nbytes - bits / 8) <= fmax(16, 0.005 * nbytes);
 }
 
-/* What nobody would train: escapes everywhere. Spent to the byte, all the
- * same. */
+/* Nobody would train such a stream: escapes everywhere. It is spent to the
+ * byte, all the same. */
 TEST(spent_should_be_the_bytes_of_random_streams)
 {
     uint64_t k;

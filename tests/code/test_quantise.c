@@ -164,8 +164,9 @@ TEST(quantiser_should_say_what_the_decoder_has)
 
 /* --- Precision ----------------------------------------------------------- */
 
-/* What the integers of a layer of 64 x 32 stand for: weights within `part` of
- * their step and `slack`, biases within `part` of theirs. */
+/* Holds the integers of a layer of 64 x 32 against what they stand for:
+ * weights within `part` of their step and `slack`, biases within `part` of
+ * theirs. */
 static void check_rounding(const layer *l, double part, double slack)
 {
     static float weight[64 * 32], bias[32];

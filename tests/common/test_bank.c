@@ -437,8 +437,8 @@ TEST(update_should_stay_within_bound_of_double)
                   worst[0], worst[1]);
 }
 
-/* What a slot loses when it is only normalised anew: the distance of its
- * length from 1, and a rounding. */
+/* A slot that is only normalised anew loses the distance of its length from 1,
+ * and a rounding. */
 static void assert_same_but_rounding(const int16_t *got, const int16_t *slot,
                                      uint32_t width)
 {

@@ -125,7 +125,7 @@ static int64_t row_abs_sum(const net *n, uint32_t row)
     return sum;
 }
 
-/* What is left for |bias|. */
+/* The room that is left for |bias|. */
 static int64_t row_room(const net *n, uint32_t row)
 {
     const int64_t half = n->shift[row] ? (int64_t)1 << (n->shift[row] - 1) : 0;

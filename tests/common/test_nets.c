@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * What enters a network: every value of every format in every input format,
+ * The inputs of networks: every value of every format in every input format,
  * one at a time against fx_requant16, between canaries.
  */
 #include "fx.h"

@@ -38,7 +38,7 @@ static row get_row(int i)
     return r;
 }
 
-/* Of symbol 0, of each of +-m, and of escape at m = M + 1. */
+/* The frequency of symbol 0, of each of +-m, and of escape at m = M + 1. */
 static int frequency(row r, int m)
 {
     if (m == 0)

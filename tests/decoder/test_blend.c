@@ -164,8 +164,8 @@ TEST(patches_should_be_those_of_the_norm)
         compare(&r, any_of(&r, sides, 8));
 }
 
-/* What a weight says of q: rounding of v and w to 2^-13, and of s,
- * for its square, to 2^-12. */
+/* The error of q from its roundings: v and w to 2^-13, and s, for its square,
+ * to 2^-12. */
 TEST(steep_should_be_that_of_the_formula)
 {
     gen_rng r = gen_seeded(52);

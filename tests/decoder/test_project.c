@@ -319,7 +319,7 @@ static int min_true_q_is_below(const trial *t, double limit)
     return 0;
 }
 
-/* What is dropped breaks a rule, or touches no pixel. */
+/* A splat that is dropped breaks a rule, or touches no pixel. */
 TEST(splats_should_be_dropped_by_the_rules_alone)
 {
     gen_rng r = gen_seeded(23);

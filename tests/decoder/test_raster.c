@@ -356,7 +356,7 @@ static void colour_truly(ref_splat *s, uint32_t index)
         s->colour[k] = colour[k] / 32768.0;
 }
 
-/* What is blended then: z and 1. */
+/* Makes z and 1 what is blended. */
 static void colour_by_depth(ref_splat *s, uint32_t index)
 {
     (void)index;

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * What is kept of an entropy model: sources that foretell, by construction or
- * because they learned to, and no others. And that coding what was coded
- * changes nothing, run by run or all at once. The float rows of costs are held
- * against the costs in double.
+ * The sources that an entropy model keeps: those that foretell, by
+ * construction or because they learned to, and no others. And that coding what
+ * was coded changes nothing, run by run or all at once. The float rows of
+ * costs are held against the costs in double.
  */
 #include "adam.h"
 #include "rate_bits.h"

@@ -88,8 +88,8 @@ static void covariance(double c[9], const double q[4], const double s[3])
         }
 }
 
-/* What min(1, P 2^-fall(s)) covers, by the midpoint rule over s, which is
- * proportional to r^2. */
+/* The area that min(1, P 2^-fall(s)) covers, by the midpoint rule over s,
+ * which is proportional to r^2. */
 static double covered(double peak, bool is_steep)
 {
     const double step = 1e-3;

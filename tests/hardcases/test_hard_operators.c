@@ -262,7 +262,7 @@ TEST(slots_should_be_read_when_parallel_opposite_or_zero)
     free(block);
 }
 
-/* What is written along the slot changes its length, which is normalised, and
+/* A token written along the slot changes its length, which is normalised, and
  * against it likewise, for every gate; across it turns the slot by half of a
  * right angle when the gate is open. */
 TEST(slots_should_be_written_when_parallel_or_opposite)

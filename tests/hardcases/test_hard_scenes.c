@@ -51,7 +51,7 @@ static void set_quat(gen_given *g, int w, int x, int y, int z)
         g->p.quat[i] = (int16_t)q[i];
 }
 
-/* What every picture must be: near the one in double. */
+/* Draws a picture, which must be near the one in double. */
 static void see(given_view *v, const saga_camera *c, int32_t t)
 {
     saga_verify_picture p;

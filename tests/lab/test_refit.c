@@ -314,7 +314,7 @@ static void refit_should_take(gen_stream *g)
     free(bytes);
 }
 
-/* Of random streams, whose networks say nothing of their values: whatever they
+/* Random streams have networks that say nothing of their values: whatever they
  * have, with a bank or without, is read and becomes another valid file. */
 TEST(refit_should_take_any_stream)
 {
@@ -395,7 +395,7 @@ TEST(order0_should_be_the_sum_by_hand)
     assert_true(fabs(row.entropy - (3 * log2(3) - 2)) < 1e-12);
 }
 
-/* What it counts, and that no order-0 coder is below the entropy. */
+/* It counts all symbols, and no order-0 coder is below the entropy. */
 TEST(order0_should_count_every_symbol)
 {
     const fixture *const f = *state;

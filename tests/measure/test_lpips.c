@@ -139,7 +139,7 @@ TEST(pooling_should_take_the_last_window_when_ceil)
 
 enum { SIDE = 64 };
 
-/* What the data's README says, from numpy. */
+/* The distances in the data's README, from numpy. */
 static const struct { const char *weights; double distance[2]; }
 references[] = {
     { "lpips_alex_v0.1.npz", { 0.721881, 0.137566 } },

@@ -190,7 +190,7 @@ TEST(means_should_be_over_pictures)
     near(saga_score_told(&mean, saga_metric_called("ms_ssim")), 2.5, 1e-12);
 }
 
-/* Of two pixels one does not count and is right; the other is 51 off in each
+/* One of two pixels does not count and is right; the other is 51 off in each
  * channel: 14 dB of 255, and 3 dB more where both count. */
 TEST(masked_pixels_should_not_count)
 {
@@ -214,7 +214,7 @@ TEST(masked_pixels_should_not_count)
     assert_true(isnan(half.value[saga_metric_called("lpips")]));
 }
 
-/* What is in curves has a column and a direction, and keys are its own. */
+/* A metric in curves has a column and a direction, and a key of its own. */
 TEST(metrics_should_have_all_that_tables_need)
 {
     const saga_metric_row *m;

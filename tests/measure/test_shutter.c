@@ -83,7 +83,7 @@ TEST(last_row_may_be_first)
     free(found);
 }
 
-/* What all cameras have alike is the film's. */
+/* A readout that all cameras have alike is the film's. */
 TEST(cameras_should_be_compared)
 {
     static const camera c[CAMERAS] = { { 0, 0.8 }, { 0, 0.8 }, { 0, 0.3 } };

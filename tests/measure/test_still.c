@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * What stands still in a capture that comes in parts.
+ * The still part of a capture that comes in parts.
  */
 #include "still.h"
 #include "testing.h"
@@ -86,7 +86,7 @@ TEST(still_should_be_the_median_over_all_parts)
     saga_capture_free(&c);
 }
 
-/* Of fifteen pictures some may be others. */
+/* Some of fifteen pictures may be others. */
 TEST(still_should_count_what_is_steady)
 {
     enum { N = SAGA_STILL_PICTURES };

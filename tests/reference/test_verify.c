@@ -43,7 +43,7 @@ static double steps(const saga_verify *v, int stage, const char *name)
     return r->alone.max / r->step;
 }
 
-/* What is rounded once from exact integers is within half a step, and the
+/* A value rounded once from exact integers is within half a step, and the
  * approximations before it (2^-29 of x/z) are far below one. A primitive's
  * position is rounded once, and its support, a factor of up to two, once. */
 static void check_roundings(const saga_verify *v)
@@ -53,12 +53,12 @@ static void check_roundings(const saga_verify *v)
     assert_true(steps(v, SAGA_VERIFY_PRIMITIVES, "position") < 1.51);
 }
 
-/* Of the picture alone: q's fraction has 8 bits, so that an alpha is wrong by
- * 2^-9 log(2) of itself and 2^-16, which weights add up to once; q itself adds
- * 5e-4. Twice for T, and a splat at the cut makes a level at most. An opacity
- * of 8 and the smallest splat there is have an edge of 6.4 in alpha a pixel,
- * 12.6 where it is steep, of which a mean that is 1/512 of a pixel off makes
- * three levels, or six. */
+/* The picture alone has this error: q's fraction has 8 bits, so that an alpha
+ * is wrong by 2^-9 log(2) of itself and 2^-16, which weights add up to once; q
+ * itself adds 5e-4. Twice for T, and a splat at the cut makes a level at most.
+ * An opacity of 8 and the smallest splat there is have an edge of 6.4 in alpha
+ * a pixel, 12.6 where it is steep, of which a mean that is 1/512 of a pixel
+ * off makes three levels, or six. */
 static void check_pixels(const saga_verify *v, int most)
 {
     const double relative = (1 / 512.0 + 5e-4) * log(2) + 1 / 256.0;

@@ -617,8 +617,8 @@ static flat moving_scene(int varies)
     return f;
 }
 
-/* Of the still (odd) or moving primitives: under a leaf split in time. Of the
- * still ones only those in octants where nothing moves. */
+/* The number of the still (odd) or moving primitives under a leaf split in
+ * time; of the still ones only those in octants where nothing moves. */
 static uint32_t n_split(const saga_scene *s, const uint32_t *source, int still)
 {
     uint32_t n = 0, i;

@@ -190,7 +190,8 @@ TEST(fit_should_learn)
     free_fit(f);
 }
 
-/* What does not count is as if it were drawn right; the mean is of the rest. */
+/* Pixels that do not count are as if they were drawn right; the mean is of the
+ * rest. */
 TEST(pixels_should_not_count_when_they_are_unseen)
 {
     fit *const f = new_fit();

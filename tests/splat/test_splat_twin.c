@@ -14,7 +14,7 @@
 #define UNIT 2097152.0
 enum { Q_QUAT = 12, Q_MOTION = 12, Q_OPACITY = 10, LIST = 4096 };
 
-/* Of the segment, in 65536ths. */
+/* The time, in 65536ths of the segment. */
 enum { TIME = 22937 };
 
 static int32_t quantise(double x, double lo, double hi)

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * What the start of the fit stands on: small linear algebra, against its
+ * The start of the fit stands on this: small linear algebra, against its
  * definitions, and the canonical form of primitives, against their pictures.
  */
 #include "canonical.h"

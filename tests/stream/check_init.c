@@ -124,7 +124,7 @@ static void paint(const player *p, void *at, size_t n)
 #endif
 }
 
-/* What a function called next finds on its stack. */
+/* Fills the stack that a function called next finds. */
 static __attribute__((noinline)) void paint_stack(const player *p)
 {
 #ifdef POISONED

@@ -30,10 +30,10 @@ static void *must(void *p)
     return p;
 }
 
-/* Of all pictures and statuses so far. */
+/* The sum of all pictures and statuses as yet. */
 static uint32_t total;
 
-/* What is played of an input; free it. */
+/* Copies an input and signs it, so that it is played; free it. */
 static uint8_t *signed_copy(const uint8_t *data, size_t n)
 {
     uint8_t *const copy = must(malloc(n + 1));

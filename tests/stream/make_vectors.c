@@ -46,7 +46,7 @@ typedef struct {
     uint32_t camera;
 } look;
 
-/* What the first n_layers of a segment give: all, where the file is whole. */
+/* Describes the first n_layers of a segment: all, where the file is whole. */
 static void describe_layers(const char *name, const gen_stream *g,
                             const saga_bytes *file, uint32_t number,
                             uint32_t n_layers, const look *at)
@@ -90,7 +90,7 @@ static void describe(const char *name, const gen_stream *g,
                         &looks[i]);
 }
 
-/* Of several layers each has something to draw. */
+/* Each of several layers has something to draw. */
 static int is_worth_it(const gen_stream *g, const gen_options *o)
 {
     uint32_t i;
@@ -101,8 +101,9 @@ static int is_worth_it(const gen_stream *g, const gen_options *o)
     return g->segment[0].n.coarse >= o->n_coarse / 2;
 }
 
-/* Of the seeds o.seed, + 100, .. the first whose stream has at least half of
- * the coarse anchors it may have: what is drawn before them decides. */
+/* Makes the first of the streams of seeds o.seed, + 100, .. that has at least
+ * half of the coarse anchors it may have: what is drawn before them decides.
+ * */
 static void make_good(gen_stream *g, gen_options o)
 {
     gen_stream_make(g, &o);
@@ -203,7 +204,7 @@ static void to_fuse_129(saga_header *h)
     h->model.width[SAGA_NET_FUSE_F] = 129;
 }
 
-/* What is not there is still described. */
+/* Networks that are not there are still described. */
 static void to_no_fuse_q_0(saga_header *h)
 {
     h->model.width[SAGA_NET_FUSE_C] = 0;
@@ -575,7 +576,7 @@ static void bad_base_owner(const uint8_t *bytes, size_t n, size_t head)
     free(copy);
 }
 
-/* What a base may not be. */
+/* Bases that may not be. */
 static void bad_base(void)
 {
     static const bad_change headers[] = {
@@ -679,10 +680,11 @@ static void bad_lengths(const char *stem, const uint8_t *bytes, size_t n,
     free(copy);
 }
 
-/* What layers may not be. */
+/* Layers that may not be. */
 static void bad_layers(const gen_options *o)
 {
-    /* Of SEGM: of layer 0 and 1 the primitives and the length. */
+    /* Places in SEGM: the number of primitives and the length, of layers 0 and
+     * 1. */
     enum { PRIM_0 = 20, NBYTES_0 = 24, PRIM_1 = 36, NBYTES_1 = 40 };
     static const struct {
         const char *stem;
@@ -723,7 +725,7 @@ static void bad_layers(const gen_options *o)
     gen_stream_free(&g);
 }
 
-/* What a bank may not be, in a file that has one. */
+/* Banks that may not be, in a file that has one. */
 static void bad_memory(void)
 {
     static const bad_change headers[] = {
@@ -782,7 +784,7 @@ static void bad_slow(const char *stem, int kind)
     gen_stream_free(&g);
 }
 
-/* What takes longer than the level allows. */
+/* Work that takes longer than the level allows. */
 static void bad_work(void)
 {
     gen_stream g;

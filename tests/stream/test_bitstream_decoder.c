@@ -294,8 +294,8 @@ static void check_found(saga_decoder *dec, file *f, const uint8_t *entry,
                      report.n_primitives);
 }
 
-/* What saga_decode makes of n bytes of a segment: the layers it decodes, 0 if
- * it is TRUNCATED. An exact copy shows what is read. */
+/* The layers that saga_decode makes of n bytes of a segment, 0 if it is
+ * TRUNCATED. An exact copy shows what is read. */
 static uint32_t layers_in(saga_decoder *dec, const saga_segment *seg,
                           const uint8_t *bytes, size_t n)
 {
@@ -431,7 +431,7 @@ static void try_value(trial *r, const field *f, uint8_t *p, int64_t v)
     s = status_with(r->header, f, p, v, r->end, &fits);
     inside = in && fits;
     r->n_tried++;
-    /* What fits a level fits the highest. */
+    /* A value that fits a level fits the highest. */
     if (strcmp(f->name, "level") == 0 && v == hi)
         assert_int_equal(s, SAGA_OK);
     if (inside ? s != SAGA_OK && s != SAGA_ERR_LEVEL

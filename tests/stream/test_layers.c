@@ -307,7 +307,7 @@ TEST(cut_segment_should_have_the_layers_that_are_whole)
     }
 }
 
-/* What is cut may be anything; what is whole may not. */
+/* A layer that is cut may be anything; one that is whole may not. */
 TEST(damage_should_count_in_whole_layers_only)
 {
     const gen_options o = options_of(0);

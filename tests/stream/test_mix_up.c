@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * What a caller may mix up, views, jobs, segments, files, is refused, and
+ * A caller's mix-ups of views, jobs, segments or files are refused, and
  * nothing is written where it does not belong.
  */
 #include "player.h"
@@ -217,7 +217,7 @@ TEST(job_should_be_refused_when_its_fields_are_others)
     player_close(&p);
 }
 
-/* What may change: another buffer for the rows that are left. */
+/* The buffer may change: another one for the rows that are left. */
 TEST(job_should_go_on_in_another_picture)
 {
     player p;

@@ -132,7 +132,7 @@ static mutate_class class_of(uint64_t number)
     return classes[number % (sizeof classes / sizeof *classes)];
 }
 
-/* Of several layers the first ones may do. */
+/* The first of several layers may do. */
 static int is_original_segment(const base *b, const uint8_t *p, size_t n)
 {
     uint32_t i;
@@ -145,7 +145,7 @@ static int is_original_segment(const base *b, const uint8_t *p, size_t n)
     return 0;
 }
 
-/* What was accepted is what was there before. */
+/* Bytes that were accepted are those that were there before. */
 static int is_unchanged(const base *b, const mutate_result *result,
                         const uint8_t *bytes)
 {

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * What a header promises is kept: memory to the byte, multiply-accumulates to
+ * A header's promises are kept: memory to the byte, multiply-accumulates to
  * the last one, and a decoder that is nothing but its block.
  *
  * mlp.c and memory_bank.c are compiled in here, counting; the library's are
@@ -453,7 +453,7 @@ static uint32_t rounds_of_tier(const player *p, uint32_t number, int level)
     return steps;
 }
 
-/* What the plan says of all layers, without a bank. */
+/* The plan of all layers, without a bank. */
 static uint64_t macs_of_layers(const player *p, uint32_t number)
 {
     const saga_model *const m = &p->g.header.model;
@@ -469,8 +469,8 @@ static uint64_t macs_of_layers(const player *p, uint32_t number)
     return macs;
 }
 
-/* What the plan says of a single layer, less the steps that there are not.
- * Called when segment `number` is decoded and nothing drawn. */
+/* The plan of a single layer, less the steps that there are not. Called when
+ * segment `number` is decoded and nothing drawn. */
 static uint64_t macs_of_segment(const player *p, uint32_t number)
 {
     const saga_model *const m = &p->g.header.model;

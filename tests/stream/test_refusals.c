@@ -13,7 +13,7 @@
 
 enum { MORE = 3000 };        /* bytes behind the end of a file */
 
-/* What a caller asks of the start of a file. */
+/* A caller asks these of the start of a file. */
 enum { PROBE, OPEN, FIND, RIG, N_CALLS };
 
 static const char *const call_text[N_CALLS] = {
@@ -174,7 +174,7 @@ TEST(damage_should_show_in_the_head_alone)
             copy[at] ^= (uint8_t)(1u << gen_random(&r) % 8);
             if (k % 4)
                 mutate_sign(copy, n);
-            /* What the head claims to have may have changed with it. */
+            /* The length that the head claims may have changed with it. */
             if (saga_probe(&info, copy, n) != SAGA_OK ||
                 info.head_nbytes == head)
                 check_lengths("damage", copy, n, head);

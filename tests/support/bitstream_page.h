@@ -388,7 +388,7 @@ static inline uint32_t rig_end(const uint8_t *header)
            (uint32_t)get(HEADER, header, "n_cameras", 0);
 }
 
-/* What section 3 says of the fields that hang on the bank's tool. */
+/* Section 3's rules on the fields that hang on the bank's tool. */
 static inline int bank_is_consistent(const uint8_t *p)
 {
     const int64_t slots = get(HEADER, p, "bank_slots", 0);

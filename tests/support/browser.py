@@ -114,7 +114,7 @@ class Browser:
             self.log.append(str([a.get("value") for a in params["args"]]))
 
     def run(self, script):
-        """What an expression of JavaScript gives, promises awaited."""
+        """The value of an expression of JavaScript, promises awaited."""
         reply = self.call("Runtime.evaluate", expression=script,
                           awaitPromise=True, returnByValue=True)
         if "exceptionDetails" in reply:

@@ -134,7 +134,7 @@ static inline void heap_find(uintptr_t range[2], const char *library)
 
 /* --- Trials -------------------------------------------------------------- */
 
-/* What is tried, in a process of its own. It frees what there is, whether it
+/* An attempt, in a process of its own. It frees what there is, whether it
  * fails or not, and checks what it made if it does not fail: libc does without
  * the buffer of a file, libjpeg-turbo takes a smaller block. */
 typedef bool heap_attempt(void *user, saga_error *error);

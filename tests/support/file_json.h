@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * What a file consists of, as JSON, for the reports of make_order0 and
- * make_refit: a header, so that the tests' helpers need no jansson.
+ * The parts of a file, as JSON, for the reports of make_order0 and make_refit:
+ * a header, so that the tests' helpers need no jansson.
  */
 #ifndef FILE_JSON_H
 #define FILE_JSON_H

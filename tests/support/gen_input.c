@@ -358,7 +358,7 @@ static uint64_t next(uint64_t *r)
     return *r >> 33;
 }
 
-/* What integers and reals are at their ends. */
+/* Puts the ends of integers and reals into bytes. */
 static void plant(uint8_t *p, size_t n, uint64_t *r)
 {
     static const uint64_t value[] = {

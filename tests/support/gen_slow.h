@@ -8,9 +8,10 @@
 
 #include "gen_stream.h"
 
-/* What keeps the decoder busy: products of wide networks; runs of networks
- * that have hardly any; anchors alone, in trees of single children, with the
- * largest windows. The first two have a bank whose rounds are of one block. */
+/* Streams that keep the decoder busy: products of wide networks; runs of
+ * networks that have hardly any; anchors alone, in trees of single children,
+ * with the largest windows. The first two have a bank whose rounds are of one
+ * block. */
 enum { GEN_SLOW_WIDE, GEN_SLOW_NARROW, GEN_SLOW_ANCHORS, GEN_N_SLOW };
 
 /* A stream of eight layers whose header.max has as many anchors as the level's

@@ -329,8 +329,9 @@ static void make_nets(gen_stream *g, uint64_t *r, int picture)
             uint64_t aside;
 
             make_layer(l, s, i, r);
-            /* So that streams are otherwise what they were before F_color had
-             * formats: tests know their segments. */
+            /* Numbers for F_color's formats come from a copy of the state, so
+             * that streams are otherwise what they were before there were any:
+             * tests know their segments. */
             aside = *r;
             make_finer(l, saga_nets_n_finer(&nets, net, i),
                        net < SAGA_NET_COLOUR_BASE ? r : &aside);

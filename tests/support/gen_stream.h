@@ -66,7 +66,7 @@ int32_t gen_range(uint64_t *state, int32_t lo, int32_t hi);
 void gen_stream_make(gen_stream *g, const gen_options *o);
 void gen_stream_free(gen_stream *g);
 
-/* What a named stream calls a camera of its rig. */
+/* Gives a named stream's name of a camera of its rig. */
 void gen_stream_name(saga_naming *naming, uint32_t camera);
 
 /* The file's bytes (free them); exits with a message if the encoder refuses. */

@@ -28,7 +28,7 @@ void player_close(player *p);
 /* The segment of this number, p->seg too. */
 saga_segment player_find(player *p, uint32_t number);
 void player_decode(player *p, uint32_t number);
-/* What a camera of the rig sees at a time. */
+/* Views what a camera of the rig sees at a time. */
 void player_view(player *p, uint32_t camera, int32_t t);
 
 saga_animated player_primitive(const player *p, uint32_t index, int32_t t);

@@ -23,7 +23,8 @@
 
 void testing_add(const char *name, CMUnitTestFunction test,
                  CMFixtureFunction enter, CMFixtureFunction leave);
-/* What runs before the first test, whose *state it sets, and after the last. */
+/* Set what runs before the first test, whose *state it sets, and after the
+ * last. */
 void testing_group(CMFixtureFunction enter, CMFixtureFunction leave);
 /* Runs them all; returns the number of failures. */
 int testing_run(void);

@@ -22,7 +22,7 @@ typedef struct tiny {
 void tiny_open(tiny *t, int n_frames);
 void tiny_close(tiny *t);
 
-/* What `s` makes, without its files. */
+/* The capture that `s` makes, without its files. */
 saga_capture tiny_capture(const saga_synth_options *s);
 
 /* Options for a scene that moves, with these primitives and iterations. */

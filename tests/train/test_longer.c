@@ -9,7 +9,7 @@
 
 #include <unistd.h>
 
-/* What chance moves trainings by stays below this, dB. */
+/* Chance moves trainings by less than this, dB. */
 #define MOST_LOST 0.3
 
 /* Ten visits to a picture are the fewest that any preset makes: they are the

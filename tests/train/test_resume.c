@@ -319,7 +319,7 @@ static void check_last_look(const saga_train_options *o, const trained *whole)
     free(bytes);
 }
 
-/* Of a warm-up there is nothing; the rendering may have just begun. */
+/* A warm-up has nothing to show; the rendering may have just begun. */
 TEST(peek_should_show_the_training)
 {
     static const int at[] = { 1, 44 };

@@ -307,8 +307,8 @@ static bool stop_there(void *user, const saga_train_progress *p)
            p->iteration != s->iteration;
 }
 
-/* What stands still is in the head, once; header and report say so, and
- * segments have the rest. */
+/* Still things are in the head, once; header and report say so, and segments
+ * have the rest. */
 static void base_should_be_in_the_head(void **state)
 {
     const fixture *const f = *state;
@@ -456,9 +456,9 @@ static void fit_should_begin_near_the_warm_up(void **state)
     saga_train_free(t);
 }
 
-/* Of n segments at once: finished ones and the one that is rendered. Of none,
- * as where the base is in training, a look into the checkpoint says so; at the
- * end it gives the file. */
+/* Looks at n segments at once: finished ones and the one that is rendered. A
+ * look into a checkpoint that has none, as where the base is in training, says
+ * so; at the end it gives the file. */
 static void peek_should_show(const fixture *f, int n_segments, bool end)
 {
     saga_error error = { "" };
@@ -573,7 +573,8 @@ static double steered_price(const fixture *f, const saga_train_options *o)
     return lambda;
 }
 
-/* What a base saves is spent: bits are cheaper with it at the same size. */
+/* The bytes that a base saves are spent: bits are cheaper with it at the same
+ * size. */
 static void base_should_make_bits_cheaper(void **state)
 {
     const fixture *const f = *state;

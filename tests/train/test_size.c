@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * What a training is planned to be, and files of a given size: they come near
- * it, whatever threads or interruptions do.
+ * Plans of trainings, and files of a given size: they come near it, whatever
+ * threads or interruptions do.
  */
 #include "testing.h"
 #include "tiny_training.h"
@@ -281,8 +281,8 @@ TEST(pictures_of_a_still_should_be_visited_often)
     free(views);
 }
 
-/* What a second is to a camera that moves is not known, nor what changes: a
- * tenth is assumed. */
+/* A camera that moves has no known second, nor changing pixels: a tenth is
+ * assumed. */
 TEST(plan_should_not_count_seconds_of_a_camera_that_moves)
 {
     const saga_preset *const balanced = saga_preset_called("balanced");
@@ -390,7 +390,7 @@ TEST(seconds_should_not_count_beyond_frames)
     free(rgb);
 }
 
-/* What stays is there once, what changes is new in each second. */
+/* Still things are there once, changing ones are new in each second. */
 TEST(longer_segments_should_have_more_that_changes)
 {
     assert_true(saga_plan_primitives(12000, 0, 10) ==

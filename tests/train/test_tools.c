@@ -62,8 +62,8 @@ static double moved_away(const saga_splat_params *p,
     return sum;
 }
 
-/* What is left of a least-squares fit is orthogonal to all that could be
- * fitted. */
+/* The rest of a least-squares fit is orthogonal to all that could be fitted.
+ * */
 TEST(lower_orders_should_be_the_nearest)
 {
     for (int to = 0; to < 3; to++) {

@@ -183,7 +183,7 @@ TEST(train_should_estimate_what_is_written)
 
 /* --- The entropy model's twin -------------------------------------------- */
 
-/* Of the float twin on the decoded scene, and its distance from what the
+/* The float twin's errors on the decoded scene, and its distance from what the
  * decoder's integers say. */
 typedef struct {
     const saga_scene *s;
@@ -193,8 +193,8 @@ typedef struct {
     size_t n;
 } near_integers;
 
-/* What a block reads is left behind by a run of it alone: of a scaffold that
- * ends with it. */
+/* Compares what a block reads with what a run of it alone leaves behind: of a
+ * scaffold that ends with it. */
 static void read_alone(const saga_scaffold *sc, int kind, uint32_t rank)
 {
     const uint32_t group = kind == SAGA_KIND_COARSE ? sc->coarse[rank].group
@@ -853,8 +853,9 @@ static saga_model model_of(uint32_t n, uint32_t n_coarse, uint32_t tools,
     return m;
 }
 
-/* Of attributes a still has 11, motion of an order three more for each, life 1,
- * the rotation's slope 4: three quarters of 11, 18 and 25 in fours. */
+/* A still's primitive has 11 attributes, motion of an order three more for
+ * each, life 1, the rotation's slope 4: three quarters of 11, 18 and 25 in
+ * fours. */
 TEST(networks_should_be_what_a_scene_needs)
 {
     enum {

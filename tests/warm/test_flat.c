@@ -280,9 +280,9 @@ static double error_of_all(saga_flat *f)
     return sum;
 }
 
-/* What the pictures lose by taking each away, one at a time: of two thirds of
- * the pairs at least the one that is worth more is also the greater loss (by
- * chance of one half). */
+/* Taking each primitive away, one at a time, costs the pictures something: of
+ * two thirds of the pairs at least the one that is worth more is also the
+ * greater loss (by chance of one half). */
 TEST(worth_should_rank_what_removal_costs)
 {
     enum { N = 24 };
@@ -799,7 +799,8 @@ TEST(exposures_should_be_found)
     free_exposed(&c);
 }
 
-/* What an eighth of all pixels have to the last bit is behind everything. */
+/* A colour that an eighth of all pixels have to the last bit is behind
+ * everything. */
 TEST(background_should_be_what_is_frequent)
 {
     static const double same[VIEWS] = { 1, 1, 1, 1, 1 };

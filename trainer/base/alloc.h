@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * These give memory for count elements of size bytes; the product may overflow.
- * `what` is what the memory is for: a file, or a noun ("the anchors"). Where
- * there is none, NULL is returned and the error says
+ * Memory for count elements of size bytes; the product may overflow. `what` is
+ * what the memory is for: a file, or a noun ("the anchors"). Where there is
+ * none, NULL is returned and the error says
  *
  *     WHAT: out of memory, N bytes wanted; take fewer ...
  *

@@ -71,7 +71,7 @@ bool saga_checkpoint_open(saga_checkpoint *c, const char *path,
         saga_bytes_free(&c->bytes);
         return false;
     }
-    /* What is walked over lies between the head and the digest. */
+    /* The bytes that are walked over lie between the head and the digest. */
     c->rest.next = c->bytes.data + sizeof(head);
     c->rest.end = c->bytes.data + c->bytes.nbytes - sizeof c->sum;
     return true;

@@ -44,8 +44,8 @@ void saga_checkpoint_expect(saga_checkpoint *c, uint64_t value);
  * written, or what was read does not hold together. */
 bool saga_checkpoint_close(saga_checkpoint *c, bool ok, saga_error *error);
 
-/* This is FNV-1a of 64 bits, to notice damage and change; it begins with
- * SAGA_DIGEST_START, and the digest of two pieces is that of the whole. */
+/* Digests by FNV-1a of 64 bits, to notice damage and change; begin with
+ * SAGA_DIGEST_START. The digest of two pieces is that of the whole. */
 #define SAGA_DIGEST_START 0xcbf29ce484222325u
 uint64_t saga_digest(uint64_t sum, const void *data, size_t nbytes);
 

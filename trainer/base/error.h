@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * This is how the trainer fails. There is one convention, for every room:
+ * The trainer's failures. There is one convention, for every room:
  *
  * - A function that can fail returns bool (true: done) or a pointer (NULL:
  *   failed) and takes a saga_error, never NULL, as its last parameter. Where it

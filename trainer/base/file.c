@@ -101,7 +101,8 @@ FILE *saga_open_file(const char *path)
     struct stat st;
     if (fd < 0)
         return NULL;
-    /* What opens but is no regular file sets no errno of its own; close may. */
+    /* A path that opens but is no regular file sets no errno of its own; close
+     * may. */
     errno = EINVAL;
     FILE *const f = fstat(fd, &st) == 0 && S_ISREG(st.st_mode)
         ? fdopen(fd, "rb") : NULL;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * This is the room's door to files: whole ones are read, paths are put
- * together, little-endian bytes taken apart.
+ * The room's door to files: whole ones are read, paths are put together,
+ * little-endian bytes taken apart.
  */
 #ifndef SAGA_FILE_H
 #define SAGA_FILE_H

@@ -21,8 +21,8 @@ static const char mark[] = ".saga-part-";
 /* More parts of one path are not written at a time. */
 enum { N_NAMES = 1000 };
 
-/* These are the names of parts that are open. Whoever takes one out, its writer
- * or a signal's handler, has it for itself. */
+/* The names of parts that are open. Whoever takes one out, its writer or a
+ * signal's handler, has it for itself. */
 enum { N_OPEN = 64 };
 static _Atomic(char *) open_parts[N_OPEN];
 
@@ -297,7 +297,7 @@ bool saga_output_open_alone(saga_output *out, const char *path,
 
 bool saga_output_close(saga_output *out, bool ok, saga_error *error)
 {
-    /* Of the write that failed, if the caller has just seen one. */
+    /* The errno of the write that failed, if the caller has just seen one. */
     const int write_errno = ok ? 0 : errno;
 
     errno = 0;

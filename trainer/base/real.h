@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * This is the trainer's real type. Every operator compiles twice: with float
- * for training, with double (-DSAGA_REAL_DOUBLE) for finite differences and as
- * the float64 reference. Both sets of objects may be linked into one program:
- * the symbols of the second end in _f64. A header that declares such a function
+ * The trainer's real type. Every operator compiles twice: with float for
+ * training, with double (-DSAGA_REAL_DOUBLE) for finite differences and as the
+ * float64 reference. Both sets of objects may be linked into one program: the
+ * symbols of the second end in _f64. A header that declares such a function
  * renames it with
  *
  *     #define saga_thing SAGA_REAL_NAME(saga_thing)

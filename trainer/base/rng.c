@@ -77,8 +77,8 @@ uint32_t saga_rng_shuffled(saga_rng r, uint64_t draw, uint32_t n)
     return x;
 }
 
-/* This is Box and Muller's transform; the second uniform comes from the same
- * bits, mixed again. */
+/* Box and Muller's transform: sqrt(-2 log u) cos(2 pi v). The second uniform
+ * comes from the same bits, mixed again. */
 double saga_rng_normal(saga_rng r, uint64_t counter)
 {
     const uint64_t bits = saga_rng_bits(r, counter);

@@ -17,7 +17,7 @@ saga_rng saga_rng_stream(uint64_t seed, uint64_t stream);
 
 uint64_t saga_rng_bits(saga_rng r, uint64_t counter);
 
-/* These are uniform in [0, 1): 24 bits as float, 53 as double. */
+/* Uniform numbers in [0, 1): 24 bits as float, 53 as double. */
 float saga_rng_float(saga_rng r, uint64_t counter);
 double saga_rng_double(saga_rng r, uint64_t counter);
 

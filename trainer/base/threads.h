@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * This tells of threads: which one this is, how many there may be, whether
- * there is room for them; and divides work among them.
+ * Threads: which one this is, how many there may be, whether there is room for
+ * them; and divides work among them.
  *
  * The threads of saga_parallel stay: between two pieces of work they spin for
  * some microseconds and then sleep. Whoever calls works too, and waits only for
@@ -68,7 +68,7 @@ size_t saga_n_meetings(void);
 
 /* --- Parts --------------------------------------------------------------- */
 
-/* This is a part of n things, from begin on and before end. */
+/* A part of n things, from begin on and before end. */
 typedef struct saga_range { size_t begin, end; } saga_range;
 
 /* Counts parts of `size` things. */
@@ -99,7 +99,7 @@ static inline saga_range saga_slice(size_t n_things, size_t unit, size_t k,
                          end < n_things ? end : n_things };
 }
 
-/* This is some memory. */
+/* A piece of memory. */
 typedef struct saga_span { void *at; size_t nbytes; } saga_span;
 
 /* Sets n spans to zero, by several threads; one at NULL is left out. */
@@ -107,7 +107,8 @@ void saga_clear(const saga_span *spans, size_t n);
 
 /* --- Room ---------------------------------------------------------------- */
 
-/* Of each thread but the first: what the program asks of OpenMP (main.c). */
+/* The stack of each thread but the first, as the program asks it of OpenMP
+ * (main.c). */
 #define SAGA_STACK_NBYTES ((size_t)2 << 20)
 
 /* OpenMP ends the program where a thread cannot be started. Starts n threads

@@ -16,7 +16,7 @@ typedef struct saga_capture_choice {
     bool alpha_masks, follow_paths;
 } saga_capture_choice;
 
-/* What is taken where nothing is said. */
+/* The choice where nothing is said. */
 #define SAGA_CAPTURE_CHOICE { .memory = 4 }
 
 /* Rows of a command's table, whose structure `type` has the choice in its

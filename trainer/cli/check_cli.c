@@ -145,7 +145,7 @@ static const saga_line text[] = {
       "{least_kb:%6.0f} to {most_kb:%.0f} kB\n" },
     { "scale>1", "forecast", "    with pictures at 1/{scale} of their size, "
       "for which it has time\n" },
-    { "/n_segments>1", NULL, "  in {/n_segments} segments, with so many "
+    { "/n_segments>1", NULL, "  in {/n_segments} segments, with these "
       "primitives and iterations each; a base may save\n  some of that\n" }
 };
 

@@ -302,7 +302,7 @@ static bool put_page(FILE *to, const char *name, const saga_survey *s,
     /* Forecast: a row for each preset. */
     fprintf(to, "<h2>Forecast</h2><p>By the measured files of docs/results/"
             "rd.md; what PSNR comes out only a trial tells. Segments: %d, with "
-            "so many primitives and iterations each.<table>",
+            "that number of primitives and iterations each.<table>",
             saga_plan_segments(c, 0));
     for (int i = 0; saga_forecast_of(&f, c, i); i++)
         fprintf(to, "<tr><td>--preset %s<td>%d primitives<td>%d iterations<td>"

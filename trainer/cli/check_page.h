@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * What saga check has found out, as one page without other files; and the
+ * The findings of saga check, as one page without other files; and the
  * forecast, which it tells in text as well.
  */
 #ifndef SAGA_CHECK_PAGE_H

@@ -38,7 +38,7 @@ void saga_cli_catch_signals(void (*handler)(int number))
     memset(&action, 0, sizeof action);
     action.sa_handler = handler;
     sigemptyset(&action.sa_mask);
-    /* What is ignored (nohup) stays ignored. */
+    /* A signal that is ignored (nohup) stays ignored. */
     for (size_t i = 0; i < sizeof numbers / sizeof numbers[0]; i++) {
         struct sigaction old;
 

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * What saga encode tells of quality comes from the closed file, opened again:
- * its pictures beside the capture's, and beside the float ones of the same
- * symbols.
+ * The quality that saga encode tells of comes from the closed file, opened
+ * again: its pictures beside the capture's, and beside the float ones of the
+ * same symbols.
  */
 #include "encode_session.h"
 
@@ -258,8 +258,8 @@ static int written_but(const saga_encode_session *s)
                           "%s", s->error.message);
 }
 
-/* Of the only segment, or of all of them together, there are about as many
- * pictures. */
+/* Looks for rows that were read in turn. The only segment, or all of them
+ * together, have about as many pictures. */
 static bool look_at_rows(saga_encode_session *s, saga_film *film, int segment,
                          int view)
 {

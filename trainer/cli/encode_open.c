@@ -96,7 +96,8 @@ static saga_train_options train_options(saga_encode_session *s)
     t.n_iterations = o->iterations;
     t.minutes = o->minutes;
     t.lambda = o->lambda;
-    /* Of the whole file; one of --size and --bitrate is 0. */
+    /* The bytes are those of the whole file; one of --size and --bitrate is 0.
+     * */
     t.n_bytes = (size_t)(o->size + o->bitrate / 8 * s->whole.n_frames /
                          s->whole.fps);
     t.level = o->level;

@@ -190,7 +190,7 @@ static const saga_cli_option option_list[] = {
       "time grows\nwith it", saga_cli_int, AT(iterations), 3,
       10000000 },
     { "--time", "MINUTES", "instead of --iterations: as many as this machine "
-      "does in\nso many minutes, by a trial of two seconds",
+      "does in\nthat time, by a trial of two seconds",
       saga_cli_real, AT(minutes), 0, 0 },
     { "--lambda", "X", "what bits cost: X times the bits for each pixel "
       "trained\non weigh as much as the mean squared error in\n8-bit levels; "

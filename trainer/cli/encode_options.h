@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * What saga encode is asked for. The table of encode_options.c reads it and is
+ * The options of saga encode. The table of encode_options.c reads it and is
  * its help; ranges stand there, defaults in saga_encode_defaults.
  *
  * Who decides: what is given goes before the preset, and the preset before the

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * What saga encode tells of a file it made, of a part, or of networks.
+ * The report of saga encode: of a file it made, of a part, or of networks.
  */
 #include "encode_session.h"
 
@@ -190,7 +190,7 @@ static const char *reason_of_lambda(const saga_encode_session *s)
     return s->wanted ? ", which makes the size"
          : !(s->o->lambda > 0) ? ", which balances primitives and bits"
          : s->o->primitives ? ""
-         : ", for which so many primitives are right";
+         : ", for which that number of primitives is right";
 }
 
 static void put_decoded(json_t *o, const saga_encode_session *s)
@@ -226,8 +226,8 @@ static json_t *report_networks(const saga_encode_session *s)
     return o;
 }
 
-/* What took the bits, and what the sources are worth, is of the segment that
- * made the networks too: a part does not tell it. */
+/* The report of a part leaves out what took the bits, and what the sources are
+ * worth: they are also of the segment that made the networks. */
 static json_t *report_part(const saga_encode_session *s)
 {
     const int k = s->o->only;

@@ -43,7 +43,7 @@ static bool is_part(const options *o)
 
 /* --- The report ---------------------------------------------------------- */
 
-/* Of one frame, the median is that frame and nothing changes. */
+/* The median of one frame is that frame, and nothing changes. */
 static bool has_motion(const saga_eval *e)
 {
     return e->n_frames > 1;
@@ -261,8 +261,8 @@ static columns columns_of(const session *s, int table)
     const saga_metric_row *m;
 
     for (int i = 0; (m = saga_metric_at(i)); i++) {
-        /* Of units the table has per cents alone; all else is in the protocol.
-         */
+        /* Per cents are the only unit in the table; all else is in the
+         * protocol. */
         const bool share = !strcmp(m->unit, "%");
         const bool shown = is_shown(s, m);
 
@@ -397,8 +397,8 @@ static int open_capture(session *s, saga_capture *to, const char *name)
     c.progress_user = &meter;
     ok = saga_capture_load(to, name, &c, &s->error);
     saga_meter_end(&meter);
-    /* What is there and not understood is a fault of the data, a wrong name one
-     * of the command line. */
+    /* A reference that is there and not understood is a fault of the data, a
+     * wrong name one of the command line. */
     return ok ? SAGA_EXIT_OK
               : give_up(s, there ? SAGA_EXIT_DATA : SAGA_EXIT_USAGE);
 }

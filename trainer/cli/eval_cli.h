@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * What `saga eval` does, for other commands that judge files.
+ * The work of `saga eval`, for other commands that judge files.
  */
 #ifndef SAGA_EVAL_CLI_H
 #define SAGA_EVAL_CLI_H

@@ -215,7 +215,7 @@ static bool rig_cameras(session *s)
     return ok;
 }
 
-/* What saga_path_read takes: JSON, COLMAP's images. */
+/* Knows what saga_path_read takes: JSON, COLMAP's images. */
 static bool is_path(const char *name)
 {
     return saga_has_suffix(name, ".json") ||

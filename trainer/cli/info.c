@@ -24,7 +24,7 @@ typedef struct {
     bool json;
 } options;
 
-/* This is all there is to tell. */
+/* A file that is told of, and all that is known of it. */
 typedef struct {
     const char *name;
     const uint8_t *bytes;
@@ -216,8 +216,8 @@ static json_t *segments_of(const subject *s)
     return list;
 }
 
-/* What a file cut behind each layer has; nothing of a file of one, and of one
- * that is damaged. */
+/* The sizes of the file cut behind each layer; none for a file of one layer,
+ * or a damaged one. */
 static json_t *cuts_of(const subject *s)
 {
     const saga_layout *const l = &s->layout;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * What a command has to tell is a tree of JSON, built once. It is printed as
- * JSON, whole or not at all, or as text by a table of lines.
+ * A command's report is a tree of JSON, built once. It is printed as JSON,
+ * whole or not at all, or as text by a table of lines.
  *
  * A key that begins with '/' is an aside: lines may tell it, JSON does not.
  * Names of cameras are keys, too; a name has no '/' in front.

@@ -140,7 +140,7 @@ static bool make_room(const reader *r, double n)
     return r->path->camera != NULL;
 }
 
-/* What is not said stays 0; a size must be one. */
+/* A value that is not said stays 0; a size must be one. */
 static bool read_frame(const reader *r, const json_t *fps, const json_t *width,
                        const json_t *height)
 {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * These are cameras that no capture had: a path from a file, or a look at a
- * point. All places are in the capture's units and axes.
+ * Cameras that no capture had: a path from a file, or a look at a point. All
+ * places are in the capture's units and axes.
  *
  * Two kinds of JSON are read. Our own, which the page of ports/web saves, has
  * key cameras:
@@ -26,7 +26,7 @@
 
 enum { SAGA_MAX_PATH = 100000 }; /* pictures */
 
-/* This is a pinhole, in pixels of its own picture. */
+/* A pinhole, in pixels of its own picture. */
 typedef struct saga_path_lens {
     int width, height;
     double fx, fy, cx, cy;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * These are the pictures of saga render: colours, depths or opacities, for one
- * eye or two.
+ * The pictures of saga render: colours, depths or opacities, for one eye or
+ * two.
  *
  * Two eyes look the same way, from places to the left and to the right of the
  * camera's; their pictures stand side by side in one of twice the width, the

@@ -156,7 +156,7 @@ static void print_value(const json_t *v, const json_t *parent,
     } else if (json_is_number(v)) {
         printf("%g", f->factor * json_number_value(v));
     } else {
-        /* What JSON has no number for: infinite where an aside says so. */
+        /* JSON has no number for it: infinite where an aside says so. */
         snprintf(aside, sizeof aside, "/%s", key);
         text = json_string_value(member(parent, aside));
         print_aligned(text ? text : "-", f->format);

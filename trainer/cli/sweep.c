@@ -88,7 +88,7 @@ static const json_t *encode_of(const point *p)
     return json_object_get(result_of(p), "encode");
 }
 
-/* What is told of a file is read from its result, new or left. */
+/* Reads a point from the result of its file, new or left from before. */
 static int read_point(session *s, point *p)
 {
     if (!saga_results_load(&p->loaded, p->path, &s->error))

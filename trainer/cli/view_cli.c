@@ -38,7 +38,7 @@ typedef struct {
     int seconds;             /* of decoding a segment */
 } options;
 
-/* This is all that is served. */
+/* All that is served. */
 typedef struct {
     saga_http http;
     saga_http_file *file;    /* (n_files): the program's, then the user's */

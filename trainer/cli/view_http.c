@@ -374,7 +374,7 @@ bool saga_http_open(saga_http *http, int port, saga_error *error)
         !bind(http->listener, (struct sockaddr *)&at, sizeof at) &&
         !listen(http->listener, MAX_CLIENTS) &&
         !getsockname(http->listener, (struct sockaddr *)&at, &n)) {
-        /* Of port 0 the system has chosen one. */
+        /* The system has chosen a port where 0 was asked for. */
         http->port = ntohs(at.sin_port);
         return true;
     }

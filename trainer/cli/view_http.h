@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: MIT
  *
- * This is a small HTTP/1.1 server for one user's browser: it listens on
- * 127.0.0.1, gives files that lie in memory, and parts of them (one Range), to
- * GET and HEAD, one answer per connection. It waits for no client: one that
- * takes its bytes slowly holds up neither others nor the end. Whoever asks by
- * another name than the machine's own is refused, so that no foreign page reads
- * along through its own name.
+ * A small HTTP/1.1 server for one user's browser: it listens on 127.0.0.1,
+ * gives files that lie in memory, and parts of them (one Range), to GET and
+ * HEAD, one answer per connection. It waits for no client: one that takes its
+ * bytes slowly holds up neither others nor the end. Whoever asks by another
+ * name than the machine's own is refused, so that no foreign page reads along
+ * through its own name.
  */
 #ifndef SAGA_VIEW_HTTP_H
 #define SAGA_VIEW_HTTP_H

@@ -93,8 +93,9 @@ static void residual(saga_coder *c, saga_at at, int32_t *q, const int16_t *mu,
     (void)step_q16;
     for (i = 0; i < n; i++) {
         q[i] = fx_clamp(x[i], -SAGA_MAX_RESIDUAL, SAGA_MAX_RESIDUAL);
-        /* What cannot be coded is an error, but some value goes on: the
-         * traversal stays in its ranges until the caller looks at the error. */
+        /* A value that cannot be coded is an error, but some value goes on:
+         * the traversal stays in its ranges until the caller looks at the
+         * error. */
         if (q[i] != x[i])
             c->error = 1;
         saga_range_enc_residual(&e->range, q[i], scale[i]);

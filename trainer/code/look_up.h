@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * What the traversal asks for is looked up in the symbols of a segment. Encoder
- * and quantiser stand behind it with symbols that they know.
+ * Looks up in a segment's symbols what the traversal asks for. Encoder and
+ * quantiser stand behind it with symbols that they know.
  */
 #ifndef SAGA_LOOK_UP_H
 #define SAGA_LOOK_UP_H

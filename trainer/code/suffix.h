@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * This says where an anchor or primitive lies in its parent: offsets, and the
+ * Says where an anchor or primitive lies in its parent: offsets, and the
  * suffixes that number the cells of a parent's grid.
  */
 #ifndef SAGA_SUFFIX_H

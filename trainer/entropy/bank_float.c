@@ -155,7 +155,7 @@ void saga_bank_float_read_backward(real *d_query, real *d_state,
         for (i = 0; i < some; i++)
             softmax_backward(b->d_weight + i * slots, b->weight + i * slots,
                              slots);
-        /* What is read is W S, and W comes from Q S^T: S gets a gradient of
+        /* The bank reads W S, and W comes from Q S^T: S gets a gradient of
          * both. */
         saga_dense_forward(d_query + at * d, &state, &d_weights);
         saga_dense_backward(d_state, &weights, &d_read);

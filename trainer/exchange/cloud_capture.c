@@ -14,7 +14,8 @@
 
 #define LN2 0.69314718055994531
 
-/* Of all frames together; a splat below this opacity is none. */
+/* The most points of all frames together; a splat below this opacity is none.
+ * */
 enum { MOST_POINTS = 20000 };
 #define LEAST_OPACITY 0.3
 

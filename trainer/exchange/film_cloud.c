@@ -192,7 +192,7 @@ static void fit_one(float *to, fit *f, uint32_t index, const int32_t x[3])
         add(&e, n, y, c, 1.0 / f->n_rig);
     }
     solve(&e, n);
-    /* What the fit leaves there, which `saga export` tells. */
+    /* The rest is what the fit leaves there, which `saga export` tells. */
     for (uint32_t i = 0; i < f->n_rig; i++) {
         look(y, x, f->rig[i].centre);
         colour_at(c, f->film, index, f->rig[i].centre);

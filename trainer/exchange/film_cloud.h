@@ -10,8 +10,8 @@
 #include "cloud.h"
 #include "view.h"
 
-/* What becomes of the colours. Where they do not depend on the view, neither
- * matters: degree 0 has them exactly. */
+/* The colours' way into a cloud. Where they do not depend on the view, neither
+ * member matters: degree 0 has them exactly. */
 typedef struct saga_colouring {
     int camera;              /* of the rig, whose colours are taken; -1: fit */
     int degree;              /* of the fit, 0..3 */

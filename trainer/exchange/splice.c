@@ -20,7 +20,7 @@ typedef struct {
     uint32_t first, end;         /* segments */
 } piece;
 
-/* What is written: the header's counts grow with every segment. */
+/* The file that is written: the header's counts grow with every segment. */
 typedef struct {
     saga_header header;
     uint8_t *bytes;
@@ -148,7 +148,8 @@ static void model_bytes(uint8_t bytes[MODEL_NBYTES],
     saga_header h = { .level = from->level, .model = from->model,
                       .more_layers = from->more_layers };
 
-    /* What the two calls below do not write is 0, and so compares equal. */
+    /* Bytes that the two calls below do not write are 0, and so compare equal.
+     * */
     memset(bytes, 0, MODEL_NBYTES);
     saga_header_io(&io, &h);
     saga_tools_io(&io, &h);
@@ -348,7 +349,7 @@ static void write_segment(splice *s, const piece *p, uint32_t i)
     saga_segment_io(&io, &h, n_layers);
     write_chunk_head(s, SAGA_CHUNK_SEGMENT, nbytes);
     s->at += nbytes;
-    /* What follows is copied. Bytes of layers that are not taken stand last, so
+    /* The rest is copied. Bytes of layers that are not taken stand last, so
      * that a shorter length leaves them out. */
     write_bytes(s, p->part->bytes + g->offset + head,
                 segment_nbytes(p, i) - SAGA_CHUNK_NBYTES - nbytes);

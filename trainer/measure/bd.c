@@ -130,8 +130,8 @@ static double integral(const spline *s, double lo, double hi)
 
     for (int i = 0; i + 1 < s->n; i++) {
         const double h = s->x[i + 1] - s->x[i];
-        /* What lies outside the piece is clipped to one of its
-         * ends, and cancels out. */
+        /* A stretch outside the piece is clipped to one of its ends, and
+         * cancels out. */
         const double t0 = fmin(fmax(lo - s->x[i], 0.0), h);
         const double t1 = fmin(fmax(hi - s->x[i], 0.0), h);
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * This measures what a picture that never changes would do, and what happens
- * where the pictures of a view do change.
+ * Measures what a picture that never changes would do, and what happens where
+ * the pictures of a view do change.
  *
  * The temporal median picture holds, for each pixel and channel, the median
  * over all frames of a view: the best still picture a codec without time could

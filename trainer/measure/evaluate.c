@@ -189,7 +189,7 @@ static bool compare_one(const comparison *c, int view, int frame)
     if (!c->maker->draw(c->maker->state, c->rgb, c->eval, view, frame,
                         c->error))
         return false;
-    /* What does not count gets the pixels of the truth, and so no error. */
+    /* Pixels that do not count get those of the truth, and so no error. */
     counting = saga_capture_forgive(c->capture, view, frame, c->rgb);
     if (counting == 0.0) { /* nothing to judge */
         compare_time(c, view, frame);

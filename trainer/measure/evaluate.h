@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * This compares a file with the capture it was made from: pictures of the
- * integer decoder with the loaded ones, after both were opened anew. Or what
- * another codec made of a capture's pictures, by the same measures.
+ * Compares a file with the capture it was made from: pictures of the integer
+ * decoder with the loaded ones, after both were opened anew. Or what another
+ * codec made of a capture's pictures, by the same measures.
  */
 #ifndef SAGA_EVALUATE_H
 #define SAGA_EVALUATE_H
@@ -52,7 +52,7 @@ typedef struct saga_eval_maker {
     void *state;             /* the first argument of draw */
 } saga_eval_maker;
 
-/* These are makers: the integer decoder, whose state is the saga_film; and
+/* Makers of pictures: the integer decoder, whose state is the saga_film; and
  * another codec, whose state is a saga_capture of what it decoded. */
 saga_eval_draw_fn saga_eval_draw_film;
 saga_eval_draw_fn saga_eval_draw_pictures;

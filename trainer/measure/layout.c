@@ -246,7 +246,7 @@ static void take_entry(walk *w, uint32_t i, uint32_t first_frame)
             w->to->part_nbytes[p] += s->payload_nbytes[p];
         return;
     }
-    /* What was taken before the damage showed is forgotten: sums are
+    /* Counts that were taken before the damage showed are forgotten: sums are
      * of whole segments only. */
     s->damaged = true;
     s->n = (saga_counts){ 0, 0, 0 };

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * This says where the bytes of a .saga file are: its chunks, found by the index
- * and checked against their CRCs, without decoding anything.
+ * Says where the bytes of a .saga file are: its chunks, found by the index and
+ * checked against their CRCs, without decoding anything.
  */
 #ifndef SAGA_LAYOUT_H
 #define SAGA_LAYOUT_H

@@ -88,7 +88,7 @@ struct saga_lpips {
     char text[256];
 };
 
-/* What the net expects, R G B, of samples in [-1, 1]. */
+/* The net's input is (x - shift) / scale, R G B, of samples x in [-1, 1]. */
 static const double shift[3] = { -.030, -.088, -.188 };
 static const double scale[3] = { .458, .448, .450 };
 
@@ -175,8 +175,8 @@ static bool load_fire(loading *s, const char *name)
     ok = ok && load_conv(s, &one, part, c[0].n_out);
     snprintf(part, sizeof part, "%s.expand3x3", name);
     ok = ok && load_conv(s, &three, part, c[0].n_out);
-    /* What both expanding convolutions give lies one
-     * behind the other (join). */
+    /* The outputs of both expanding convolutions lie one behind the other
+     * (join). */
     if (ok)
         s->n_planes = c[1].n_out + c[2].n_out;
     return ok;

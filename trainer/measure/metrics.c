@@ -15,7 +15,7 @@ enum {
     N_MAPS = 5              /* a, b, a a, b b, a b */
 };
 
-/* These are (0.01)^2 and (0.03)^2 of the SSIM paper, for samples in [0, 1]. */
+/* The SSIM paper's constants (0.01)^2 and (0.03)^2, for samples in [0, 1]. */
 static const double c1 = 1e-4, c2 = 9e-4;
 
 static const double ms_weight[SAGA_MS_SSIM_SCALES] = {
@@ -56,8 +56,8 @@ typedef struct {
     size_t n_scratch;
 } pair;
 
-/* These are means over all windows: of SSIM with zero padding; of SSIM and of
- * the contrast-structure term of the windows inside. */
+/* Means over all windows: of SSIM with zero padding; of SSIM and of the
+ * contrast-structure term of the windows inside. */
 typedef struct {
     double zero, valid, structure;
 } channel_ssim;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * This measures how far two pictures are from each other.
+ * Measures how far two pictures are from each other.
  *
  * Conventions. Pictures are 8-bit RGB rows without padding, as a viewer gets
  * them: clipped and rounded. Sums are taken in double, rows in order, so that

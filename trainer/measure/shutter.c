@@ -52,8 +52,8 @@ void saga_shutter_add(saga_shutter *to, const uint8_t *truth,
 
             if (!moves(drawn->before + p, drawn->after + p))
                 continue;
-            /* What is captured late by l frames is off by l times the change in
-             * a frame: e = (lateness + readout x row) d. */
+            /* A picture captured late by l frames is off by l times the change
+             * in a frame: e = (lateness + readout x row) d. */
             for (size_t k = p; k < p + 3; k++) {
                 const double d = drawn->after[k] - drawn->before[k];
 
@@ -92,8 +92,9 @@ static double variance(const saga_shutter_sums *all,
         double x;
 
         add_sums(&rest, &groups[i], -1);
-        /* What the result moves by without group i; (n - 1) / n times the
-         * squares' sum around their mean is the variance. */
+        /* The jackknife: x is what the result moves by without group i, and (n
+         * - 1) / n times the sum of the squares around their mean is the
+         * variance. */
         x = fit(&rest) - fit(all);
         sum += x;
         squares += x * x;

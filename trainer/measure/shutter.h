@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: MIT
  *
- * This finds how long a camera takes from its first row to its last, beyond
- * what the other cameras of a film take. The film tells where things are at any
+ * Finds how long a camera takes from its first row to its last, beyond what
+ * the other cameras of a film take. The film tells where things are at any
  * moment; what a row of a captured picture is off the film's, by what changes
- * there in a frame, is how late the row was read (docs/lab/rolling-shutter.md).
+ * there in a frame, is how late the row was read
+ * (docs/lab/rolling-shutter.md).
  */
 #ifndef SAGA_SHUTTER_H
 #define SAGA_SHUTTER_H
@@ -20,14 +21,14 @@ typedef struct saga_shutter_sums {
     double dd, ds, ss, de, se;
 } saga_shutter_sums;
 
-/* What is known of a camera; zero it, add. */
+/* The sums of a camera; zero it, add. */
 typedef struct saga_shutter {
     saga_shutter_sums pictures[SAGA_SHUTTER_GROUPS]; /* in turn, */
     saga_shutter_sums strips[SAGA_SHUTTER_GROUPS];   /* from left to right */
     int n_pictures;
 } saga_shutter;
 
-/* What a film shows at the time of a captured picture, and half a frame before
+/* Pictures of a film at the time of a captured one, and half a frame before
  * and after it: (height, width, 3). */
 typedef struct saga_shutter_drawn {
     const uint8_t *before, *at, *after;
@@ -52,7 +53,7 @@ bool saga_shutter_look(saga_shutter *to, saga_film *film,
                        const saga_shutter_view *from, int n,
                        saga_error *error);
 
-/* What was found of a camera. */
+/* The findings on a camera. */
 typedef struct saga_shutter_found {
     double readout;          /* frames by which its last row is read after the
                               * first, below 0: before it; less the median of

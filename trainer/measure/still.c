@@ -32,7 +32,7 @@ static bool begin_view(saga_shot *to, const saga_shot *from, int n,
     const size_t nbytes = saga_view_frame_nbytes(from);
 
     *to = *from;
-    /* What the part's view points to goes with the part; pictures and masks are
+    /* The picture lists of its views go with the part; pictures and masks are
      * made anew, the others are not needed. */
     to->single = false;
     to->missing = NULL;

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: MIT
  *
- * What stands still in a long capture, as a capture of one frame: of each view
+ * The still part of a long capture, as a capture of one frame: of each view
  * the temporal median of pictures that lie evenly over all of its frames. A
- * pixel counts that is near it in three quarters of them: where something is at
- * times, and at times not, nobody says here what is behind. The capture comes
- * in parts, of which one at a time is in memory.
+ * pixel counts that is near it in three quarters of them: where something is
+ * at times, and at times not, nobody says here what is behind. The capture
+ * comes in parts, of which one at a time is in memory.
  */
 #ifndef SAGA_STILL_H
 #define SAGA_STILL_H

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * This parts a file's pictures into what stands still and what moves
- * (change.h), and has words for how well each is represented.
+ * Parts a file's pictures into what stands still and what moves (change.h),
+ * and has words for how well each is represented.
  */
 #ifndef SAGA_VERDICT_H
 #define SAGA_VERDICT_H
@@ -9,7 +9,7 @@
 #include "capture.h"
 #include "change.h"
 
-/* These are sums over pictures of the file; zero it, add. */
+/* Sums over pictures of the file; zero it, add. */
 typedef struct saga_verdict {
     saga_change file;            /* the file's changing pixels, */
     saga_change still;           /* those that each view's median would have */

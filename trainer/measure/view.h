@@ -13,7 +13,7 @@
 #include "file.h"
 #include "saga.h"
 
-/* These are seconds on the wall clock since the file was opened. */
+/* Seconds on the wall clock since the file was opened. */
 typedef struct saga_stage_times {
     double head, segment, view, draw;
     uint32_t n_segments, n_views; /* how often */

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * This measures pictures in luma and chroma, as video people do: PSNR of each,
+ * Measures pictures in luma and chroma, as video people do: PSNR of each,
  * WS-PSNR for pictures all round, and IV-PSNR, which forgives what does not
  * disturb in a view drawn from others: shifts of up to two pixels and a small
  * difference of colour all over the picture.
@@ -21,7 +21,7 @@ typedef struct saga_yuv {
 bool saga_yuv_of(saga_yuv *yuv, const uint8_t *rgb, int width, int height,
                  saga_error *error);
 
-/* What the metrics give; equal planes have infinite PSNRs, but in IV-PSNR a sum
+/* The metrics' result; equal planes have infinite PSNRs, but in IV-PSNR a sum
  * of squares is 1 at least. */
 typedef struct saga_yuv_score {
     double psnr[3], psnr_yuv;

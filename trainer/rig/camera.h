@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * This makes a camera of a capture as the decoder wants it, in integers.
+ * Makes a camera of a capture as the decoder wants it, in integers.
  *
  * Metres and box units: metres = centre + box units * unit (saga_info).
  */
@@ -34,8 +34,8 @@ bool saga_camera_of_shot(saga_camera *camera, const saga_metric *metric,
                          const saga_shot *shot, double near_metres,
                          saga_error *error);
 
-/* This is the way back, up to the rounding: name, near_depth and the like are
- * not touched. */
+/* Goes the way back, up to the rounding: name, near_depth and the like are not
+ * touched. */
 void saga_shot_of_camera(saga_shot *shot, const saga_metric *metric,
                          const saga_camera *camera);
 

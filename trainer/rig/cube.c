@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * This finds where the scene is. Each view gets a range of depths: what the
- * capture says, else what its points say, else what the crossing of the optical
- * axes suggests. The cube then holds what two views see within their ranges, as
- * far as a coarse grid of samples tells, and the points that pictures show, but
+ * Finds where the scene is. Each view gets a range of depths: what the capture
+ * says, else what its points say, else what the crossing of the optical axes
+ * suggests. The cube then holds what two views see within their ranges, as far
+ * as a coarse grid of samples tells, and the points that pictures show, but
  * for the outermost ones.
  */
 #include "cube.h"
@@ -178,7 +178,7 @@ static void find_ranges(double *range, const saga_capture *c, double *scratch)
         const saga_shot *const w = c->views + v;
         double *const r = range + 2 * (size_t)v;
 
-        /* What the capture says comes first, with a little slack; then
+        /* The capture's own word comes first, with a little slack; then
          * points, then the focus. */
         if (w->near_depth > 0 && w->far_depth > w->near_depth) {
             r[0] = 0.9 * w->near_depth;
@@ -265,7 +265,8 @@ static bool is_seen(const saga_capture *c, const double *world)
     return false;
 }
 
-/* What no picture shows would make the cube large for nothing. */
+/* Takes in the points that a picture shows: others would make the cube large
+ * for nothing. */
 static void include_points(double lo[3], double hi[3], const saga_capture *c,
                            double *scratch)
 {
@@ -297,8 +298,8 @@ bool saga_cube_fit(saga_cube *cube, double *range, const saga_capture *c,
     if (!scratch)
         return false;
     find_ranges(range, c, scratch);
-    /* What two views see has a depth that can be learned; only where no two
-     * share anything is it all that any of them sees. */
+    /* Two views that see the same give it a depth that can be learned; only
+     * where no two share anything is it all that any of them sees. */
     if (!include_frusta(lo, hi, c, range, 2))
         include_frusta(lo, hi, c, range, 1);
     include_points(lo, hi, c, scratch);

@@ -24,11 +24,11 @@ enum { N_NEIGHBOURS = 2, N_BETWEEN = 3 };
  * plane_sweep.c has it. */
 #define SAME_WAY 0.2
 
-/* Of the pictures, these are the teachers': a half costs the views that were
- * filmed 0.4 dB more, and gains nothing (docs/lab/teachers.md). */
+/* The part of the pictures that are the teachers': a half costs the views that
+ * were filmed 0.4 dB more, and gains nothing (docs/lab/teachers.md). */
 #define NOVEL_PART 0.3
 
-/* This is a stream of the random numbers. */
+/* The stream of the random numbers. */
 enum { STREAM_NOVEL = 500 };
 
 /* Everything that is drawn has these attributes. */

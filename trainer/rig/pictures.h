@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * This is a capture as training sees it: where the scene is, which views are
- * learned from, in which order their pictures come, and how one of them gets
- * onto a canvas.
+ * A capture as training sees it: where the scene is, which views are learned
+ * from, in which order their pictures come, and how one of them gets onto a
+ * canvas.
  *
  * Space is in half-cubes (cube.h). Time is [0, 1) over the frames of the
  * capture; frame k of F is at k / F.
@@ -81,7 +81,7 @@ size_t saga_pictures_largest(const saga_pictures *pictures);
 bool saga_pictures_canvas(saga_canvas *canvas, const saga_pictures *pictures,
                           saga_error *error);
 
-/* What is nearer to a view than that, world units, is drawn by nobody: neither
+/* The near plane of a view, world units: nobody draws what is nearer, neither
  * in training nor with the file's rig, which holds it. */
 double saga_pictures_near(const saga_pictures *pictures, int view);
 

@@ -66,8 +66,8 @@ uint32_t saga_budget_divide(uint32_t *given, saga_share *s, uint32_t n,
 {
     uint32_t sum = round_down(given, s, n, find_scale(s, n, total)), before;
 
-    /* What rounding down has left goes to the largest remainders, one each, and
-     * round again while anybody has room. */
+    /* The rest after rounding down goes to the largest remainders, one each,
+     * and round again while any node has room. */
     qsort(s, n, sizeof *s, by_part);
     do {
         before = sum;

@@ -88,8 +88,8 @@ static bool check_pool(const saga_hierarchy_pool *pool, saga_error *error)
 
 /* --- Candidates ---------------------------------------------------------- */
 
-/* This is not saga_clamp, which rounds to float: costs and capacities are
- * double. */
+/* Clamps in double, unlike saga_clamp, which rounds to float: costs and
+ * capacities are double. */
 static double clamp(double x, double lo, double hi)
 {
     return x < lo ? lo : x > hi ? hi : x;
@@ -152,8 +152,8 @@ static void set_candidate(const saga_tree *t, saga_candidate *c,
         c->t = clamp((double)p->t_centre[i], 0, SAGA_T_MAX / all_t);
     c->u[3] = (uint32_t)(c->t * all_t);
     c->local = locality(t, p, i);
-    /* What is always there counts as being in the middle of the segment,
-     * whatever its t_centre says. */
+    /* A primitive that is always there counts as being in the middle of the
+     * segment, whatever its t_centre says. */
     c->phi[SAGA_PHI_T] = t->o->lambda_t * (0.5 + (c->t - 0.5) * c->local);
     set_descriptor(t, c, p, i);
 }

@@ -432,7 +432,8 @@ static bool split_node(saga_tree *t, uint32_t id)
 static int is_worth_it(const saga_tree *t, const saga_tree_node *nd)
 {
     const saga_tree_split *const p = &nd->best;
-    /* What all leaves would need of fine anchors after the split. */
+    /* The number of fine anchors that all leaves would need after the split.
+     * */
     const uint64_t fine = (uint64_t)t->need + p->need -
                           saga_tree_need(t, nd->end - nd->begin);
 

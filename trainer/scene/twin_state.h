@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * This is the inside of the twin, shared by twin*.c.
+ * The inside of the twin, shared by twin*.c.
  */
 #ifndef SAGA_TWIN_STATE_H
 #define SAGA_TWIN_STATE_H

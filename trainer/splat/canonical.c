@@ -112,8 +112,7 @@ void saga_splat_canonical(saga_splat_params *p, uint32_t n)
             }
         }
         multiply(x, u, turn[best]);
-        /* Of q and -q, which rotate alike, the one with w
-         * above 0; and length 1. */
+        /* q and -q rotate alike: take the one with w above 0; and length 1. */
         turn_one(p, i, u, turn[best], (x[0] < 0 ? -1 : 1) / length);
     }
 }

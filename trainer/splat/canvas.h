@@ -17,7 +17,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* This is a pinhole camera; x right, y down, z forward. */
+/* A pinhole camera; x right, y down, z forward. */
 typedef struct saga_splat_camera {
     real rotation[9];     /* rows: camera axes in scene axes */
     real centre[3];       /* scene units */
@@ -41,7 +41,7 @@ typedef struct saga_splat_rules {
                            * motion and slope; 0 at first */
 } saga_splat_rules;
 
-/* These are primitives at one time. */
+/* Primitives at one time. */
 typedef struct saga_splat_posed {
     real *mean;           /* (N, 3) */
     real *quat;           /* (N, 4) not normalised */
@@ -49,8 +49,8 @@ typedef struct saga_splat_posed {
                            * >= -3 */
 } saga_splat_posed;
 
-/* This is a primitive in one camera. q = q0 + s + square s^2, s = v^2 + w^2
- * with v = g dx - n dy and w = h dy, (dx, dy) from the mean to the pixel's
+/* A primitive in one camera. q = q0 + s + square s^2, s = v^2 + w^2 with
+ * v = g dx - n dy and w = h dy, (dx, dy) from the mean to the pixel's
  * centre. */
 typedef struct saga_splat_2d {
     real mean[2];         /* pixels */

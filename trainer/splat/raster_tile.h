@@ -28,8 +28,8 @@ enum {
 /* Nanoseconds to draw a splat in a tile, and the rest of a tile. */
 enum { PAIR_NS = 40, TILE_NS = 200 };
 
-/* This is the state of a tile's pixels, block by block: blocks of the left half
- * from top to bottom, then those of the right. */
+/* The state of a tile's pixels, block by block: blocks of the left half from
+ * top to bottom, then those of the right. */
 typedef struct {
     _Alignas(64) real trans[AREA];
     real colour[3][AREA];  /* so far */
@@ -47,7 +47,7 @@ typedef struct { wide floor, cut, cap, square; } limits;
 /* A splat does this to a block. */
 typedef struct { real alpha[WIDE_LANES], weight[WIDE_LANES]; } kept;
 
-/* These are coordinates of a block's pixels from the tile's middle. */
+/* Coordinates of a block's pixels from the tile's middle. */
 typedef struct {
     _Alignas(64) real x[2][WIDE_LANES], y[PAIRS][WIDE_LANES];
 } grid;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * This goes from primitives at a time to splats in a camera: EWA projection
- * with the norm's rules (docs/arithmetic.md: camera, projection, splat).
+ * Goes from primitives at a time to splats in a camera: EWA projection with
+ * the norm's rules (docs/arithmetic.md: camera, projection, splat).
  */
 #ifndef SAGA_SPLAT_PROJECT_H
 #define SAGA_SPLAT_PROJECT_H
@@ -11,7 +11,8 @@
 #define saga_splat_project_forward SAGA_REAL_NAME(saga_splat_project_forward)
 #define saga_splat_project_backward SAGA_REAL_NAME(saga_splat_project_backward)
 
-/* These are of some primitives, by one thread: others may do others.
+/* The calls below work on some of the primitives, by one thread: others may do
+ * others.
  *
  * Projects canvas->splat.posed to .splat and .extent, which are empty (x1 = x0)
  * and 0 where a primitive is dropped or misses the picture. */

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * This blends the tiles' lists front to back, and differentiates it. The rules
- * are the decoder's: a splat touches the pixels with q < cut, alpha = 2^-q
- * capped, w = alpha T, a pixel is finished once its T fell below the floor, and
- * what is left shows the background.
+ * Blends the tiles' lists front to back, and differentiates it. The rules are
+ * the decoder's: a splat touches the pixels with q < cut, alpha = 2^-q capped,
+ * w = alpha T, a pixel is finished once its T fell below the floor, and what
+ * is left shows the background.
  */
 #ifndef SAGA_SPLAT_RASTER_H
 #define SAGA_SPLAT_RASTER_H

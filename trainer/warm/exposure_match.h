@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * What a camera's exposure (exposure.h) explains is taken out of the truth
- * before training, so that no primitive has to explain it; pictures of the file
- * have the exposure of the mean camera.
+ * A camera's exposure (exposure.h) is taken out of the truth before training,
+ * so that no primitive has to explain it; pictures of the file have the
+ * exposure of the mean camera.
  */
 #ifndef SAGA_EXPOSURE_MATCH_H
 #define SAGA_EXPOSURE_MATCH_H

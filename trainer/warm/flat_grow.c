@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * This decides how many primitives there are, and where. In the first quarter
- * of the training rounds of growing raise their number to twice what is asked
+ * Decides how many primitives there are, and where. In the first quarter of
+ * the training rounds of growing raise their number to twice what is asked
  * for: some by splitting those whose place in the picture is most in doubt,
  * most from the pixels with the largest error, at their own moment. Afterwards
  * those that are worth least go in three steps, down to exactly that number.
@@ -353,7 +353,7 @@ static void halve(saga_flat *f)
     saga_splat_stats *const s = &f->stats;
     const double epoch = (double)f->pictures->n_train *
                          f->pictures->capture->n_frames;
-    /* What removal costs is summed over all pictures: half of it is forgotten
+    /* The cost of removal is summed over all pictures: half of it is forgotten
      * in an epoch, not in a round. */
     const real kept = (real)exp2(-round_length(f) / epoch);
 

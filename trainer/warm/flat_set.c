@@ -56,7 +56,8 @@ bool saga_flat_reserve(saga_flat *f, uint32_t n, saga_error *error)
 
     if (n <= f->cap)
         return true;
-    /* What is new is zero: gradients, moments and statistics begin there. */
+    /* New primitives are zero: gradients, moments and statistics begin there.
+     * */
     for (int a = 0; a < SAGA_N_ATTRS; a++) {
         const size_t w = width_of(a);
 

@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: MIT
  *
- * This is the inside of the warm-up, shared by flat*.c.
+ * The inside of the warm-up, shared by flat*.c.
  */
 #ifndef SAGA_FLAT_STATE_H
 #define SAGA_FLAT_STATE_H
 
 #include "flat.h"
 
-/* These are streams of the random numbers; counters are iterations or draws. */
+/* Streams of the random numbers; counters are iterations or draws. */
 enum {
     FLAT_RNG_PICTURE, FLAT_RNG_SEED, FLAT_RNG_GROW, FLAT_RNG_SCORE,
     FLAT_RNG_EXPOSURE

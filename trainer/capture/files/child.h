@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * This runs a child process whose standard output we read, or whose standard
- * input we write: no shell, the other one is empty, standard error goes to an
+ * Runs a child process whose standard output we read, or whose standard input
+ * we write: no shell, the other one is empty, standard error goes to an
  * unnamed file from which the last line can be quoted.
  */
 #ifndef SAGA_CHILD_H

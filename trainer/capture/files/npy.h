@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * This reads one array of real numbers from a .npy file (versions 1 to 3,
+ * Reads one array of real numbers from a .npy file (versions 1 to 3,
  * little-endian f4 or f8, C or Fortran order), as doubles in C order.
  */
 #ifndef SAGA_NPY_H

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * This reads the arrays of a .npz file, which is a ZIP archive of .npy files,
- * as numpy.savez (stored) and numpy.savez_compressed (deflated) write it.
+ * Reads the arrays of a .npz file, which is a ZIP archive of .npy files, as
+ * numpy.savez (stored) and numpy.savez_compressed (deflated) write it.
  */
 #ifndef SAGA_NPZ_H
 #define SAGA_NPZ_H

@@ -43,8 +43,8 @@ static bool picture_kind(const char *path, enum picture_kind *kind,
     return true;
 }
 
-/* What is neither PNG, JPEG nor OpenEXR goes through ffmpeg: a process for each
- * picture. */
+/* A picture that is neither PNG, JPEG nor OpenEXR goes through ffmpeg: a
+ * process for each. */
 static const char *ffmpeg_name(enum picture_kind kind)
 {
     return kind == PICTURE_WEBP ? "webp_pipe" : "tiff_pipe";
@@ -97,7 +97,7 @@ bool saga_picture_read_alpha(const char *path, int width, int height,
         return false;
     if (kind == PICTURE_PNG)
         return saga_png_read_alpha(path, width, height, rgb, error);
-    /* Of other kinds the opacity is not read: everything counts. */
+    /* The opacity of other kinds is not read: everything counts. */
     memset(rgb, 255, (size_t)width * (size_t)height * 3);
     return true;
 }

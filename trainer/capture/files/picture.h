@@ -62,7 +62,7 @@ bool saga_exr_write_depth(const char *path, int width, int height,
 bool saga_exr_write_alpha(const char *path, int width, int height,
                           const float *alpha, saga_error *error);
 
-/* This is the sRGB transfer function (IEC 61966-2-1). */
+/* The sRGB transfer function (IEC 61966-2-1), back and forth. */
 double saga_srgb_to_linear(double encoded);
 uint8_t saga_linear_to_srgb8(double linear);
 

@@ -96,9 +96,8 @@ static bool header_line(ply_header *h, ply_state *s, const char *line)
     if (sscanf(line, "element %31s %llu", a, &n) == 2) {
         s->in_vertex = strcmp(a, "vertex") == 0 && !s->seen_vertex;
         s->seen_vertex |= s->in_vertex;
-        /* Of other elements behind the vertices nothing is read. Before these
-         * they are refused, since their records would have to be passed
-         * over. */
+        /* Elements behind the vertices are not read. Before these they are
+         * refused, since their records would have to be passed over. */
         if (s->in_vertex)
             h->count = n;
         return s->seen_vertex;

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * This reads points, or whatever vertices have, from a PLY file: ascii or
+ * Reads points, or whatever vertices have, from a PLY file: ascii or
  * binary_little_endian, any order of scalar vertex properties; of points x, y,
- * z are needed, red, green, blue (grey without them) are taken. Elements behind
- * the vertices are ignored.
+ * z are needed, red, green, blue (grey without them) are taken. Elements
+ * behind the vertices are ignored.
  */
 #ifndef SAGA_PLY_H
 #define SAGA_PLY_H

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * This reads COLMAP's sparse model, text or little-endian binary: cameras,
- * images, points3D. World to camera, axes x right, y down, z forward, centre of
- * the first pixel at (1/2, 1/2): our conventions as they stand. Files of other
+ * Reads COLMAP's sparse model, text or little-endian binary: cameras, images,
+ * points3D. World to camera, axes x right, y down, z forward, centre of the
+ * first pixel at (1/2, 1/2): our conventions as they stand. Files of other
  * names (rigs, frames) are left alone.
  */
 #ifndef SAGA_COLMAP_H

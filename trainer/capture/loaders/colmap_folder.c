@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * This reads a plain COLMAP folder: a sparse model in sparse/0 (or where
- * saga_colmap_find looks) and pictures in images/, or beside the model's folder
- * if there is no images/.
+ * Reads a plain COLMAP folder: a sparse model in sparse/0 (or where
+ * saga_colmap_find looks) and pictures in images/, or beside the model's
+ * folder if there is no images/.
  *
  * An image of the model is a camera. Its pictures are, whichever is there:
  *

@@ -360,7 +360,7 @@ bool saga_listing_late(saga_listing *listing, const char *text,
     if (ok && n < 1)
         ok = saga_fail(error, l->path, "give smaller numbers", "--late leaves "
                        "nothing of %d frames", l->n_frames);
-    /* Of videos nothing is cut here: whoever reads them skips those frames. */
+    /* Videos are not cut here: whoever reads them skips those frames. */
     for (int i = 0; ok && i < l->n_sources; i++) {
         saga_source *const s = &l->sources[i];
         cut_list(s->pictures, s->skip, n, l->n_frames);

@@ -104,7 +104,7 @@ bool saga_listing_find_masks(saga_listing *listing, const char *path,
     char *const root = saga_string_copy(path, error);
     bool ok = root != NULL;
     int n = 0;
-    /* Of a file the folder, and no slash behind any. */
+    /* A path to a file stands for its folder; none ends in a slash. */
     if (ok && !saga_path_is_folder(root)) {
         char *const slash = strrchr(root, '/');
         *(slash ? slash : root) = '\0';

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * This reads a sequence as MPEG's immersive video (MIV) has it: a JSON file of
+ * Reads a sequence as MPEG's immersive video (MIV) has it: a JSON file of
  * "cameras", and of each view NAME_texture_WxH_yuv420p10le.yuv (or yuv420p, 8
  * bits), with NAME_depth_WxH_yuv420p16le.yuv or 10le beside it (miv_depth.h).
  * Views are those of "sourceCameraNames"; without it all but "viewport" and

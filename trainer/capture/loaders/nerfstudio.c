@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * This reads nerfstudio's transforms.json.
+ * Reads nerfstudio's transforms.json.
  *
  * Every entry of "frames" is one picture with its camera, or one video with
  * all its frames. Intrinsics stand in the entry or, for all, at the top.
@@ -404,7 +404,7 @@ static bool find_moment(const reader *r, const entry *e, double start,
         step > 0.0 ? fmin(fmax((e->time - start) / step, 0.0), n - 1.0) : 0.0;
     if (r->view_size[e->view] < n)
         *k = (int)floor(moment + 0.5);
-    /* What lies within a quarter of a step counts as synchronous. */
+    /* Times within a quarter of a step count as synchronous. */
     const double near = start + step * *k;
     return fabs(e->time - near) <= 0.25 * step ||
            saga_fail(r->error, r->path, "pictures must be synchronous and "
@@ -559,7 +559,8 @@ static void guess_fps(reader *r, int n)
     const bool moving = r->n_moments > 0;
     if (r->listing->fps > 0.0 || n < 2 || count_times(r) == 0)
         return;
-    /* Of a moving camera times of all views tell, else those of the fullest. */
+    /* The times of all views tell for a moving camera, else those of the
+     * fullest view. */
     const double first = moving ? r->first_time : e[0].time;
     const double last = moving ? first + r->step * (n - 1) : e[n - 1].time;
     if (fabs(first) < 1e-9 && fabs(last - 1.0) < 1e-9) {
@@ -623,7 +624,7 @@ static void common_prefix(const entry *e, int n, char name[SAGA_NAME_NBYTES])
 {
     const char *const base = base_of(e[0].file);
     size_t len = stem_length(base);
-    /* What all names begin with. */
+    /* Shorten the stem to what all names begin with. */
     for (int k = 1; k < n; k++) {
         const char *const other = base_of(e[k].file);
         size_t i = 0;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * This reads Panoptic Sports as Dynamic 3D Gaussians has it: train_meta.json
- * and test_meta.json, whose cameras are held out, each with w, h, and for every
+ * Reads Panoptic Sports as Dynamic 3D Gaussians has it: train_meta.json and
+ * test_meta.json, whose cameras are held out, each with w, h, and for every
  * moment t a list of cameras c:
  *
  *     k[t][c]        3 x 3 intrinsics

@@ -179,8 +179,8 @@ static bool check_budget(const load_job *job)
 
 /* ---------------------------------------------------------------- decoding */
 
-/* This is called after each item. The error of the lowest item wins: items
- * start in order, so it is the same one for any number of threads. */
+/* Counts an item that is done. The error of the lowest item wins: items start
+ * in order, so it is the same one for any number of threads. */
 static void item_done(load_job *job, int item, bool ok,
                       const saga_error *error)
 {
@@ -270,8 +270,8 @@ static void load_picture(load_job *job, int v, int k, const saga_remap *remap)
     item_done(job, v * job->capture->n_frames + k, ok, &error);
 }
 
-/* What is nearly white counts, after lens and scale: nothing of a mask's border
- * is in it. */
+/* Lets pixels count where the mask is nearly white after lens and scale:
+ * nothing of a mask's border is in them. */
 static void take_mask(uint8_t *mask, const uint8_t *rgb, size_t n)
 {
     for (size_t i = 0; i < n; i++)
@@ -593,8 +593,8 @@ static bool check_focal(const saga_source *s, const char *path,
                      s->lens.fy, s->width, s->height);
 }
 
-/* What a file can say of its rate, 1/1000 of a frame per second, has three
- * digits left. */
+/* Takes the rates of which a file can say three digits, in 1/1000 of a frame
+ * per second. */
 static bool check_fps(double fps, const char *path, saga_error *error)
 {
     return (fps >= 0.1 && fps <= 1e5) ||

@@ -72,7 +72,7 @@ static void improve(const solver *s, double *x, int k)
     memset(s->sum, 0, 2 * n_views * sizeof *s->sum);
     for (size_t i = 0; i < s->pairs->n; i++) {
         const saga_exposure_pair *const d = s->pairs->at + i;
-        /* What is left unexplained is 0 where a exp(x_a) = b exp(x_b). */
+        /* The part left unexplained is 0 where a exp(x_a) = b exp(x_b). */
         const double left = d->log[k] + x[3 * d->a] - x[3 * d->b];
         const double weight = 1 / (fabs(left) + UNEXPLAINED);
 

@@ -30,7 +30,7 @@ enum {
     GROUPS = 8               /* of steps, and of cameras */
 };
 
-/* Of 31 correlations of unrelated rows, the largest is above this many standard
+/* The largest of 31 correlations of unrelated rows is above this many standard
  * deviations in 0.1 % of all cases. */
 #define SURE_AGREEMENT 4.0
 /* A difference of two correlations has sqrt(2 / n). */

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * This finds by how many frames a camera of a capture runs behind the others,
- * by how much changes from picture to picture, and how sure that is. What is
- * seen to move differs from side to side, so most of the work is to know when
+ * Finds by how many frames a camera of a capture runs behind the others, by
+ * how much changes from picture to picture, and how sure that is. What is seen
+ * to move differs from side to side, so most of the work is to know when
  * nothing can be told.
  */
 #ifndef SAGA_LATENESS_H

@@ -220,7 +220,8 @@ static void find_overlap(saga_survey *survey, const saga_capture *c,
 
 /* ------------------------------------------------------------------ colours */
 
-/* What a view shows at a place in the first frame; display values. */
+/* The colour that a view shows at a place in the first frame; display values.
+ * */
 static bool colour_at(const saga_capture *c, int v, const double place[3],
                       double rgb[3])
 {

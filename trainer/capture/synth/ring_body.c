@@ -83,7 +83,7 @@ static void limb(double end[3], const double from[3], double axes[3][3],
     double s, c;
     saga_synth_sin_cos(turns, &s, &c);
     const double l = length_out[0], o = length_out[1];
-    /* What of the length is left in the plane of forward and up. */
+    /* The length that is left in the plane of forward and up. */
     const double in = l * sqrt(1.0 - o * o);
     const double flu[3] = {in * s, l * o, -in * c};
     reach(end, from, axes, flu);

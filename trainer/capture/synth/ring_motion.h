@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * This says what a seed draws for the scene "ring", and where everything is.
+ * Says what a seed draws for the scene "ring", and where everything is.
  */
 #ifndef SAGA_RING_MOTION_H
 #define SAGA_RING_MOTION_H

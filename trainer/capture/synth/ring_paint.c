@@ -5,7 +5,7 @@
 
 #include <string.h>
 
-/* These are colours of the plan. */
+/* The colours of the plan. */
 enum {
     C_SHIRT, C_STRIPE, C_TROUSERS, C_CHECK, C_HAIR, C_SHOE, C_BALL, C_SEAM,
     C_COMER, C_GOER, C_CRATE, C_GROUND, C_MAT, C_WALL /* and one more */

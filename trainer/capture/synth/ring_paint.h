@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * This says what things of the scene "ring" look like from near.
+ * Says what things of the scene "ring" look like from near.
  */
 #ifndef SAGA_RING_PAINT_H
 #define SAGA_RING_PAINT_H

@@ -278,8 +278,8 @@ static void picture_done(synth_job *job, int item, bool ok,
 #pragma omp critical(saga_synth)
     {
         job->n_done++;
-        /* Of several failures that of the lowest number is told, whichever came
-         * first. -1, a cancel, is below all of them. */
+        /* The failure of the lowest number is told, whichever came first. -1,
+         * a cancel, is below all of them. */
         if (!ok && item < job->first_failed) {
             job->first_failed = item;
             *job->error = *error;
@@ -388,7 +388,8 @@ static bool seen_again(const synth_job *job, const saga_synth_world *world,
             continue;
         saga_pose_centre(v->rotation, v->translation, origin);
         pixel_direction(v, uv[0], uv[1], d);
-        /* What that view sees first along this ray is as far as the point. */
+        /* That view sees the point if what lies first along the ray is as far.
+         * */
         if (fabs(saga_synth_look(world, origin, d).distance - z) < 0.005 * z)
             return true;
     }
@@ -441,8 +442,8 @@ static bool write_points(const synth_job *job)
     if (!points)
         return false;
     saga_synth_world_at(&world, job->options, 0.0);
-    /* Of moment 0 alone. A scene without texture gives up after 100 tries for
-     * each point, and has fewer. */
+    /* The points are those of moment 0. A scene without texture gives up after
+     * 100 tries for each, and has fewer. */
     for (long tries = 0; n < (size_t)wanted && tries < 100L * wanted; tries++)
         if (sample_point(job, &world, &random, &points[n]))
             n++;

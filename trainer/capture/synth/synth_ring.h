@@ -104,7 +104,7 @@ saga_ring_hit saga_ring_trace(const saga_ring_state *state,
 void saga_ring_radiance(const saga_ring_state *state, const double origin[3],
                         const double direction[3], double rgb[3]);
 
-/* This is half the hall's width, and its height. */
+/* Half the hall's width, and its height. */
 #define SAGA_RING_HALL 4.4
 #define SAGA_RING_CEILING 3.4
 

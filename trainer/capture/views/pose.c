@@ -47,8 +47,8 @@ static double defect(const double r[9])
     return worst;
 }
 
-/* This is Newton's iteration to the nearest rotation, R <- (R + R^-T) / 2; the
- * rows of R^-T are cross products over the determinant. */
+/* Newton's iteration to the nearest rotation, R <- (R + R^-T) / 2; the rows of
+ * R^-T are cross products over the determinant. */
 static void nearest_rotation(double r[9])
 {
     for (int round = 0; round < 6; round++) {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * This takes poses from the conventions of files into ours: world to camera,
- * OpenCV axes, an orthonormal rotation.
+ * Takes poses from the conventions of files into ours: world to camera, OpenCV
+ * axes, an orthonormal rotation.
  */
 #ifndef SAGA_POSE_H
 #define SAGA_POSE_H

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * This goes from the picture a lens made to the picture a pinhole would have
- * made, and from full size to 1/N, in one pass with one rounding.
+ * Goes from the picture a lens made to the picture a pinhole would have made,
+ * and from full size to 1/N, in one pass with one rounding.
  *
  * Lens: OpenCV's models. With x, y the pinhole direction (z = 1), r2 = x x +
  * y y and g = 1 + k1 r2 + k2 r2^2 + k3 r2^3,

@@ -387,7 +387,7 @@ bool saga_fit_iterate(saga_fit *f, double *mse, saga_error *error)
     bool ok;
 
     *mse = 0;
-    /* What is used instead of the scene: noisy or rounded copies. */
+    /* Noisy or rounded copies stand in for the scene. */
     use_all_features(f);
     use_all_positions(f);
     if (!saga_fit_use_weights(f, error))

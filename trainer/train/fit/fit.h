@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * This fits a scene's pictures to the capture under a rate-distortion objective
+ * Fits a scene's pictures to the capture under a rate-distortion objective
  * (paper: Rate-Distortion Optimization). It begins with a linear map of the
  * primitives it came from (start.h).
  *

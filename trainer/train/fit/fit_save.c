@@ -68,7 +68,7 @@ void saga_fit_walk(saga_fit *f, saga_checkpoint *c)
     saga_checkpoint_walk(c, &iteration, sizeof iteration);
     /* The step may have been steered (size.c); the prices go with it. */
     saga_fit_walk_step(f, c);
-    /* What is learned, with Adam's moments and the features' axes. */
+    /* The parameters, with Adam's moments and the features' axes. */
     walk_reals(c, f->scene->reals, f->scene->n_reals);
     walk_reals(c, f->m, f->scene->n_reals);
     walk_reals(c, f->v, f->scene->n_reals);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * This is the inside of the fit, which fit*.c share.
+ * The inside of the fit, which fit*.c share.
  */
 #ifndef SAGA_FIT_STATE_H
 #define SAGA_FIT_STATE_H

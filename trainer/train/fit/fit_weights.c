@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * This is about the networks' parameters while pictures are fitted: what the
- * twin runs on, their steps' rate, and how they come to stand on multiples of
- * their steps.
+ * The networks' parameters while pictures are fitted: what the twin runs on,
+ * their steps' rate, and how they come to stand on multiples of their steps.
  *
  * Until two thirds of the iterations they carry noise. Then they are rounded a
  * layer at a time, in the networks' order, over the next quarter of all: each

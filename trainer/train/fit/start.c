@@ -16,9 +16,9 @@ enum { STREAM_SIGNS = 110 };
  * one more sample. */
 enum { N_PICTURES = 64 };
 
-/* What unseen primitives count, of the mean: their attributes are free, but for
- * the networks' sake not arbitrary, since what is nowhere seen today may be
- * tomorrow. */
+/* The least weight of a primitive, of their mean. Unseen ones have free
+ * attributes, but for the networks' sake not arbitrary ones, since what is
+ * nowhere seen today may be tomorrow. */
 #define LEAST_WEIGHT 0.1
 
 /* Steps of descent that features for given networks take, at rates that fall

@@ -19,9 +19,9 @@ enum { CODES = 32, CODE_NS = 5000 };
  * still. */
 enum { N_TURNS = 6 };
 
-/* What the square of a feature over its variance counts beside its primitive's
- * error, in errors of a rounded feature (price step^2 / 12): a primitive is not
- * worth far-fetched values. */
+/* The weight of a feature's square over its variance beside its primitive's
+ * error, in errors of a rounded feature (price step^2 / 12): a primitive is
+ * not worth far-fetched values. */
 #define PRIOR 100
 
 /* Bits that cost next to nothing do not make features larger than this standard
@@ -221,7 +221,8 @@ static void decorrelate(saga_start *x, double *variance)
     for (size_t i = 0; i < x->n; i++)
         for (size_t j = 0; j < x->f; j++)
             mean[j] += x->code[i * x->f + j] / (double)x->n;
-    /* What the features have in common moves into the dimensions' mean. */
+    /* The part that the features have in common moves into the dimensions'
+     * mean. */
     for (size_t k = 0; k < x->d; k++)
         for (size_t j = 0; j < x->f; j++)
             x->mean[k] += x->basis[k][j] * mean[j];
@@ -252,8 +253,9 @@ static void limit_codes(saga_start *x)
                           SAGA_MOST_FEATURE);
 }
 
-/* What never reaches a step is coded as 0 always: a feature whose deviation is
- * a thousandth of one is left out, before its weights leave all formats. */
+/* Leaves out features that never reach a step, and so are always coded as 0:
+ * those whose deviation is a thousandth of one, before their weights leave all
+ * formats. */
 static void drop_idle(saga_start *x, const double *variance, double step)
 {
     for (size_t k = 0; k < x->f; k++)

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * This is the inside of the start, which start*.c share.
+ * The inside of the start, which start*.c share.
  */
 #ifndef SAGA_START_STATE_H
 #define SAGA_START_STATE_H

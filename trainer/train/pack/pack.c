@@ -147,7 +147,7 @@ static bool close_layer(saga_symbols *y, const saga_encoder *e,
         u->coarse + coarse, s->coarse_feature + features * l->first.coarse,
         u->fine + fine, u->prim + prim, p->twin->prim_offset + prim, NULL
     };
-    /* What is decoded is written once all is coded, so that anchors may lie in
+    /* Decoded values are written once all is coded, so that anchors may lie in
      * the same arrays. Primitives of an anchor are sorted by suffix: they need
      * others. */
     const saga_decoded d = {

@@ -78,8 +78,7 @@ static int row_formats(uint8_t *q, uint8_t *finer, const saga_packing *p,
         finer[k] = finer_by(p, net, most_row(p, net, i, k), common);
         q[k] = (uint8_t)(common + finer[k]);
     }
-    /* What the direction adds has to be in the format of what it is added
-     * to. */
+    /* The direction's part has to be in the format of what it is added to. */
     for (k = 0; net == SAGA_NET_COLOUR_VIEW && k < n; k++)
         q[k] = (uint8_t)(common +
                          nets->layer[SAGA_NET_COLOUR_BASE][0].finer[k]);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * This is the inside of packing, which pack*.c share.
+ * The inside of packing, which pack*.c share.
  */
 #ifndef SAGA_PACK_STATE_H
 #define SAGA_PACK_STATE_H
@@ -10,7 +10,7 @@
 /* Embeddings come in this Q format: nothing finer enters a network. */
 enum { SAGA_EMBEDDING_Q = 15 };
 
-/* What every network is packed with. */
+/* The common terms by which every network is packed. */
 typedef struct {
     const saga_model *model;     /* formats measured */
     const saga_rate_choice *choice;

@@ -5,9 +5,8 @@
 
 #define LEAST_LAMBDA 1e-3
 
-/* What bits are worth where the fit starts, of what they are in training:
- * features are coded in a step or less, where a bit buys more than at high
- * rates. */
+/* The price of bits where the fit starts, over that in training: features are
+ * coded in a step or less, where a bit buys more than at high rates. */
 #define START_PRICE 4
 
 /* A weight's bit costs this many of a residual's: its noise is so small that it
@@ -59,9 +58,9 @@ saga_policy saga_policy_of(double lambda, double n_pixels,
 
     return (saga_policy){
         .price = { price, START_PRICE * price, WEIGHT_PRICE * price },
-        /* What rounding costs in the pictures grows with the square of the
-         * step, what it saves with the primitives and the price of their bits;
-         * half a support says all that the lowest rates want to know. */
+        /* Rounding costs the pictures by the square of the step, and saves by
+         * the primitives and the price of their bits; half a support says all
+         * that the lowest rates want to know. */
         .prim_step = fmin(fmax(425 * sqrt(price * n_primitives), 1 / 64.0),
                           0.5),
         /* The dearer bits are, the fewer weights are worth theirs. */

@@ -98,7 +98,7 @@ static saga_rig_camera *make_rig(saga_train *t, const saga_header *h,
 
         memset(&c, 0, sizeof c);
         for (int k = 0; k < 3; k++)
-            /* What training drew behind everything. */
+            /* Training drew this behind everything. */
             c.background_q15[k] = (uint16_t)lrint(
                 32768 * (t->pictures.background[k] / 255.0));
         if (!saga_camera_of_shot(&c, &m, &t->capture->views[i],

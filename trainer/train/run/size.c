@@ -131,7 +131,7 @@ static uint32_t sized_share(const saga_train *t)
         return n_planned(t);
     /* Bytes that a primitive took in the finished segments. */
     of_one = ((double)z->total - fixed_nbytes(z)) / (double)t->n_finished;
-    /* What is left for each of the segments to come. */
+    /* The bytes that are left for each of the segments to come. */
     left = ((double)t->o.n_bytes - (double)z->total) /
            (t->o.n_segments - n_done);
     /* Between two thirds of the plan and half as many more as are drawn, the

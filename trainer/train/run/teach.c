@@ -12,7 +12,7 @@
  * costs twice the time, and teaches no better (docs/lab/teachers.md). */
 #define LESSON 0.5
 
-/* This is a stream of the random numbers. */
+/* The stream of the random numbers. */
 enum { STREAM_TEACHER = 600 };
 
 /* A base is drawn with each view's own colours, and there are none between the

@@ -16,8 +16,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* What a weight takes, bits, is about the same in all files (policy.c); a row
- * has a format and a bias besides, a layer its steps. */
+/* The bits of a weight are about the same in all files (policy.c); a row has a
+ * format and a bias besides, a layer its steps. */
 enum { WEIGHT_BITS = 4, ROW_BITS = 13, LAYER_BITS = 38 };
 
 /* Pictures that are looked at: at most this many, and one for each of these
@@ -495,16 +495,17 @@ static void free_slanted(slanted *s)
     saga_params_free(&s->d);
 }
 
-/* What one half of the views says about colours by direction is drawn in the
- * other half, all of it and half of it, to know how much of it is best there:
- * what cannot be foretold is no shine, but a view's own. */
+/* Asks whether colours should depend on the direction. One half of the views
+ * says how, and the other half is drawn with all of that and with half of it,
+ * to know how much is best there: what cannot be foretold is no shine, but a
+ * view's own. */
 static bool ask_view(trial *a, double mse, saga_error *error)
 {
     double sum[3] = { mse, 0, 0 };
     slanted s;
     bool ok = true;
 
-    /* What one half teaches has to be tested by another. */
+    /* A half that teaches has to be tested by another. */
     if (count_pictures(a, 0) == 0 || count_pictures(a, 1) == 0)
         return true;
     ok = make_slanted(&s, a, error);

@@ -219,8 +219,7 @@ static bool begin_rendering(saga_train *t, saga_error *error)
         return false;
     if (t->turn == 0)
         saga_train_choose_base(t);
-    /* What would be too large for the level fails here, before it is
-     * rendered. */
+    /* A scene too large for the level fails here, before it is rendered. */
     return saga_train_begin_fit(t, error) &&
            saga_fit_start(t->fit, &t->target, error) &&
            saga_train_check_level(t, error);

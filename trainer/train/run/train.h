@@ -189,7 +189,7 @@ typedef struct saga_train_tool {
     bool asked, kept;
 } saga_train_tool;
 
-/* What is told of all segments that are finished. */
+/* The sums over all segments that are finished. */
 typedef struct saga_train_report {
     saga_encode_sizes sizes;
     saga_quantise_report quantise;

@@ -199,8 +199,8 @@ bool saga_train_alloc_base(saga_backdrop *b, uint32_t n, int n_views,
         saga_train_free_base(b);
         return false;
     }
-    /* What is shared, then the colours of each view: checkpoints walk over the
-     * block as it lies. */
+    /* The shared attributes come first, then the colours of each view:
+     * checkpoints walk over the block as it lies. */
     colour = saga_params_lay(&p, b->block, shared_attrs(), n);
     for (int v = 0; v < n_views; v++) {
         b->seen[v] = p;

@@ -27,11 +27,11 @@ static const saga_preset presets[] = {
 
 enum { N_PRESETS = sizeof presets / sizeof presets[0] };
 
-/* What the built-in scene, studio and person4 were given by hand is one
- * primitive for some hundred pixels of a moment (docs/results/training.md). */
+/* The built-in scene, studio and person4 were given by hand one primitive for
+ * some hundred pixels of a moment (docs/results/training.md). */
 #define PIXELS_OF_ONE 120
 
-/* What moves wants more of them: pixels that change count two times more for
+/* Moving things want more of them: pixels that change count two times more for
  * each second. */
 #define MOTION_PART 2
 
@@ -124,8 +124,8 @@ double saga_plan_minutes(double n_primitives, double n_iterations,
            (0.27 * n_primitives / 1000 + 0.7 * pixels / 100000);
 }
 
-/* What is learned of a primitive grows with the logarithm of the iterations
- * that there are for each, in stills of 0.02 to 8 of them
+/* Detail that is learned of a primitive grows with the logarithm of the number
+ * of iterations for each, in stills of 0.02 to 8 of them
  * (tests/train/test_size.c has the files). */
 void saga_plan_nbytes(double *least, double *most, double n_primitives,
                       double n_iterations, bool still)

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * What a user leaves open of a training is planned from the capture: how many
+ * Plans from the capture what a user leaves open of a training: how many
  * primitives, how many iterations. The reasons are told in words.
  */
 #ifndef SAGA_TRAIN_PLAN_H

@@ -63,8 +63,9 @@ bool saga_train_save(saga_train *t, saga_error *error)
 
     if (!saga_checkpoint_create(&c, t->o.checkpoint, error))
         return false;
-    /* What it was begun with comes first, so that a reader can refuse it before
-     * it looks at the rest; cameras come before all that needs them. */
+    /* The head says what it was begun with, and comes first, so that a reader
+     * can refuse it before it looks at the rest; cameras come before all that
+     * needs them. */
     saga_train_head_fill(&h, t);
     saga_checkpoint_walk(&c, &h, sizeof h);
     saga_pictures_save(&t->pictures, &c);

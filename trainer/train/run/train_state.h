@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * This is the inside of the training, which train*.c share.
+ * The inside of the training, which train*.c share.
  */
 #ifndef SAGA_TRAIN_STATE_H
 #define SAGA_TRAIN_STATE_H
