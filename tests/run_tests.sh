@@ -239,6 +239,7 @@ many() {
     check view python3 tests/cli/check_view.py
     check shutter python3 tests/cli/check_shutter.py
     check path python3 tests/cli/check_path.py
+    check pipe python3 tests/cli/check_pipe.py
     check sight python3 tests/cli/check_sight.py
     check exchange python3 tests/cli/check_exchange.py
     check web python3 tests/cli/check_web.py

@@ -5,10 +5,16 @@
  * depend on the threads, and at the end how long a picture took, and how much
  * processor time of all threads.
  *
- *     saga-play [--seconds S] FILE [THREADS [CAMERA [PICTURES]]]
+ *     saga-play [OPTIONS] FILE [THREADS [CAMERA [PICTURES]]]
  *
- * It gives up when decoding a segment takes longer than S, which is as long as
- * files of the level may take where nobody says otherwise.
+ * Options stand anywhere:
+ *     --seconds S   it gives up when decoding a segment takes longer
+ *     --y4m FILE    writes the pictures as YUV4MPEG2, "-" to stdout, instead of
+ *                   their CRCs: Y'CbCr 4:4:4 of 8 bits in limited range
+ *     --rgb FILE    the same without a header: R, G, B bytes
+ *
+ * A Y4M file does not say how its colours were made. Players take BT.601 up to
+ * 576 lines and BT.709 above, and so does saga-play.
  *
  * While the threads draw a picture, this one prepares the next in a second
  * decoder, and then draws too. A third decodes the next segment meanwhile.
@@ -51,6 +57,8 @@ typedef struct player {
     int is_decoding;
     painter painters[MAX_THREADS];
     uint32_t n_threads;
+    FILE *out;               /* NULL: CRCs to stdout */
+    unsigned char *yuv;      /* NULL: out gets R, G, B; else three planes */
     /* The picture being drawn. */
     const saga_decoder *dec;
     unsigned char *rgb;
@@ -256,6 +264,139 @@ static void draw(player *p, uint32_t frame, int has_next)
         pthread_join(p->painters[i].thread, NULL);
 }
 
+/* --- What is written ----------------------------------------------------- */
+
+/* Luma is (red R + green G + blue B) / 10000; chroma is B or R less luma, over
+ * twice what the other two colours have of it. */
+typedef struct {
+    int32_t red, green, blue;
+} luma;
+
+static const luma bt601 = { 2990, 5870, 1140 }, bt709 = { 2126, 7152, 722 };
+
+enum { LINES_601 = 576 };   /* the most that players take for BT.601 */
+
+/* offset + num / den, rounded to the nearest. Of the largest, chroma's, num is
+ * below 224 * 255 * 9278 = 2^28.98 and den 2 * 255 * 9278. */
+static unsigned char rounded(int32_t offset, int32_t num, int32_t den)
+{
+    return (unsigned char)((offset * den + num + den / 2) / den);
+}
+
+/* Luma goes from 16 to 235, chroma from 16 to 240. */
+static void convert(unsigned char *yuv, const unsigned char *rgb,
+                    size_t n_pixels, const luma *m)
+{
+    unsigned char *const cb = yuv + n_pixels, *const cr = cb + n_pixels;
+    size_t i;
+
+    for (i = 0; i < n_pixels; i++) {
+        const int32_t r = rgb[3 * i], g = rgb[3 * i + 1], b = rgb[3 * i + 2];
+        const int32_t y = m->red * r + m->green * g + m->blue * b;
+
+        yuv[i] = rounded(16, 219 * y, 255 * 10000);
+        cb[i] = rounded(128, 224 * (10000 * b - y),
+                        255 * 2 * (10000 - m->blue));
+        cr[i] = rounded(128, 224 * (10000 * r - y),
+                        255 * 2 * (10000 - m->red));
+    }
+}
+
+static void write_bytes(player *p, const unsigned char *bytes, size_t n)
+{
+    if (fwrite(bytes, 1, n, p->out) != n || fflush(p->out))
+        stop("cannot write the pictures");
+}
+
+static void begin_y4m(player *p)
+{
+    const saga_camera *const c = &p->camera;
+    const int has_rate = p->info.fps_num && p->info.fps_den;
+
+    p->yuv = need(3u * c->width * (size_t)c->height);
+    if (fprintf(p->out, "YUV4MPEG2 W%u H%u F%u:%u Ip A1:1 C444 "
+                "XCOLORRANGE=LIMITED\n", c->width, c->height,
+                has_rate ? p->info.fps_num : 25,
+                has_rate ? p->info.fps_den : 1) < 0)
+        stop("cannot write the pictures");
+}
+
+static void tell_picture(player *p, uint32_t frame)
+{
+    const size_t n_pixels = p->camera.width * (size_t)p->camera.height;
+
+    if (!p->out) {
+        printf("%u %08x\n", frame, saga_crc32c(0, p->rgb, 3 * n_pixels));
+        return;
+    }
+    if (p->yuv) {
+        convert(p->yuv, p->rgb, n_pixels,
+                p->camera.height <= LINES_601 ? &bt601 : &bt709);
+        if (fputs("FRAME\n", p->out) < 0)
+            stop("cannot write the pictures");
+    }
+    write_bytes(p, p->yuv ? p->yuv : p->rgb, 3 * n_pixels);
+}
+
+/* --- The command --------------------------------------------------------- */
+
+/* Words of the command line; positions NULL where they are not given. */
+typedef struct {
+    const char *seconds, *y4m, *rgb;
+    const char *words[4];
+} command;
+
+static const char usage[] =
+    "usage: saga-play [--seconds S] [--y4m FILE | --rgb FILE] "
+    "FILE [THREADS [CAMERA [PICTURES]]]";
+
+static void read_command(command *c, int argc, char **argv)
+{
+    const struct {
+        const char *name;
+        const char **value;
+    } options[] = {
+        { "--seconds", &c->seconds }, { "--y4m", &c->y4m }, { "--rgb", &c->rgb }
+    };
+    size_t n_words = 0, k;
+    int i;
+
+    for (i = 1; i < argc; i++) {
+        for (k = 0; k < 3 && strcmp(argv[i], options[k].name); k++)
+            ;
+        if (k < 3 && i + 1 < argc)
+            *options[k].value = argv[++i];
+        else if (argv[i][0] != '-' && n_words < 4)
+            c->words[n_words++] = argv[i];
+        else
+            stop(usage);
+    }
+    if (!c->words[0] || (c->y4m && c->rgb))
+        stop(usage);
+}
+
+static double seconds_of(const char *word)
+{
+    char *end;
+    const double s = strtod(word, &end);
+
+    if (*end || !(s > 0 && s <= 1e9))
+        stop("give --seconds a number above 0");
+    return s;
+}
+
+static uint32_t number_of(const char *word, uint32_t otherwise)
+{
+    return word ? (uint32_t)strtoul(word, NULL, 10) : otherwise;
+}
+
+static void open_output(player *p, const char *path)
+{
+    p->out = strcmp(path, "-") ? fopen(path, "wb") : stdout;
+    if (!p->out)
+        stop("cannot write the pictures");
+}
+
 static void open_player(player *p, const char *path, uint32_t camera)
 {
     uint32_t number, i;
@@ -274,51 +415,47 @@ static void open_player(player *p, const char *path, uint32_t camera)
     }
 }
 
-/* Takes --seconds S from the front; returns how many arguments that is. */
-static int take_seconds(player *p, int argc, char **argv)
+/* All pictures in turn, and the times of them. */
+static void play(player *p, uint32_t n)
 {
-    char *end;
+    double wall, cpu;
+    uint32_t i;
 
-    if (argc < 3 || strcmp(argv[1], "--seconds"))
-        return 0;
-    p->seconds = strtod(argv[2], &end);
-    if (*end || !(p->seconds > 0 && p->seconds <= 1e9))
-        stop("give --seconds a number above 0");
-    return 2;
+    prepare(p, 0);
+    wall = ms_of(CLOCK_MONOTONIC);
+    cpu = ms_of(CLOCK_PROCESS_CPUTIME_ID);
+    for (i = 0; i < n; i++) {
+        draw(p, i, i + 1 < n);
+        tell_picture(p, i);
+    }
+    finish_ahead(p);
+    wall = ms_of(CLOCK_MONOTONIC) - wall;
+    cpu = ms_of(CLOCK_PROCESS_CPUTIME_ID) - cpu;
+    fprintf(stderr, "%u pictures of %ux%u, %u threads: %.2f ms each, "
+            "%.2f of CPU\n", n, p->camera.width, p->camera.height,
+            p->n_threads, n ? wall / n : 0, n ? cpu / n : 0);
 }
 
 int main(int argc, char **argv)
 {
     static player p;
-    uint32_t n, i;
-    double wall, cpu;
-    const int n_taken = take_seconds(&p, argc, argv);
+    command c = { 0 };
+    uint32_t n;
 
-    argc -= n_taken;
-    argv += n_taken;
-    p.n_threads = argc > 2 ? (uint32_t)strtoul(argv[2], NULL, 10) : 1;
-    if (argc < 2 || p.n_threads < 1 || p.n_threads > MAX_THREADS)
-        stop("usage: saga-play [--seconds S] FILE "
-             "[THREADS [CAMERA [PICTURES]]]");
-    open_player(&p, argv[1],
-                argc > 3 ? (uint32_t)strtoul(argv[3], NULL, 10) : 0);
-    n = argc > 4 ? (uint32_t)strtoul(argv[4], NULL, 10) : p.info.n_frames;
-    if (n > p.info.n_frames)
-        n = p.info.n_frames;
-    prepare(&p, 0);
-    wall = ms_of(CLOCK_MONOTONIC);
-    cpu = ms_of(CLOCK_PROCESS_CPUTIME_ID);
-    for (i = 0; i < n; i++) {
-        draw(&p, i, i + 1 < n);
-        printf("%u %08x\n", i,
-               saga_crc32c(0, p.rgb, 3u * p.camera.width *
-                           (size_t)p.camera.height));
-    }
-    finish_ahead(&p);
-    wall = ms_of(CLOCK_MONOTONIC) - wall;
-    cpu = ms_of(CLOCK_PROCESS_CPUTIME_ID) - cpu;
-    fprintf(stderr, "%u pictures of %ux%u, %u threads: %.2f ms each, "
-            "%.2f of CPU\n", n, p.camera.width, p.camera.height, p.n_threads,
-            n ? wall / n : 0, n ? cpu / n : 0);
+    read_command(&c, argc, argv);
+    if (c.seconds)
+        p.seconds = seconds_of(c.seconds);
+    p.n_threads = number_of(c.words[1], 1);
+    if (p.n_threads < 1 || p.n_threads > MAX_THREADS)
+        stop(usage);
+    open_player(&p, c.words[0], number_of(c.words[2], 0));
+    if (c.y4m || c.rgb)
+        open_output(&p, c.y4m ? c.y4m : c.rgb);
+    if (c.y4m)
+        begin_y4m(&p);
+    n = number_of(c.words[3], p.info.n_frames);
+    play(&p, n < p.info.n_frames ? n : p.info.n_frames);
+    if (p.out && fclose(p.out))
+        stop("cannot write the pictures");
     return 0;
 }
