@@ -68,6 +68,7 @@ enum {
     SAGA_TOOL_MOTION_SHIFT = 3,
     SAGA_TOOL_MOTION_MASK = 3u << 3,
     SAGA_TOOLS_PICTURE = (1u << 5) - 1, /* what primitives can do */
+    SAGA_TOOLS_SPLAT = SAGA_TOOL_STEEP, /* how splats fall off */
     SAGA_TOOLS_KNOWN = SAGA_TOOL_MOTION_MASK SAGA_TOOL_LIST(SAGA_TOOL_OR)
 };
 

@@ -29,7 +29,7 @@ static uint32_t q_of(uint32_t s, const saga_patch *p)
     if (s >= (uint32_t)p->reach)
         return SAGA_CUT_Q20;
     s += (uint32_t)p->q0;
-    return p->is_steep ? s + ((r * r + 16) >> 5) : s;
+    return p->tools & SAGA_TOOL_STEEP ? s + ((r * r + 16) >> 5) : s;
 }
 
 /* |v| < 8, so the square of its 17 bits is below 2^32; s_line is below 2^27.

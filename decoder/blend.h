@@ -23,7 +23,8 @@ typedef struct saga_patch {
     int32_t q0;                  /* Q20, below the cut */
     int32_t reach;               /* Q20: pixels with s at or above it are not
                                   * touched (sqrt_up.h) */
-    int32_t is_steep;            /* q = q0 + s + s^2 / 2, not q0 + s */
+    uint32_t tools;              /* with SAGA_TOOL_STEEP q = q0 + s + s^2 / 2,
+                                  * else q0 + s */
     int32_t x0, x1;              /* the columns [x0, x1) of the tile lie in the
                                   * splat's box; x0 < x1 */
     uint32_t n_rows;             /* >= 1, all inside the box */

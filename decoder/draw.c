@@ -157,7 +157,7 @@ saga_status saga_draw(const saga_decoder *dec, saga_job *job,
 {
     const saga_drawing drawing = { &dec->camera, splats_of(dec), keys_of(dec),
                                    dec->n_splats, (saga_cpu)dec->cpu,
-                                   dec->format.is_steep };
+                                   dec->format.tools };
     uint32_t digest;
 
     if (!dec->has_view)

@@ -34,7 +34,7 @@ typedef struct saga_prim_format {
     uint8_t motion_order;    /* 0..3 */
     uint8_t has_slope;       /* linear rotation */
     uint8_t has_width;       /* temporal opacity */
-    uint8_t is_steep;        /* SAGA_TOOL_STEEP, of what becomes a splat */
+    uint32_t tools;          /* of the file, SAGA_TOOL_*: how splats fall off */
 } saga_prim_format;
 
 #endif

@@ -464,10 +464,10 @@ static int pixel_range(int16_t *from, int16_t *to, int32_t mean_q8,
  *   |dy| < L / h,  |dx| < L |(h, n)| / (g h) = (L / g) |(1, n/h)|:
  * bounds made of the integer factors the blending uses, so that their own
  * rounding cannot lose a pixel. */
-static int box(saga_splat *s, const saga_camera *c, int is_steep)
+static int box(saga_splat *s, const saga_camera *c, uint32_t tools)
 {
     const int32_t *const f = s->chol_q28;
-    const int32_t reach = saga_reach_q20(SAGA_CUT_Q20 - s->q0_q20, is_steep);
+    const int32_t reach = saga_reach_q20(SAGA_CUT_Q20 - s->q0_q20, tools);
     const int32_t l_q12 = sqrt_up_q20_q12(reach);
     const int32_t ex = extent_x(l_q12, f[0], f[1], f[2]);
     const int32_t ey = extent_y(l_q12, f[2]);
@@ -477,7 +477,7 @@ static int box(saga_splat *s, const saga_camera *c, int is_steep)
 }
 
 int saga_project(saga_splat *s, const saga_animated *a, const saga_camera *c,
-                 int is_steep)
+                 uint32_t tools)
 {
     centre o;
     shape t;
@@ -491,5 +491,5 @@ int saga_project(saga_splat *s, const saga_animated *a, const saga_camera *c,
     s->mean_q8[1] = o.mean_q8[1];
     s->q0_q20 = a->q0_q20;
     s->depth = o.depth;
-    return box(s, c, is_steep);
+    return box(s, c, tools);
 }

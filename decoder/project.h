@@ -25,9 +25,9 @@ saga_status saga_camera_check(const saga_camera *c);
 
 /* Projects a (c was checked). Returns 1 and fills *s, all fields but
  * colour_q15, if the splat may touch a pixel of the picture; 0 if it is
- * dropped, *s then undefined. is_steep (SAGA_TOOL_STEEP) makes boxes smaller.
- */
+ * dropped, *s then undefined. The file's tools say how it falls off, and so how
+ * far its box reaches. */
 int saga_project(saga_splat *s, const saga_animated *a, const saga_camera *c,
-                 int is_steep);
+                 uint32_t tools);
 
 #endif

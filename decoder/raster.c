@@ -169,7 +169,7 @@ static void leave_tile(raster *r)
 /* dx, dy from the mean to the centre of pixel (x, y), Q8, below 2^24: products
  * below 2^53. */
 static void begin_patch(saga_patch *p, const saga_splat *s, int32_t x,
-                        int32_t y, int is_steep)
+                        int32_t y, uint32_t tools)
 {
     const int64_t dx = x * 256 + 128 - s->mean_q8[0];
     const int64_t dy = y * 256 + 128 - s->mean_q8[1];
@@ -178,8 +178,8 @@ static void begin_patch(saga_patch *p, const saga_splat *s, int32_t x,
     p->n = s->chol_q28[1];
     p->h = s->chol_q28[2];
     p->q0 = s->q0_q20;
-    p->is_steep = is_steep;
-    p->reach = saga_reach_q20(SAGA_CUT_Q20 - s->q0_q20, is_steep);
+    p->tools = tools;
+    p->reach = saga_reach_q20(SAGA_CUT_Q20 - s->q0_q20, tools);
     p->v = fx_rshift64(p->g * dx - p->n * dy, 8);
     p->w = fx_rshift64(p->h * dy, 8);
 }
@@ -218,7 +218,7 @@ static int blend_splat(raster *r, const saga_splat *splat)
     p.x1 = fx_min(splat->x1, right) - x;
     if (p.x0 >= p.x1)
         return 1;
-    begin_patch(&p, splat, x, y + (int32_t)first, r->is_steep);
+    begin_patch(&p, splat, x, y + (int32_t)first, r->tools);
     colour_patch(&p, splat, r->pic->bits);
     /* As many lines as the budget has; the others come with the next call. */
     p.n_rows = spend(r, end - s->line);
@@ -477,7 +477,7 @@ saga_status saga_raster(saga_job *job, const saga_picture *pic,
     r.order = drawing->order;
     r.n = drawing->n;
     r.cpu = drawing->cpu;
-    r.is_steep = drawing->is_steep;
+    r.tools = drawing->tools;
     r.budget = budget;
     open_job(&r, job);
     if (!work(&r))

@@ -18,7 +18,7 @@ typedef struct saga_drawing {
                                   * drawn i-th */
     uint32_t n;
     saga_cpu cpu;                /* vectors to use; this machine has them */
-    int is_steep;                /* SAGA_TOOL_STEEP */
+    uint32_t tools;              /* of the file, SAGA_TOOL_* */
 } saga_drawing;
 
 /* Prepares keys in drawing order, sorted by (depth, index), for saga_raster:

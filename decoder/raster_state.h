@@ -76,7 +76,7 @@ typedef struct {
     saga_key *kept;
     uint32_t kept_capacity;
     saga_cpu cpu;
-    int is_steep;
+    uint32_t tools;                 /* the drawing's */
 } raster;
 
 static inline raster_queue *tile_queue(const raster *r, uint32_t tx,

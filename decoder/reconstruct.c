@@ -20,7 +20,7 @@ void saga_prim_format_of(saga_prim_format *f, const saga_model *m)
     f->motion_order = (uint8_t)saga_motion_order(m);
     f->has_slope = rows[SAGA_HEAD_SLOPE].n != 0;
     f->has_width = rows[SAGA_HEAD_WIDTH].n != 0;
-    f->is_steep = (m->tools & SAGA_TOOL_STEEP) != 0;
+    f->tools = m->tools;
 }
 
 /* mu_t = t + support_t * head, |support_t * head| <= 2^16 * 2^15. */

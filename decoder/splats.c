@@ -13,7 +13,7 @@ static uint32_t splats_plain(saga_splat *s, const saga_primitive *p,
         saga_animated a;
 
         saga_animate(&a, p + i, look->format, look->t);
-        if (!saga_project(s, &a, look->camera, look->format->is_steep))
+        if (!saga_project(s, &a, look->camera, look->format->tools))
             continue;
         seen |= 1u << i;
         s++;

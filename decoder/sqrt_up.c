@@ -4,6 +4,8 @@
  */
 #include "sqrt_up.h"
 
+#include "model.h"
+
 /* ceil(2^12 sqrt((i + 1) / 32)) + 1 */
 const uint16_t saga_sqrt_up_q12[256] = {
     726, 1025, 1256, 1450, 1621, 1775, 1917, 2049, 2174, 2291, 2403, 2510,
@@ -31,9 +33,9 @@ const uint16_t saga_sqrt_up_q12[256] = {
     11519, 11541, 11564, 11587
 };
 
-int32_t saga_reach_q20(int32_t rest_q20, int is_steep)
+int32_t saga_reach_q20(int32_t rest_q20, uint32_t tools)
 {
-    if (!is_steep)
+    if (!(tools & SAGA_TOOL_STEEP))
         return rest_q20;
     return (2 * sqrt_up_q20_q12((1 << 18) + (rest_q20 >> 1)) - 4096) * 256;
 }

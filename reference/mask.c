@@ -48,8 +48,7 @@ static void draw(session *s, double *rgb)
         ref_animate(&a, &s->scene.prim[i], s->to->t / 65536.0);
         if (!ref_project(&s->splat[n], &a, cam))
             continue;
-        s->splat[n].is_steep =
-            (s->file.h.model.tools & SAGA_TOOL_STEEP) != 0;
+        s->splat[n].tools = s->file.h.model.tools;
         ref_scene_shade(s->splat[n++].colour, &s->scene, i, centre);
     }
     ref_sort(s->order, s->splat, n);

@@ -184,7 +184,7 @@ int ref_project(ref_splat *s, const ref_animated *a, const saga_camera *c)
     double v[3] = { 0, 0, 0 }, slope[2], t[2][3];
     int i, k;
 
-    s->is_steep = 0;
+    s->tools = 0;
     for (i = 0; i < 3; i++)
         for (k = 0; k < 3; k++)
             v[i] += c->rotation_q30[3 * i + k] / 1073741824.0 *
@@ -211,9 +211,15 @@ int ref_project(ref_splat *s, const ref_animated *a, const saga_camera *c)
 }
 
 /* Returns what s = v^2 + w^2 adds to q. */
-static double fall(double s, int is_steep)
+static double fall(double s, uint32_t tools)
 {
-    return is_steep ? s + s * s / 2 : s;
+    return tools & SAGA_TOOL_STEEP ? s + s * s / 2 : s;
+}
+
+/* Returns the s whose fall is rest. */
+static double reach_of(double rest, uint32_t tools)
+{
+    return tools & SAGA_TOOL_STEEP ? sqrt(1 + 2 * rest) - 1 : rest;
 }
 
 double ref_q(const ref_splat *s, double dx, double dy)
@@ -221,7 +227,7 @@ double ref_q(const ref_splat *s, double dx, double dy)
     const double form = (s->cov[2] * dx * dx - 2 * s->cov[1] * dx * dy +
                          s->cov[0] * dy * dy) / s->det;
 
-    return s->q0 + fall(log2_e / 2 * form, s->is_steep);
+    return s->q0 + fall(log2_e / 2 * form, s->tools);
 }
 
 /* Pixels from lo (inclusive) to hi whose centre is within extent of mean, one
@@ -236,7 +242,7 @@ void ref_box(int box[4], const ref_splat *s, const saga_camera *c)
 {
     const double g = s->chol[0], n = s->chol[1], h = s->chol[2];
     const double rest = SAGA_CUT_LOG2 - s->q0;
-    const double reach = sqrt(s->is_steep ? sqrt(1 + 2 * rest) - 1 : rest);
+    const double reach = sqrt(reach_of(rest, s->tools));
 
     bounds(&box[0], &box[2], s->mean[0],
            g > 0 && h > 0 ? reach * hypot(h, n) / (g * h) : INFINITY,
@@ -251,7 +257,7 @@ double ref_q_at(const ref_splat *s, int x, int y)
     const double v = s->chol[0] * dx - s->chol[1] * dy;
     const double w = s->chol[2] * dy;
 
-    return s->q0 + fall(v * v + w * w, s->is_steep);
+    return s->q0 + fall(v * v + w * w, s->tools);
 }
 
 double ref_alpha(double q)
@@ -393,14 +399,15 @@ static int64_t half_square_q20(int64_t s_q20)
     return round_shift(s_q12 * s_q12, 5);
 }
 
-int32_t ref_q_q20(const saga_splat *s, int x, int y, int is_steep)
+int32_t ref_q_q20(const saga_splat *s, int x, int y, uint32_t tools)
 {
     const int64_t g = s->chol_q28[0], n = s->chol_q28[1], h = s->chol_q28[2];
     const int64_t dx = (int64_t)x * 256 + 128 - s->mean_q8[0];
     const int64_t dy = (int64_t)y * 256 + 128 - s->mean_q8[1];
     const int64_t sum = square_q20(round_shift(h * dy, 8)) +
                         square_q20(round_shift(g * dx - n * dy, 8));
-    const int64_t q = s->q0_q20 + sum + (is_steep ? half_square_q20(sum) : 0);
+    const int64_t more = tools & SAGA_TOOL_STEEP ? half_square_q20(sum) : 0;
+    const int64_t q = s->q0_q20 + sum + more;
 
     return q < INT32_MAX ? (int32_t)q : INT32_MAX;
 }

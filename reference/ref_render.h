@@ -43,7 +43,8 @@ typedef struct ref_splat {
     double chol[3];          /* g, n, h: what is drawn */
     double q0, depth;
     double colour[3];        /* 0..1 */
-    int is_steep;            /* SAGA_TOOL_STEEP: 0 until the caller sets it */
+    uint32_t tools;          /* of the file, SAGA_TOOL_*: 0 until the caller
+                              * sets them */
 } ref_splat;
 
 void ref_animate(ref_animated *out, const ref_primitive *p, double t);
@@ -88,7 +89,7 @@ double ref_psnr(const saga_picture *pic, const saga_camera *c,
 /* --- In integers --------------------------------------------------------- */
 
 /* q of the norm at pixel (x, y), Q20, saturated at 2^31 - 1. */
-int32_t ref_q_q20(const saga_splat *s, int x, int y, int is_steep);
+int32_t ref_q_q20(const saga_splat *s, int x, int y, uint32_t tools);
 
 /* alpha of the norm for q_q20 < 8 << 20, Q16. */
 uint32_t ref_alpha_q16(int32_t q_q20);

@@ -94,7 +94,7 @@ static void project_all(session *s)
         saga_animate(&e->moved[i], &e->prim[i], &e->format, s->v->t);
         e->visible[i] = (uint8_t)saga_project(&e->splat[i], &e->moved[i],
                                               s->camera,
-                                              e->format.is_steep);
+                                              e->format.tools);
         if (e->visible[i])
             shade(s, i);
         s->v->n_splats += e->visible[i];
@@ -181,12 +181,12 @@ static void make_splats(session *s, int from)
             r->visible[i] = s->e.visible[i];
             if (r->visible[i])
                 ref_splat_of(&r->splat[i], &s->e.splat[i]);
-            r->splat[i].is_steep = s->e.format.is_steep;
+            r->splat[i].tools = s->e.format.tools;
             continue;
         }
         r->visible[i] = (uint8_t)ref_project(&r->splat[i], &r->moved[i],
                                              s->camera);
-        r->splat[i].is_steep = s->e.format.is_steep;
+        r->splat[i].tools = s->e.format.tools;
         if (r->visible[i])
             ref_scene_shade(r->splat[i].colour, &part_of(s, i)->scene,
                             i - part_of(s, i)->first, centre);

@@ -39,7 +39,7 @@ static void clear(session *s)
 
     memset(c->sum, 0, n * sizeof *c->sum);
     memset(c->otherwise, 0, n);
-    c->is_steep = s->e.format.is_steep;
+    c->tools = s->e.format.tools;
     for (size_t i = 0; i < n; i++) {
         c->t[i] = 65536;
         c->trans[i] = 1;
@@ -59,7 +59,7 @@ typedef struct {
 static void blend_pair(canvas *c, pair *p, size_t at, int x, int y)
 {
     const int32_t q_q20 = p->exact ? ref_q_q20(p->exact, x, y,
-                                                   c->is_steep) : INT32_MAX;
+                                                   c->tools) : INT32_MAX;
     const double q = p->real ? ref_q_at(p->real, x, y) : INFINITY;
     const int one = ref_blends_exact(c->t[at], q_q20);
     const int other = ref_blends(c->trans[at], q);

@@ -59,7 +59,7 @@ typedef struct {
     uint8_t *otherwise;      /* CUT, STOP */
     drawn *order;
     uint32_t n_order;
-    int is_steep;            /* SAGA_TOOL_STEEP */
+    uint32_t tools;          /* of the file, SAGA_TOOL_* */
 } canvas;
 
 typedef struct {

@@ -82,12 +82,12 @@ INLINE u32s steep_q11(u32s s, u32s q0)
 /* A group of a row: v at the tile's first column and k = 32 + 64 q_line, or 32
  * + 64 s_line, are the same in all lanes. */
 INLINE void blend_group(uint32_t *t, uint32_t plane, u32s v, u32s k,
-                        const group *c, const paint *p, int is_steep)
+                        const group *c, const paint *p, uint32_t tools)
 {
     const u32s v_q13 = (u32s)((i32s)(v + c->steps) >> 15);
     const u32s sum = v_q13 * v_q13 + k;
-    const u32s q = (is_steep ? steep_q11(sum >> 6, p->q0) : sum >> 15) |
-                   c->outside;
+    const u32s q = c->outside |
+        (tools & SAGA_TOOL_STEEP ? steep_q11(sum >> 6, p->q0) : sum >> 15);
     const u32s before = load(t);
     /* Finished pixels (T below its floor) take no more. */
     const u32s a = alpha_q16(q) &
@@ -109,13 +109,13 @@ typedef struct {
 
 /* w below 7: its square in Q20 is below 2^26, q_line below 2^27. */
 INLINE void begin_rows(rows *r, const saga_patch *p, uint32_t first,
-                       int is_steep)
+                       uint32_t tools)
 {
     const u32s iota = IOTA;
     const u32s v0 = all((uint32_t)p->v + 0x4000u);
     const u32s w0 = all((uint32_t)p->w + 0x4000u);
-    const uint32_t begin = is_steep ? 0 : (uint32_t)p->q0;
-    const uint32_t end = is_steep ? S_END : SAGA_CUT_Q20;
+    const uint32_t begin = tools & SAGA_TOOL_STEEP ? 0 : (uint32_t)p->q0;
+    const uint32_t end = tools & SAGA_TOOL_STEEP ? S_END : SAGA_CUT_Q20;
     uint32_t i;
 
     for (i = 0; i < ROWS; i += LANES) {
@@ -141,7 +141,7 @@ INLINE void begin_group(group *c, const saga_patch *p, int32_t first)
 /* One or two neighbouring groups of n rows. */
 INLINE void blend_rows(uint32_t *t, uint32_t side, const rows *r,
                        const group *c, const paint *p, uint32_t n,
-                       uint32_t n_groups, int is_steep)
+                       uint32_t n_groups, uint32_t tools)
 {
     const uint32_t plane = side * side;
     uint32_t i;
@@ -149,14 +149,14 @@ INLINE void blend_rows(uint32_t *t, uint32_t side, const rows *r,
     for (i = 0; i < n; i++, t += side) {
         const u32s v = all(r->v[i]), k = all(r->k[i]);
 
-        blend_group(t, plane, v, k, c, p, is_steep);
+        blend_group(t, plane, v, k, c, p, tools);
         if (n_groups == 2)
-            blend_group(t + LANES, plane, v, k, c + 1, p, is_steep);
+            blend_group(t + LANES, plane, v, k, c + 1, p, tools);
     }
 }
 
 INLINE void blend_kind(uint32_t *t, uint32_t side, const saga_patch *p,
-                       int is_steep)
+                       uint32_t tools)
 {
     const paint with = { { all(p->colour_q15[0]), all(p->colour_q15[1]),
                            all(p->colour_q15[2]) },
@@ -170,23 +170,23 @@ INLINE void blend_kind(uint32_t *t, uint32_t side, const saga_patch *p,
 
         n = p->n_rows - row < ROWS ? p->n_rows - row : ROWS;
         /* v and k of the rows once, then a column of groups after the other. */
-        begin_rows(&r, p, row, is_steep);
+        begin_rows(&r, p, row, tools);
         for (; PAIRS && x + LANES < p->x1; x += 2 * LANES) {
             begin_group(c, p, x);
             begin_group(c + 1, p, x + LANES);
-            blend_rows(t + x, side, &r, c, &with, n, 2, is_steep);
+            blend_rows(t + x, side, &r, c, &with, n, 2, tools);
         }
         for (; x < p->x1; x += LANES) {
             begin_group(c, p, x);
-            blend_rows(t + x, side, &r, c, &with, n, 1, is_steep);
+            blend_rows(t + x, side, &r, c, &with, n, 1, tools);
         }
     }
 }
 
 INLINE void blend_lanes(uint32_t *t, uint32_t side, const saga_patch *p)
 {
-    if (p->is_steep)
-        blend_kind(t, side, p, 1);
+    if (p->tools & SAGA_TOOL_STEEP)
+        blend_kind(t, side, p, SAGA_TOOL_STEEP);
     else
         blend_kind(t, side, p, 0);
 }

@@ -389,11 +389,11 @@ INLINE i64s pixel_range(i64s *from, i64s *to, i64s mean_q8, i64s extent_q8,
 }
 
 /* saga_reach_q20 of each. */
-INLINE i64s reach_of(i64s q0, int is_steep)
+INLINE i64s reach_of(i64s q0, uint32_t tools)
 {
     const i64s rest = SAGA_CUT_Q20 - q0;
 
-    if (!is_steep)
+    if (!(tools & SAGA_TOOL_STEEP))
         return rest;
     return (2 * sqrt_up_each((1 << 18) + shift_down(rest, 1)) - 4096) * 256;
 }

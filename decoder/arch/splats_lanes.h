@@ -53,7 +53,7 @@ INLINE int project_lanes(lanes_splats *s, const saga_primitive *p,
     quat_of(quat, &a, f, m.age);
     project_shapes(&t, &a, quat, &s->centre, c);
     conics(&s->factor, &t);
-    s->out |= boxes_of(&s->box, &s->centre, reach_of(s->q0, f->is_steep),
+    s->out |= boxes_of(&s->box, &s->centre, reach_of(s->q0, f->tools),
                        &s->factor, c);
     return 1;
 }

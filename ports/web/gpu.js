@@ -15,6 +15,7 @@
 // what is faint.
 
 const SPLAT_NBYTES = 44; // saga_splat of saga.h
+const STEEP = 64; // the tool by which splats fall off faster than Gaussians
 
 const SPLAT_VERTEX = `#version 300 es
 precision highp float;
@@ -135,11 +136,11 @@ export class SplatPainter {
         gl.bindVertexArray(null);
     }
 
-    // { bytes, nSplats, width, height, isSteep }, as SagaFile.splats has them.
-    upload({ bytes, nSplats, width, height, isSteep }) {
+    // { bytes, nSplats, width, height, tools }, as SagaFile.splats has them.
+    upload({ bytes, nSplats, width, height, tools }) {
         const { gl } = this;
 
-        Object.assign(this, { n: nSplats, width, height, isSteep });
+        Object.assign(this, { n: nSplats, width, height, tools });
         gl.bindBuffer(gl.ARRAY_BUFFER, this.buffer);
         // Memory of its own for each picture: none waits for the last one.
         gl.bufferData(gl.ARRAY_BUFFER, bytes, gl.STREAM_DRAW);
@@ -151,7 +152,7 @@ export class SplatPainter {
 
         gl.useProgram(splats.program);
         gl.uniform2f(splats.size, this.width, this.height);
-        gl.uniform1i(splats.is_steep, this.isSteep);
+        gl.uniform1i(splats.is_steep, this.tools & STEEP);
         gl.bindVertexArray(this.array);
         gl.enable(gl.BLEND);
         gl.blendFuncSeparate(gl.DST_ALPHA, gl.ONE, gl.ZERO,

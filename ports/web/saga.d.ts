@@ -66,8 +66,8 @@ export interface SagaInfo {
     nCameras: number;
     /** Of any segment. */
     maxPrimitives: number;
-    /** Splats fall off faster than Gaussians: saga.h, saga_splats_at. */
-    isSteep: boolean;
+    /** Bits of the header: docs/bitstream.md. */
+    tools: number;
     /** The capture's unit: centre + unit * box units. */
     unit: number;
     centre: [number, number, number];
@@ -110,8 +110,8 @@ export interface SagaSplats {
     height: number;
     nPrimitives: number;
     nSplats: number;
-    /** How they fall off. */
-    isSteep: boolean;
+    /** The file's, which say how they fall off. */
+    tools: number;
     /** R, G, B, 0..1. */
     background: number[];
     /** An array of saga_splat of saga.h, nearest first; a view of the decoder's

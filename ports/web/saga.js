@@ -14,9 +14,9 @@
 const INFO = {
     version: 0, level: 1, workNbytes: 2, headNbytes: 3, nSegments: 4,
     nFrames: 5, fpsNum: 6, fpsDen: 7, nCameras: 8, maxPrimitives: 9,
+    tools: 16,
 };
-const UNIT = 10, CENTRE = 12, CENTRE_EXPONENT = 15, TOOLS = 16;
-const STEEP = 64;         // the tool that lets splats fall off faster
+const UNIT = 10, CENTRE = 12, CENTRE_EXPONENT = 15;
 const SPLAT_NBYTES = 44;  // saga_splat
 const WIDTH = 17, BACKGROUND = 19; // of a camera's values
 const CAMERA_LENGTH = 22; // and the camera's number behind them
@@ -314,7 +314,6 @@ export class SagaFile {
 
         this.info = Object.fromEntries(Object.entries(INFO).map(
             ([name, at]) => [name, told[at] >>> 0]));
-        this.info.isSteep = (told[TOOLS] & STEEP) !== 0;
         this.info.fps = this.info.fpsNum / this.info.fpsDen || 25; // a still
         // Metres (the capture's unit) = centre + unit * box units.
         this.info.unit = power(told[UNIT], told[UNIT + 1]);
@@ -441,7 +440,7 @@ export class SagaFile {
             this.check(-2, 'is too large for this browser\'s memory');
         this.times.draw = performance.now() - start;
         return { width: values[WIDTH], height: values[WIDTH + 1], nPrimitives,
-            nSplats, isSteep: this.info.isSteep,
+            nSplats, tools: this.info.tools,
             background: Array.from(values.slice(BACKGROUND, BACKGROUND + 3),
                 (x) => x / 32768),
             bytes: this.bytes(at >>> 0, SPLAT_NBYTES * nSplats) };

@@ -37,10 +37,10 @@ function copyTo(buffer, bytes) {
 async function draw({ values, num, den, gpu, crc, buffer }) {
     const made = gpu ? await file.splats({ values }, num, den)
         : await file.draw({ values }, num, den);
-    const { width, height, nPrimitives, nSplats, isSteep, background } = made;
+    const { width, height, nPrimitives, nSplats, tools, background } = made;
 
     return { drawn: {
-        width, height, nPrimitives, nSplats, isSteep, background, gpu,
+        width, height, nPrimitives, nSplats, tools, background, gpu,
         bytes: copyTo(buffer, gpu ? made.bytes : made.rgba),
         crc: crc && !gpu ? file.crc() : null, num, den, values,
         segment: file.segment, times: { ...file.times },

@@ -68,8 +68,8 @@ static void any_patch(saga_patch *p, gen_rng *r, int32_t side, int32_t first)
     p->h = any_size(r, MOST_FACTOR);
     p->n = any_size(r, MOST_FACTOR) * (gen_int(r, 0, 1) ? 1 : -1);
     p->q0 = gen_int(r, 0, 2) ? any_size(r, CUT - 1) : any_of(r, q, 5);
-    p->is_steep = gen_int(r, 0, 1);
-    p->reach = saga_reach_q20(CUT - p->q0, p->is_steep);
+    p->tools = gen_int(r, 0, 1) ? SAGA_TOOL_STEEP : 0;
+    p->reach = saga_reach_q20(CUT - p->q0, p->tools);
     x = gen_int(r, -4 * 256, (side + 4) * 256);
     y = gen_int(r, -4 * 256, (side + 4) * 256);
     p->v = (-p->g * x + p->n * y) >> 8;
@@ -102,7 +102,7 @@ static void blend_pixel(uint32_t *t, uint32_t plane, const saga_patch *p,
         return;
     s = ((w * w + 32) >> 6) + ((v * v + 32) >> 6);
     q = p->q0 + s;
-    if (p->is_steep) {
+    if (p->tools & SAGA_TOOL_STEEP) {
         half = (s < 8388607 ? s + 128 : 8388735) >> 8;
         q += (half * half + 16) >> 5;
     }
@@ -186,8 +186,8 @@ TEST(steep_should_be_that_of_the_formula)
         const double off = (fabs(v) + fabs(w)) * 0x1p-13 + 0x1p-19;
 
         if (s < 7.9)
-            assert_true(fabs(ref_q_q20(&splat, 0, 0, 1) * 0x1p-20 -
-                             (s + s * s / 2)) <=
+            assert_true(fabs(ref_q_q20(&splat, 0, 0, SAGA_TOOL_STEEP) *
+                             0x1p-20 - (s + s * s / 2)) <=
                         (1 + s) * off + s * 0x1p-13 + 0x1p-20 + off * off);
     }
 }

@@ -55,15 +55,15 @@ static int64_t depth(const trial *t)
     return z < 0 ? 0 : (z + (1 << 29)) >> 30;
 }
 
-/* The tool of all trials to come. */
-static int is_steep;
+/* The tools of all trials to come. */
+static uint32_t tools;
 
 static void project_both(trial *t)
 {
     ref_animated a;
 
     memset(&t->s, 0x5a, sizeof t->s);
-    t->is_visible = saga_project(&t->s, &t->a, &t->cam, is_steep);
+    t->is_visible = saga_project(&t->s, &t->a, &t->cam, tools);
     ref_animated_of(&a, &t->a);
     t->is_kept = ref_project(&t->ref, &a, &t->cam);
 }
@@ -365,7 +365,7 @@ static void front_trial(trial *t)
 
 static void expect(trial *t, int is_visible)
 {
-    assert_int_equal(saga_project(&t->s, &t->a, &t->cam, is_steep), is_visible);
+    assert_int_equal(saga_project(&t->s, &t->a, &t->cam, tools), is_visible);
 }
 
 TEST(near_plane_should_be_exact)
@@ -493,7 +493,7 @@ static void check_box(const trial *t, long *outside)
     for (y = 0; y < t->cam.height; y++)
         for (x = 0; x < t->cam.width; x++)
             if (!is_in_box(s, x, y)) {
-                assert_true(ref_q_q20(s, x, y, is_steep) >= CUT);
+                assert_true(ref_q_q20(s, x, y, tools) >= CUT);
                 ++*outside;
             }
 }
@@ -506,12 +506,12 @@ TEST(box_should_lose_no_pixel)
     int i;
 
     for (i = 0; i < ROUNDS / 4; i++) {
-        is_steep = i & 1;
+        tools = i & 1 ? SAGA_TOOL_STEEP : 0;
         small_trial(&t, &r, 48);
         if (t.is_visible)
             check_box(&t, &outside);
     }
-    is_steep = 0;
+    tools = 0;
     print_message("%ld pixels outside of boxes, none touched\n", outside);
     assert_true(outside > ROUNDS);
 }
@@ -524,7 +524,7 @@ TEST(box_should_be_tight)
     int i, k, n = 0;
 
     for (i = 0; i < ROUNDS / 4; i++) {
-        is_steep = i & 1;
+        tools = i & 1 ? SAGA_TOOL_STEEP : 0;
         hard_trial(&t, &r, 4096, 4096);
         if (!t.is_visible || t.a.q0_q20 > 9 << 20 ||
             fmin(focal(&t, 0), focal(&t, 1)) < 64)
@@ -532,7 +532,7 @@ TEST(box_should_be_tight)
         for (k = 0; k < 2; k++) {
             const double sigma = sqrt(t.ref.cov[2 * k] / 0.7213475204444817);
             const double rest = 11 - t.ref.q0;
-            const double s = is_steep ? sqrt(1 + 2 * rest) - 1 : rest;
+            const double s = tools ? sqrt(1 + 2 * rest) - 1 : rest;
             const double reach = sqrt(s) * sigma * 1.03 + 1.5;
             const int lo = k ? t.s.y0 : t.s.x0, hi = k ? t.s.y1 : t.s.x1;
 
@@ -541,7 +541,7 @@ TEST(box_should_be_tight)
         }
         n++;
     }
-    is_steep = 0;
+    tools = 0;
     assert_true(n > ROUNDS / 100);
 }
 

@@ -27,7 +27,7 @@ static void any_format(saga_prim_format *f, gen_rng *r)
     f->motion_order = (uint8_t)gen_int(r, 0, 3);
     f->has_slope = (uint8_t)gen_int(r, 0, 1);
     f->has_width = (uint8_t)gen_int(r, 0, 1);
-    f->is_steep = (uint8_t)gen_int(r, 0, 1);
+    f->tools = gen_int(r, 0, 1) ? SAGA_TOOL_STEEP : 0;
 }
 
 /* Where the camera sees it, as far as motion leaves it there. */
@@ -101,7 +101,7 @@ static uint32_t compare(const saga_primitive *p, uint32_t n,
 
         saga_animate(&a, p + i, look->format, look->t);
         is_splat = saga_project(want + n_want, &a, look->camera,
-                                look->format->is_steep);
+                                look->format->tools);
         assert_int_equal(seen >> i & 1, is_splat);
         n_want += (uint32_t)is_splat;
     }

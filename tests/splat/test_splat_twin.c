@@ -95,7 +95,7 @@ static saga_camera round_camera(saga_splat_camera *cam)
 /* The decoder's picture, 16 bits. */
 static void draw_integers(uint16_t *rgb, const saga_primitive *prim,
                           const saga_splat_params *p, uint32_t n,
-                          const saga_camera *cam, int is_steep)
+                          const saga_camera *cam, uint32_t tools)
 {
     static const saga_prim_format format = {
         .q_quat = Q_QUAT, .q_slope = Q_QUAT, .q_opacity = Q_OPACITY,
@@ -104,7 +104,7 @@ static void draw_integers(uint16_t *rgb, const saga_primitive *prim,
     };
     saga_splat *const s = calloc(n, sizeof *s);
     saga_key *const keys = calloc(2 * n, sizeof *keys);
-    saga_drawing drawing = { cam, s, keys, 0, saga_cpu_best(), is_steep };
+    saga_drawing drawing = { cam, s, keys, 0, saga_cpu_best(), tools };
     const size_t nbytes = 1u << 22;
     const saga_picture pic = { rgb, 6u * cam->width,
                                6u * (size_t)cam->width * cam->height, 16 };
@@ -118,7 +118,7 @@ static void draw_integers(uint16_t *rgb, const saga_primitive *prim,
         saga_animated moved;
 
         saga_animate(&moved, prim + i, &format, TIME);
-        if (!saga_project(s + i, &moved, cam, is_steep))
+        if (!saga_project(s + i, &moved, cam, tools))
             continue;
         for (a = 0; a < 3; a++)
             s[i].colour_q15[a] = (uint16_t)lround(
@@ -157,7 +157,8 @@ static double compare(uint32_t n, int width, int height, uint64_t seed,
     }
     camera = round_camera(&cam);
     assert_int_equal(saga_camera_check(&camera), SAGA_OK);
-    draw_integers(rgb, prim, &p, n, &camera, is_steep);
+    draw_integers(rgb, prim, &p, n, &camera,
+                  is_steep ? SAGA_TOOL_STEEP : 0);
     assert_true(saga_canvas_init(&canvas, plane, &error));
     canvas.camera = cam;
     canvas.t = TIME / 65536.0f;

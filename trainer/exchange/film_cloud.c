@@ -300,14 +300,14 @@ static float logit_of(int32_t q0_q20)
  * of how much wider it is. With s = log2(e) r^2 / 2, exp(-r^2 / 2) is 2^-s and
  * covers its integral over s, 1 / ln 2; P 2^-s cut at 1 covers log2 P more; and
  * P 2^-(s + s^2/2), with u = s + 1 where it falls to 1, u - 1 and a tail. */
-static double widening(int32_t q0_q20, bool is_steep)
+static double widening(int32_t q0_q20, uint32_t tools)
 {
     /* log2 P, 0 for an opacity of 1 or less. */
     const double peak = fmax(SAGA_PEAK_LOG2 - q0_q20 / 1048576.0, 0.0);
     const double u = sqrt(1.0 + 2.0 * peak);
 
     /* An area that grows by 1 + ln 2 log2 P widens each axis by the root. */
-    if (!is_steep)
+    if (!(tools & SAGA_TOOL_STEEP))
         return 0.5 * log1p(LN2 * peak);
     /* With v = s + 1 the tail is P 2^(1/2) times the integral of 2^(-v^2 / 2)
      * from u on. */
@@ -322,8 +322,7 @@ static void set_splat(saga_cloud *cloud, const saga_film *film,
     const size_t i = cloud->n++;
     const size_t each = 3 * (size_t)saga_n_harmonics(cloud->degree);
     const saga_metric *const metric = &film->metric;
-    const double wider = widening(
-        a->q0_q20, (film->info.tools & SAGA_TOOL_STEEP) != 0);
+    const double wider = widening(a->q0_q20, film->info.tools);
 
     /* Box units become the capture's, log2 in Q10 a natural logarithm. */
     for (size_t k = 0; k < 3; k++) {

@@ -4,6 +4,7 @@
 #include "alloc.h"
 #include "camera.h"
 #include "checkpoint.h"
+#include "model.h"
 #include "novel.h"
 #include "threads.h"
 
@@ -227,7 +228,7 @@ bool saga_pictures_canvas(saga_canvas *canvas, const saga_pictures *p,
     if (!saga_canvas_init(canvas, saga_pictures_largest(p), error))
         return false;
     /* q grows by s + s^2 / 2 instead of s. */
-    canvas->rules.square = p->is_steep ? R(0.5) : 0;
+    canvas->rules.square = p->tools & SAGA_TOOL_STEEP ? R(0.5) : 0;
     return true;
 }
 

@@ -41,7 +41,8 @@ typedef struct saga_pictures {
                            * none */
     struct saga_novel *novel; /* pictures that nobody took (novel.h) between
                            * the others; NULL at first: none */
-    bool is_steep;        /* splats fall off by s + s^2 / 2; false at first */
+    uint32_t tools;       /* of SAGA_TOOLS_SPLAT, how all are drawn; 0 at
+                           * first */
 } saga_pictures;
 
 /* A sample names one picture: what a view saw at a frame, averaged over boxes

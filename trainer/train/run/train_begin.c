@@ -80,15 +80,22 @@ void saga_train_set_flat(saga_train *t)
         t->flat_options.start = R(START_ON_BASE);
 }
 
-void saga_train_set_steep(saga_train *t)
+/* Returns what a training that begins says of its splats. Those that are
+ * imported were fitted as normal distributions. */
+static uint32_t chosen_tools(const saga_train *t)
+{
+    if (t->o.given)
+        return 0;
+    return SAGA_TOOLS_SPLAT & ~(t->ablation.no_steep ? SAGA_TOOL_STEEP : 0u);
+}
+
+void saga_train_set_splats(saga_train *t)
 {
     const saga_model *const m = &t->file.networks.scene.model;
 
-    /* A file has one kind of splat, which its networks were trained for. Those
-     * that are imported were fitted as normal distributions. */
-    t->pictures.is_steep = t->file.encoder
-        ? (m->tools & SAGA_TOOL_STEEP) != 0
-        : !t->o.given && !t->ablation.no_steep;
+    /* A file has one kind of splat, which its networks were trained for. */
+    t->pictures.tools = t->file.encoder ? m->tools & SAGA_TOOLS_SPLAT
+                                        : chosen_tools(t);
 }
 
 /* Makes the pictures of a segment's capture. */
@@ -98,7 +105,7 @@ bool saga_train_look_at(saga_train *t, const saga_capture *capture,
     if (!saga_pictures_init(&t->pictures, capture, error))
         return false;
     t->capture = capture;
-    saga_train_set_steep(t);
+    saga_train_set_splats(t);
     /* Tones of the first segment serve all; here they are 1 until they are
      * found. */
     if (t->tones)

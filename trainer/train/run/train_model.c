@@ -147,7 +147,7 @@ void saga_train_model(saga_model *m, const saga_train *t)
     const saga_policy *const p = &t->policy;
 
     memset(m, 0, sizeof *m);
-    m->tools = t->tools | (t->pictures.is_steep ? SAGA_TOOL_STEEP : 0u);
+    m->tools = t->tools | t->pictures.tools;
     m->lambda_t_q8 = 256;
     set_tiers(m, &t->o);
     m->step_q16[SAGA_STEP_CENTRE] = 32768u << 16;

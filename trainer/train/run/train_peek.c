@@ -56,7 +56,7 @@ static bool load_blind(saga_train *t, saga_train_head *h, saga_capture *capture,
     if (!saga_pictures_restore(&t->pictures, capture, c, error) ||
         !saga_train_set_up(t, error))
         return false;
-    saga_train_set_steep(t);
+    saga_train_set_splats(t);
     return alloc_tones(t, error) && saga_train_load_state(t, h, c, error);
 }
 

@@ -144,8 +144,8 @@ static bool read_finished(saga_train *t, saga_checkpoint *c,
                          (saga_counts){ 0 }, 0, 0, error))
         return false;
     walk_file(t, c);
-    /* Splats are as steep as the file says from now on. */
-    saga_train_set_steep(t);
+    /* Splats fall off as the file says from now on. */
+    saga_train_set_splats(t);
     if (c->failed || !saga_train_same_views(t, t->capture,
                                             saga_train_segment(t), error))
         return false;

@@ -123,8 +123,8 @@ bool saga_train_find_tones(saga_train *t, saga_error *error);
 void saga_train_tone(saga_train *t);
 /* Sets of the warm-up's options what is not the same for all segments. */
 void saga_train_set_flat(saga_train *t);
-/* Says whether splats are steep: as the networks that are there want it. */
-void saga_train_set_steep(saga_train *t);
+/* Says how splats fall off: as the networks that are there want it. */
+void saga_train_set_splats(saga_train *t);
 
 /* train_fit.c */
 /* Sets lambda, where the rule has to, and what goes by it. */
