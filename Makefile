@@ -430,7 +430,7 @@ $(BUILD)/log/%.log: $(BUILD)/% FORCE
 	    times >$(@:.log=.cpu)
 
 .PHONY: check test test-all setup sanitize lint symbols nofloat stack headers \
-        tree docs tables matrix init mutants bench vectors clean
+        tree circles docs tables matrix init mutants bench vectors clean
 setup:
 	@tests/setup.sh
 
@@ -474,6 +474,8 @@ headers:
 	@tests/check_headers.sh
 tree:
 	@tests/check_tree.sh
+circles: $(COMMON_OBJ) $(DECODER_OBJ) $(TRAINER_OBJ) $(CLI_OBJ) $(REFERENCE_OBJ)
+	@tests/check_circles.sh $(BUILD)
 docs:
 	@tests/check_docs.sh
 # tools/gen_tables.c prints common/*_tables.h.
@@ -609,6 +611,7 @@ make nofloat     no floating point in common/ and decoder/
 make stack       worst-case stack of every public function
 make headers     every header compiles alone
 make tree        include law, file names, licence lines, columns
+make circles     no two object files need each other
 make docs        links, columns and manner of the pages
 make tables      the generated tables are what gen_tables prints
 make matrix      the vectors on every compiler and emulated target

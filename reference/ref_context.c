@@ -69,12 +69,6 @@ static void keep(const ref_scene *s, const ref_block *b, ref_bank *m)
         ref_bank_end_round(m, &s->nets);
 }
 
-double ref_step_unit(const ref_scene *s, int step)
-{
-    return step == SAGA_STEP_FEATURE
-        ? ldexp(1, -s->model->head_q[SAGA_HEAD_COARSE]) : REF_Q14;
-}
-
 /* --- Entropy parameters -------------------------------------------------- */
 
 static void entropy(double *out, const ref_scene *s, const ref_block *b,

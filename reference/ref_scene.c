@@ -179,6 +179,12 @@ double ref_scene_colour(const ref_scene *s, size_t i, int16_t colour)
         : (uint16_t)colour / 32768.0;
 }
 
+double ref_step_unit(const ref_scene *s, int step)
+{
+    return step == SAGA_STEP_FEATURE
+        ? ldexp(1, -s->model->head_q[SAGA_HEAD_COARSE]) : REF_Q14;
+}
+
 static void reset_anchors(ref_scene *s)
 {
     const saga_scaffold *const sc = &s->file->sc;

@@ -212,6 +212,7 @@ sanitized() {
 few() {
     tree
     build gcc "all tests $build/gcc/check_vectors" CC=gcc
+    check circles tests/check_circles.sh "$build/gcc"
     vectors gcc
     programs gcc CC=gcc
     check round tests/cli/check_round.sh
@@ -225,6 +226,7 @@ many() {
     # The sanitizers are clang's; here it only warns.
     build clang objects CC=clang CFLAGS=-fsyntax-only
     check tables "$make" -s BUILD="$build/gcc" CC=gcc WERROR=-Werror tables
+    check circles tests/check_circles.sh "$build/gcc"
     check headers tests/check_headers.sh
     check symbols tests/check_symbols.sh "$size"
     check nofloat tests/check_nofloat.sh

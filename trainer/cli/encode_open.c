@@ -9,11 +9,9 @@
 #include "alloc.h"
 #include "clock.h"
 #include "file.h"
-#include "still.h"
 #include "sweep.h"
 
 #include <math.h>
-#include <signal.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -69,18 +67,6 @@ static int check_checkpoint(saga_encode_session *s)
     return check_finished(s);
 }
 
-static saga_capture_options capture_options(saga_encode_session *s)
-{
-    saga_capture_options c = saga_capture_chosen(&s->o->capture);
-
-    if (s->scale)
-        c.scale = s->scale;
-    c.metres = s->o->metres;
-    c.progress = saga_encode_loading;
-    c.progress_user = s;
-    return c;
-}
-
 static saga_train_options train_options(saga_encode_session *s)
 {
     const saga_encode_options *const o = s->o;
@@ -128,7 +114,7 @@ static int choose_scale(saga_encode_session *s)
                    "preset %s has time; --scale 1 takes whole ones", s->scale,
                    s->preset->name);
     /* The capture is looked at again, as its pictures will be loaded. */
-    c = capture_options(s);
+    c = saga_encode_capture_options(s);
     return saga_capture_look(&s->whole, s->capture_name, &c, &s->error)
         ? SAGA_EXIT_OK
         : saga_cli_error(SAGA_EXIT_DATA, "encode: %s", s->error.message);
@@ -137,7 +123,7 @@ static int choose_scale(saga_encode_session *s)
 /* Divides the capture into segments that differ by a frame at most. */
 static int look_at_capture(saga_encode_session *s)
 {
-    const saga_capture_options c = capture_options(s);
+    const saga_capture_options c = saga_encode_capture_options(s);
     saga_capture *const whole = &s->whole;
 
     if (!saga_capture_look(whole, s->capture_name, &c, &s->error))
@@ -154,82 +140,6 @@ static int look_at_capture(saga_encode_session *s)
     return choose_scale(s);
 }
 
-int saga_encode_begin(const saga_encode_session *s, int segment)
-{
-    return (int)((int64_t)segment * s->whole.n_frames / s->n_segments);
-}
-
-uint32_t saga_encode_frames(const saga_encode_session *s, int segment)
-{
-    return (uint32_t)(saga_encode_begin(s, segment + 1) -
-                      saga_encode_begin(s, segment));
-}
-
-int saga_encode_stopped(const saga_encode_session *s)
-{
-    if (saga_path_is_file(s->checkpoint))
-        return saga_cli_error(SAGA_EXIT_USAGE, "encode: stopped by %s; the "
-                              "same command with --resume goes on from %s",
-                              *s->signal == SIGINT ? "Ctrl-C" : "a signal",
-                              s->checkpoint);
-    return saga_cli_error(SAGA_EXIT_USAGE, "encode: stopped, and no "
-                          "checkpoint could be written; nothing is left");
-}
-
-/* Loads the pictures of a segment in the place of those that were there. */
-static int open_segment(saga_encode_session *s, int segment)
-{
-    saga_capture_options c = capture_options(s);
-
-    c.first_frame = s->whole.first_frame + saga_encode_begin(s, segment);
-    c.end_frame = s->whole.first_frame + saga_encode_begin(s, segment + 1);
-    /* First of all, so that two segments are never in memory together. */
-    saga_capture_free(&s->capture);
-    s->meter = (saga_meter){ 0 };
-    if (saga_capture_load(&s->capture, s->capture_name, &c, &s->error)) {
-        saga_meter_end(&s->meter);
-        return SAGA_EXIT_OK;
-    }
-    saga_meter_end(&s->meter);
-    /* Loading also fails where saga_encode_loading() has it stop, which is no
-     * fault of the capture. */
-    if (*s->signal && saga_path_is_file(s->checkpoint))
-        return saga_encode_stopped(s);
-    if (*s->signal)
-        return saga_cli_error(SAGA_EXIT_USAGE, "encode: stopped while loading "
-                              "the capture; nothing was written");
-    return saga_cli_error(SAGA_EXIT_DATA, "encode: %s", s->error.message);
-}
-
-/* Makes the pictures of what stands still: all segments are looked at. */
-static int open_base(saga_encode_session *s)
-{
-    saga_still still = { .n = 0 };
-    int status = SAGA_EXIT_OK;
-    bool ok = true;
-
-    /* open_segment tells its own failures, as status; what fails of `still` is
-     * told below, as ok. */
-    for (int i = 0; !status && ok && i < s->n_segments; i++) {
-        status = open_segment(s, i);
-        ok = status || saga_still_add(&still, &s->capture,
-                                      saga_encode_begin(s, i),
-                                      s->whole.n_frames, &s->error);
-    }
-    saga_capture_free(&s->capture);
-    if (!status && !(ok && saga_still_finish(&s->capture, &still, &s->error)))
-        status = saga_cli_error(SAGA_EXIT_DATA, "encode: %s",
-                                s->error.message);
-    saga_still_free(&still);
-    return status;
-}
-
-int saga_encode_load(saga_encode_session *s, int segment)
-{
-    return segment == SAGA_TRAIN_BASE ? open_base(s)
-                                      : open_segment(s, segment);
-}
-
 /* Sets *first to the segment that changes most: it makes the networks. */
 static int find_first(saga_encode_session *s, int *first)
 {
@@ -238,7 +148,7 @@ static int find_first(saga_encode_session *s, int *first)
     *first = 0;
     /* A single segment is the first without being looked at. */
     for (int i = 0; i < s->n_segments && s->n_segments > 1; i++) {
-        const int status = open_segment(s, i);
+        const int status = saga_encode_load(s, i);
         double change;
 
         if (status)

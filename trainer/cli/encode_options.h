@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The options of saga encode. The table of encode_options.c reads it and is
- * its help; ranges stand there, defaults in saga_encode_defaults.
+ * The options of saga encode. The table of encode_cli.c reads it and is its
+ * help; ranges stand there, defaults in saga_encode_defaults.
  *
  * Who decides: what is given goes before the preset, and the preset before the
  * rule that follows from the capture (train_plan.h). The level's limits go
@@ -66,8 +66,5 @@ int saga_encode_check_options(const saga_encode_options *o,
 /* Returns what decides on the file, as it was given: 0, null and false stand
  * for what was not. */
 json_t *saga_encode_options_json(const saga_encode_options *o);
-
-/* Runs the command; encode_cli.c has it. */
-int saga_encode_command(int argc, char **argv);
 
 #endif

@@ -6,7 +6,6 @@
 #include "encode_session.h"
 
 #include "cli.h"
-#include "clock.h"
 #include "file.h"
 #include "splice.h"
 
@@ -17,55 +16,6 @@
 /* The part that a file may be off the size that was asked for. */
 #define MOST_OFF 0.05
 
-/* --- Progress ------------------------------------------------------------ */
-
-bool saga_encode_loading(void *user, double done, const char *doing)
-{
-    saga_encode_session *const s = user;
-
-    saga_meter_show(&s->meter, done, doing);
-    return !*s->signal;
-}
-
-/* Training goes on without checkpoints; whoever watches may make room. */
-static void complain(saga_encode_session *s)
-{
-    const char *const complaint = s->train ? saga_train_complaint(s->train)
-                                           : NULL;
-
-    if (!complaint)
-        return;
-    saga_meter_end(&s->meter);
-    saga_cli_error(0, "encode: no checkpoint: %s", complaint);
-}
-
-/* Shows one line: stage, iteration, PSNR, bits; the meter adds the time left.
- */
-bool saga_encode_training(void *user, const saga_train_progress *p)
-{
-    saga_encode_session *const s = user;
-    char text[120];
-    int n = 0;
-
-    if (p->segment == SAGA_TRAIN_BASE)
-        n = snprintf(text, sizeof text, "base: ");
-    else if (s->n_segments > 1)
-        n = snprintf(text, sizeof text, "segment %d of %d: ", p->segment + 1,
-                     s->n_segments);
-    n += snprintf(text + n, sizeof text - (size_t)n, "%s %d/%d", p->name,
-                  p->iteration, p->n_iterations);
-    complain(s);
-    saga_encode_log_write(&s->log, p, saga_clock_seconds() - s->log_began);
-    if (p->psnr > 0)
-        n += snprintf(text + n, sizeof text - (size_t)n, "  %.2f dB",
-                      p->psnr);
-    if (p->bits > 0)
-        snprintf(text + n, sizeof text - (size_t)n, "  %.1f kbit",
-                 p->bits / 1e3);
-    saga_meter_show(&s->meter, p->done, text);
-    return !*s->signal;
-}
-
 /* --- Training ------------------------------------------------------------ */
 
 static int train_segment(saga_encode_session *s)
@@ -75,7 +25,7 @@ static int train_segment(saga_encode_session *s)
     s->meter = (saga_meter){ 0 };
     status = saga_train_run(s->train, &s->error);
     saga_meter_end(&s->meter);
-    complain(s);
+    saga_encode_complain(s);
     if (status == SAGA_STOPPED)
         return saga_encode_stopped(s);
     return status ? saga_cli_error(SAGA_EXIT_DATA, "encode: %s",
@@ -146,11 +96,6 @@ static void tell_size(const saga_encode_session *s, size_t n)
                        "asked for; %s --primitives would be nearer", n,
                        100 * fabs(off), off > 0 ? "more" : "fewer",
                        off > 0 ? "fewer" : "more");
-}
-
-bool saga_encode_has_base(const saga_encode_session *s)
-{
-    return saga_train_report_of(s->train)->base.n_prim > 0;
 }
 
 /* Takes the only segment out of a file that it is in, without a base with the

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
  * saga encode in its stages: encode_open.c, encode_run.c, encode_check.c,
- * encode_report.c, a function each at the end of this file. They return the
- * exit status, after a message.
+ * encode_report.c, a function each at the end of this file, over what
+ * encode_session.c does for all. They return the exit status, after a
+ * message.
  */
 #ifndef SAGA_ENCODE_SESSION_H
 #define SAGA_ENCODE_SESSION_H
@@ -65,9 +66,14 @@ typedef struct saga_encode_session {
 
 /* --- The capture, which is loaded a segment at a time -------------------- */
 
+/* Returns how it is loaded: as asked for, at the session's scale. */
+saga_capture_options saga_encode_capture_options(saga_encode_session *s);
+
 /* Returns the frame of the whole capture that a segment begins with. */
 int saga_encode_begin(const saga_encode_session *s, int segment);
 uint32_t saga_encode_frames(const saga_encode_session *s, int segment);
+
+bool saga_encode_has_base(const saga_encode_session *s);
 
 /* Loads what a training of a segment, or of the base, sees. */
 int saga_encode_load(saga_encode_session *s, int segment);
@@ -77,6 +83,10 @@ int saga_encode_load(saga_encode_session *s, int segment);
 bool saga_encode_loading(void *session, double done, const char *doing);
 bool saga_encode_training(void *session, const saga_train_progress *p);
 
+/* Tells of a checkpoint that could not be written. Training goes on without;
+ * whoever watches may make room. */
+void saga_encode_complain(saga_encode_session *s);
+
 /* Tells of a stop that was asked for, and what is left of it. */
 int saga_encode_stopped(const saga_encode_session *s);
 
@@ -84,7 +94,6 @@ int saga_encode_stopped(const saga_encode_session *s);
 
 int saga_encode_open(saga_encode_session *s);
 int saga_encode_train(saga_encode_session *s);
-bool saga_encode_has_base(const saga_encode_session *s);
 int saga_encode_write(saga_encode_session *s);
 int saga_encode_check(saga_encode_session *s);
 

@@ -13,15 +13,6 @@
 
 /* --- Memory -------------------------------------------------------------- */
 
-size_t saga_rate_n_params(const saga_scene *s)
-{
-    int net = SAGA_NET_FUSE_C;
-
-    while (s->net[net].n_layers == 0)
-        net++;
-    return (size_t)(s->net[net].w[0] - s->params);
-}
-
 static const char purpose[] = "the rate of anchors";
 
 static real *reals(size_t n, saga_error *error)

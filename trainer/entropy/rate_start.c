@@ -130,6 +130,15 @@ static void begin_as_constants(saga_net *net, const saga_model *m,
     }
 }
 
+size_t saga_rate_n_params(const saga_scene *s)
+{
+    int net = SAGA_NET_FUSE_C;
+
+    while (s->net[net].n_layers == 0)
+        net++;
+    return (size_t)(s->net[net].w[0] - s->params);
+}
+
 saga_scene saga_rate_rounded(saga_rate *r, const saga_scene *s)
 {
     saga_scene to = *s;

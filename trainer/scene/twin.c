@@ -4,16 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Nanoseconds that a thread takes for a row beside what its networks take. */
-enum { ROW_NS = 40 };
-
 /* --- Memory -------------------------------------------------------------- */
-
-size_t saga_twin_rows(const saga_twin *w, int net)
-{
-    return net == SAGA_NET_FUSE_C || net == SAGA_NET_FINE ? w->n.fine
-         : net >= SAGA_NET_FUSE_F ? w->n.prim : 0;
-}
 
 void saga_twin_batch_take(saga_twin_batch *b, saga_arena *a,
                           const saga_net *net, size_t rows)
@@ -112,72 +103,6 @@ void saga_twin_free(saga_twin *w)
     memset(w, 0, sizeof *w);
 }
 
-/* --- Rows ---------------------------------------------------------------- */
-
-void saga_twin_attribute_rows(saga_rows rows[SAGA_N_HEADS], const saga_scene *s)
-{
-    saga_model_rows(rows, &s->model);
-    /* A base stands still: its rows of time are there and say nothing. */
-    for (int a = 0; s->still && a < SAGA_N_ATTRS; a++) {
-        const saga_attribute *const k = &saga_attributes[a];
-
-        for (int h = 0; k->is_temporal && h < k->n_heads; h++)
-            rows[k->head + h].n = 0;
-    }
-}
-
-double saga_twin_cost(const saga_twin_stage *t, size_t *most)
-{
-    double ns = ROW_NS;
-    int i;
-
-    *most = 0;
-    for (i = 0; i < t->n_nets; i++) {
-        const size_t have = t->w->batch[t->nets[i]].work.n_threads;
-
-        if (t->s->net[t->nets[i]].n_layers == 0)
-            continue;
-        ns += saga_net_ns(&t->s->net[t->nets[i]]);
-        *most = *most && *most < have ? *most : have;
-    }
-    return ns;
-}
-
-void saga_twin_do_rows(void (*chunk)(void *, size_t), saga_twin_stage *t,
-                       size_t n)
-{
-    saga_tasks all = { .run = chunk, .user = t,
-                       .n = saga_n_parts(n, SAGA_NET_CHUNK) };
-
-    all.ns = saga_twin_cost(t, &all.most) * (double)n;
-    saga_parallel(&all);
-}
-
-void saga_twin_each_head(const saga_twin_stage *t, saga_range of,
-                         saga_twin_head_fn *one)
-{
-    for (int a = 0; a < SAGA_N_ATTRS; a++) {
-        const saga_attribute *const k = &saga_attributes[a];
-
-        for (int h = 0; saga_attr_is_output(k) && h < k->n_heads; h++) {
-            const saga_rows head = t->rows[k->head + h];
-
-            if (head.n && head.net == SAGA_NET_GEO)
-                one(t, a, (size_t)(h * k->width / k->n_heads), head, of);
-        }
-    }
-}
-
-saga_net_pass saga_twin_pass(saga_twin *w, const saga_scene *s, int net)
-{
-    saga_twin_batch *const b = &w->batch[net];
-
-    return (saga_net_pass){
-        .net = &s->net[net], .work = &b->work, .x = b->in, .y = b->out,
-        .dy = b->d_out, .dx = net == SAGA_NET_COLOUR_VIEW ? NULL : b->d_in,
-        .m = saga_twin_rows(w, net) };
-}
-
 /* --- Local offsets ------------------------------------------------------- */
 
 /* Sets o = (x - x_parent) / unit, clamped. */
@@ -191,7 +116,7 @@ static void local_offset(real o[4], const real x[4], const real parent[4],
                           -R(SAGA_OFFSET_MAX), R(SAGA_OFFSET_MAX));
 }
 
-void saga_twin_fine_offsets(saga_twin *w, const saga_scene *s, saga_range of)
+static void fine_offsets(saga_twin *w, const saga_scene *s, saga_range of)
 {
     size_t i;
 
@@ -228,8 +153,7 @@ static void offsets_chunk(void *user, size_t k)
     const size_t n = saga_n_parts(t->w->n.fine, SAGA_NET_CHUNK);
 
     if (k < n)
-        saga_twin_fine_offsets(t->w, t->s,
-                               saga_part(t->w->n.fine, SAGA_NET_CHUNK, k));
+        fine_offsets(t->w, t->s, saga_part(t->w->n.fine, SAGA_NET_CHUNK, k));
     else
         prim_offsets(t->w, t->s,
                      saga_part(t->w->n.prim, SAGA_NET_CHUNK, k - n));
@@ -243,7 +167,7 @@ void saga_twin_offsets(saga_twin *w, const saga_scene *s)
         .run = offsets_chunk, .user = &t,
         .n = saga_n_parts(w->n.fine, SAGA_NET_CHUNK) +
              saga_n_parts(w->n.prim, SAGA_NET_CHUNK),
-        .ns = (double)ROW_NS * ((double)w->n.fine + w->n.prim) });
+        .ns = SAGA_TWIN_ROW_NS * ((double)w->n.fine + w->n.prim) });
 }
 
 /* --- Neighbours from the integer path ------------------------------------ */
@@ -295,7 +219,7 @@ bool saga_twin_refresh(saga_twin *w, const saga_scene *s, const real *feature,
     /* Who is whose neighbour is decided by integers, as in the decoder:
      * first for fine anchors, whose supports then decide it for primitives. */
     link_fine(w, &sc, s);
-    saga_twin_fine_offsets(w, s, (saga_range){ 0, w->n.fine });
+    fine_offsets(w, s, (saga_range){ 0, w->n.fine });
     saga_twin_fine_forward(w, s, feature);
     saga_links_supports(&sc, w->support);
     link_prims(w, &sc, s);

@@ -37,10 +37,12 @@ typedef void saga_twin_head_fn(const saga_twin_stage *t, int attr, size_t part,
 #define saga_twin_each_head SAGA_REAL_NAME(saga_twin_each_head)
 #define saga_twin_pass SAGA_REAL_NAME(saga_twin_pass)
 #define saga_twin_attribute_rows SAGA_REAL_NAME(saga_twin_attribute_rows)
-#define saga_twin_fine_offsets SAGA_REAL_NAME(saga_twin_fine_offsets)
 #define saga_twin_fine_forward SAGA_REAL_NAME(saga_twin_fine_forward)
 
-/* twin.c */
+/* twin_rows.c */
+/* Nanoseconds that a thread takes for a row beside what its networks take. */
+enum { SAGA_TWIN_ROW_NS = 40 };
+
 /* Tells which rows of the networks' outputs become attributes. */
 void saga_twin_attribute_rows(saga_rows rows[SAGA_N_HEADS],
                               const saga_scene *s);
@@ -56,10 +58,6 @@ void saga_twin_each_head(const saga_twin_stage *t, saga_range of,
                          saga_twin_head_fn *one);
 /* Returns a pass of a network over its batch. */
 saga_net_pass saga_twin_pass(saga_twin *w, const saga_scene *s, int net);
-/* Sets local offsets and phases of some fine anchors. */
-void saga_twin_fine_offsets(saga_twin *w, const saga_scene *s,
-                            saga_range of);
-
 /* twin_forward.c: sets features and supports of the fine anchors. */
 void saga_twin_fine_forward(saga_twin *w, const saga_scene *s,
                             const real *feature);

@@ -120,6 +120,45 @@ char *saga_listing_join(const saga_listing *listing, const char *folder,
     return NULL;
 }
 
+/* ----------------------------------------------------------------- loaders */
+
+static bool unknown_format(const saga_listing *listing, const char *path,
+                           saga_error *error)
+{
+    char looked[400];
+    size_t n = (size_t)snprintf(looked, sizeof looked, "looked for ");
+    if (!saga_path_is_folder(path))
+        return saga_fail(error, path, "give the folder of a capture, or its "
+                         "transforms.json", "does not exist or is neither a "
+                         "folder nor a .json file");
+    for (const saga_loader *const *l = listing->loaders;
+         *l && n < sizeof looked; l++)
+        n += (size_t)snprintf(looked + n, sizeof looked - n, "%s%s",
+                              (*l)->sign, l[1] ? ", "
+                              : "; `saga help check` tells the layouts");
+    return saga_fail(error, path, looked,
+                     "holds no capture of a known format");
+}
+
+bool saga_listing_make_part(saga_listing *listing, const char *path,
+                            const saga_loader *without,
+                            const saga_capture_options *options,
+                            saga_error *error)
+{
+    const saga_loader *found = NULL;
+    /* A search that says no may also have run out of memory. */
+    for (const saga_loader *const *l = listing->loaders;
+         *l && !found && !saga_failed(error); l++)
+        if (*l != without && (*l)->is_there(path, error))
+            found = *l;
+    if (saga_failed(error))
+        return false;
+    if (!found)
+        return unknown_format(listing, path, error);
+    listing->format = found->name;
+    return found->list(listing, path, options, error);
+}
+
 /* ------------------------------------------------------------------- names */
 
 /* Writes all names in one line, for messages. */

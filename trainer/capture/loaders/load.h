@@ -34,6 +34,7 @@ typedef struct saga_listing {
     const char *format;
     const char *path;         /* the capture's folder or file */
     bool follow_paths;        /* out of it */
+    const struct saga_loader *const *loaders; /* all of them, then NULL */
     saga_source *sources;     /* (n_sources) */
     int n_sources, n_frames;  /* of the whole capture */
     bool moves;               /* the camera: a source for each picture */
@@ -92,11 +93,11 @@ typedef struct saga_loader {
      * picture; false with an error where no memory is left to look. */
     bool (*is_there)(const char *path, saga_error *error);
 
-    /* Fills a listing, of which path, format and follow_paths alone are set:
-     * sources with names, sizes, lenses, poses and files, the number of frames
-     * and their rate, points and notes. It calls saga_listing_hold_out, before
-     * points are counted. After a failure *error says why, and the caller frees
-     * whatever the listing has by then. */
+    /* Fills a listing, of which path, format, follow_paths and loaders alone
+     * are set: sources with names, sizes, lenses, poses and files, the number
+     * of frames and their rate, points and notes. It calls
+     * saga_listing_hold_out, before points are counted. After a failure *error
+     * says why, and the caller frees whatever the listing has by then. */
     bool (*list)(saga_listing *listing, const char *path,
                  const saga_capture_options *options, saga_error *error);
 } saga_loader;
@@ -109,7 +110,8 @@ const saga_loader *saga_loader_at(int i);
 bool saga_listing_make(saga_listing *listing, const char *path,
                        const saga_capture_options *options, saga_error *error);
 
-/* Does the same with every loader but one, which is made of others. */
+/* Does the same with every loader of the listing but one, which is made of
+ * others. */
 bool saga_listing_make_part(saga_listing *listing, const char *path,
                             const saga_loader *without,
                             const saga_capture_options *options,

@@ -1,0 +1,157 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * What all stages of saga encode stand on: the capture, loaded a segment at a
+ * time, and the line that tells how it goes.
+ */
+#include "encode_session.h"
+
+#include "cli.h"
+#include "clock.h"
+#include "file.h"
+#include "still.h"
+
+#include <signal.h>
+#include <stdio.h>
+
+/* --- Progress ------------------------------------------------------------ */
+
+bool saga_encode_loading(void *user, double done, const char *doing)
+{
+    saga_encode_session *const s = user;
+
+    saga_meter_show(&s->meter, done, doing);
+    return !*s->signal;
+}
+
+void saga_encode_complain(saga_encode_session *s)
+{
+    const char *const complaint = s->train ? saga_train_complaint(s->train)
+                                           : NULL;
+
+    if (!complaint)
+        return;
+    saga_meter_end(&s->meter);
+    saga_cli_error(0, "encode: no checkpoint: %s", complaint);
+}
+
+/* Shows one line: stage, iteration, PSNR, bits; the meter adds the time left.
+ */
+bool saga_encode_training(void *user, const saga_train_progress *p)
+{
+    saga_encode_session *const s = user;
+    char text[120];
+    int n = 0;
+
+    if (p->segment == SAGA_TRAIN_BASE)
+        n = snprintf(text, sizeof text, "base: ");
+    else if (s->n_segments > 1)
+        n = snprintf(text, sizeof text, "segment %d of %d: ", p->segment + 1,
+                     s->n_segments);
+    n += snprintf(text + n, sizeof text - (size_t)n, "%s %d/%d", p->name,
+                  p->iteration, p->n_iterations);
+    saga_encode_complain(s);
+    saga_encode_log_write(&s->log, p, saga_clock_seconds() - s->log_began);
+    if (p->psnr > 0)
+        n += snprintf(text + n, sizeof text - (size_t)n, "  %.2f dB",
+                      p->psnr);
+    if (p->bits > 0)
+        snprintf(text + n, sizeof text - (size_t)n, "  %.1f kbit",
+                 p->bits / 1e3);
+    saga_meter_show(&s->meter, p->done, text);
+    return !*s->signal;
+}
+
+int saga_encode_stopped(const saga_encode_session *s)
+{
+    if (saga_path_is_file(s->checkpoint))
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: stopped by %s; the "
+                              "same command with --resume goes on from %s",
+                              *s->signal == SIGINT ? "Ctrl-C" : "a signal",
+                              s->checkpoint);
+    return saga_cli_error(SAGA_EXIT_USAGE, "encode: stopped, and no "
+                          "checkpoint could be written; nothing is left");
+}
+
+/* --- The capture ---------------------------------------------------------- */
+
+saga_capture_options saga_encode_capture_options(saga_encode_session *s)
+{
+    saga_capture_options c = saga_capture_chosen(&s->o->capture);
+
+    if (s->scale)
+        c.scale = s->scale;
+    c.metres = s->o->metres;
+    c.progress = saga_encode_loading;
+    c.progress_user = s;
+    return c;
+}
+
+int saga_encode_begin(const saga_encode_session *s, int segment)
+{
+    return (int)((int64_t)segment * s->whole.n_frames / s->n_segments);
+}
+
+uint32_t saga_encode_frames(const saga_encode_session *s, int segment)
+{
+    return (uint32_t)(saga_encode_begin(s, segment + 1) -
+                      saga_encode_begin(s, segment));
+}
+
+bool saga_encode_has_base(const saga_encode_session *s)
+{
+    return saga_train_report_of(s->train)->base.n_prim > 0;
+}
+
+/* Loads the pictures of a segment in the place of those that were there. */
+static int open_segment(saga_encode_session *s, int segment)
+{
+    saga_capture_options c = saga_encode_capture_options(s);
+
+    c.first_frame = s->whole.first_frame + saga_encode_begin(s, segment);
+    c.end_frame = s->whole.first_frame + saga_encode_begin(s, segment + 1);
+    /* First of all, so that two segments are never in memory together. */
+    saga_capture_free(&s->capture);
+    s->meter = (saga_meter){ 0 };
+    if (saga_capture_load(&s->capture, s->capture_name, &c, &s->error)) {
+        saga_meter_end(&s->meter);
+        return SAGA_EXIT_OK;
+    }
+    saga_meter_end(&s->meter);
+    /* Loading also fails where saga_encode_loading() has it stop, which is no
+     * fault of the capture. */
+    if (*s->signal && saga_path_is_file(s->checkpoint))
+        return saga_encode_stopped(s);
+    if (*s->signal)
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: stopped while loading "
+                              "the capture; nothing was written");
+    return saga_cli_error(SAGA_EXIT_DATA, "encode: %s", s->error.message);
+}
+
+/* Makes the pictures of what stands still: all segments are looked at. */
+static int open_base(saga_encode_session *s)
+{
+    saga_still still = { .n = 0 };
+    int status = SAGA_EXIT_OK;
+    bool ok = true;
+
+    /* open_segment tells its own failures, as status; what fails of `still` is
+     * told below, as ok. */
+    for (int i = 0; !status && ok && i < s->n_segments; i++) {
+        status = open_segment(s, i);
+        ok = status || saga_still_add(&still, &s->capture,
+                                      saga_encode_begin(s, i),
+                                      s->whole.n_frames, &s->error);
+    }
+    saga_capture_free(&s->capture);
+    if (!status && !(ok && saga_still_finish(&s->capture, &still, &s->error)))
+        status = saga_cli_error(SAGA_EXIT_DATA, "encode: %s",
+                                s->error.message);
+    saga_still_free(&still);
+    return status;
+}
+
+int saga_encode_load(saga_encode_session *s, int segment)
+{
+    return segment == SAGA_TRAIN_BASE ? open_base(s)
+                                      : open_segment(s, segment);
+}

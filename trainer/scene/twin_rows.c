@@ -1,0 +1,76 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * A stage of the twin works on rows, a fine anchor's or a primitive's each,
+ * which its networks take in chunks.
+ */
+#include "twin_state.h"
+
+size_t saga_twin_rows(const saga_twin *w, int net)
+{
+    return net == SAGA_NET_FUSE_C || net == SAGA_NET_FINE ? w->n.fine
+         : net >= SAGA_NET_FUSE_F ? w->n.prim : 0;
+}
+
+void saga_twin_attribute_rows(saga_rows rows[SAGA_N_HEADS], const saga_scene *s)
+{
+    saga_model_rows(rows, &s->model);
+    /* A base stands still: its rows of time are there and say nothing. */
+    for (int a = 0; s->still && a < SAGA_N_ATTRS; a++) {
+        const saga_attribute *const k = &saga_attributes[a];
+
+        for (int h = 0; k->is_temporal && h < k->n_heads; h++)
+            rows[k->head + h].n = 0;
+    }
+}
+
+double saga_twin_cost(const saga_twin_stage *t, size_t *most)
+{
+    double ns = SAGA_TWIN_ROW_NS;
+    int i;
+
+    *most = 0;
+    for (i = 0; i < t->n_nets; i++) {
+        const size_t have = t->w->batch[t->nets[i]].work.n_threads;
+
+        if (t->s->net[t->nets[i]].n_layers == 0)
+            continue;
+        ns += saga_net_ns(&t->s->net[t->nets[i]]);
+        *most = *most && *most < have ? *most : have;
+    }
+    return ns;
+}
+
+void saga_twin_do_rows(void (*chunk)(void *, size_t), saga_twin_stage *t,
+                       size_t n)
+{
+    saga_tasks all = { .run = chunk, .user = t,
+                       .n = saga_n_parts(n, SAGA_NET_CHUNK) };
+
+    all.ns = saga_twin_cost(t, &all.most) * (double)n;
+    saga_parallel(&all);
+}
+
+void saga_twin_each_head(const saga_twin_stage *t, saga_range of,
+                         saga_twin_head_fn *one)
+{
+    for (int a = 0; a < SAGA_N_ATTRS; a++) {
+        const saga_attribute *const k = &saga_attributes[a];
+
+        for (int h = 0; saga_attr_is_output(k) && h < k->n_heads; h++) {
+            const saga_rows head = t->rows[k->head + h];
+
+            if (head.n && head.net == SAGA_NET_GEO)
+                one(t, a, (size_t)(h * k->width / k->n_heads), head, of);
+        }
+    }
+}
+
+saga_net_pass saga_twin_pass(saga_twin *w, const saga_scene *s, int net)
+{
+    saga_twin_batch *const b = &w->batch[net];
+
+    return (saga_net_pass){
+        .net = &s->net[net], .work = &b->work, .x = b->in, .y = b->out,
+        .dy = b->d_out, .dx = net == SAGA_NET_COLOUR_VIEW ? NULL : b->d_in,
+        .m = saga_twin_rows(w, net) };
+}
