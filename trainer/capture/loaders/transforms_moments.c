@@ -1,0 +1,147 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Every entry is of a moment: by its time, by the number in its name, or by the
+ * order of the names.
+ */
+#include "transforms.h"
+
+#include "alloc.h"
+#include "error.h"
+#include "moments.h"
+#include "notes.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* Where some are not listed and nothing has a time, the numbers in the files'
+ * names do. */
+static void take_numbers_for_times(saga_transforms *r)
+{
+    for (int i = 0; i < r->n_entries; i++) {
+        saga_entry *const e = &r->entries[i];
+        const char *const dot = strrchr(e->file, '.');
+        uint64_t number;
+        (void)saga_last_number(e->file, dot ? (size_t)(dot - e->file)
+                                            : strlen(e->file), &number);
+        e->time = (double)number;
+    }
+    /* Times were equal when the entries were sorted first. */
+    saga_transforms_sort(r);
+}
+
+/* The moment of an entry is its rank in a view that has all n, else the nearest
+ * of n even ones from `start` on. */
+static bool find_moment(const saga_transforms *r, const saga_entry *e,
+                        double start, double step, int n, int *k)
+{
+    if (!isfinite(e->time))
+        return saga_fail(r->error, r->path, "correct it",
+                         "time of %s is not finite", e->file);
+    const double moment =
+        step > 0.0 ? fmin(fmax((e->time - start) / step, 0.0), n - 1.0) : 0.0;
+    if (r->view_size[e->view] < n)
+        *k = (int)floor(moment + 0.5);
+    /* Times within a quarter of a step count as synchronous. */
+    const double near = start + step * *k;
+    return fabs(e->time - near) <= 0.25 * step ||
+           saga_fail(r->error, r->path, "pictures must be synchronous and "
+                     "evenly spaced in time", "time %g of %s is not near %g, "
+                     "that of frame %d", e->time, e->file, near, *k);
+}
+
+/* Entries are sorted by view and time. Those of the fullest view tell the
+ * moments; with neither times nor holes the order does. */
+static bool place_entries(saga_transforms *r, int n, bool timed)
+{
+    const saga_entry *const ref = &r->entries[r->view_first[r->fullest]];
+    const double step = n > 1 ? (ref[n - 1].time - ref[0].time) / (n - 1) : 0.0;
+    r->at = saga_calloc((size_t)r->n_views * (size_t)n, sizeof *r->at, r->path,
+                        r->error);
+    for (int i = 0; r->at && i < r->n_entries; i++) {
+        saga_entry *const e = &r->entries[i];
+        int k = i - r->view_first[e->view];
+        /* k > 0 says that the entry before this one is of the same view. */
+        const bool twice = k > 0 && timed && e->time == e[-1].time;
+        if (timed && !twice && !find_moment(r, e, ref[0].time, step, n, &k))
+            return false;
+        saga_entry **const to = &r->at[e->view * n + k];
+        if (twice || *to)
+            return saga_fail(r->error, r->path, "one picture per camera and "
+                             "moment", "%s and %s have one pose and one time "
+                             "%g", e[-1].file, e->file, e->time);
+        *to = e;
+    }
+    return r->at != NULL;
+}
+
+/* Gives every picture its moment, and how much later it was taken. */
+static bool place_moving(saga_transforms *r, int n)
+{
+    double first = r->entries[0].time, last = first;
+    for (int i = 0; i < r->n_entries; i++) {
+        first = fmin(first, r->entries[i].time);
+        last = fmax(last, r->entries[i].time);
+    }
+    r->first_time = first;
+    /* n >= 2: with one moment every camera stands, says find_moves. */
+    r->step = (last - first) / (n - 1);
+    if (!isfinite(r->step))
+        return saga_fail(r->error, r->path, "correct them", "times run from "
+                         "%g to %g", first, last);
+    r->at = saga_calloc((size_t)r->n_views * (size_t)n, sizeof *r->at, r->path,
+                        r->error);
+    for (int i = 0; r->at && i < r->n_entries; i++) {
+        saga_entry *const e = &r->entries[i];
+        const double moment = (e->time - first) / r->step;
+        /* Within 1e-4 of a step a picture was taken at the moment itself. */
+        const bool between = fabs(moment - rint(moment)) > 1e-4;
+        const double k = between ? floor(moment) : rint(moment);
+        e->late = between ? moment - k : 0.0;
+        r->at[e->view * n + (int)k] = e;
+    }
+    r->listing->moves = true;
+    if (r->at)
+        saga_note(r->listing->notes, "cameras: the camera moves; its %d "
+                  "pictures are views of %d moments", r->n_entries, n);
+    return r->at != NULL;
+}
+
+static bool place(saga_transforms *r, int n)
+{
+    const bool timed = saga_transforms_n_timed(r) > 0;
+    const bool holes = r->n_entries < n * r->n_views;
+    if (r->n_moments > 0)
+        return place_moving(r, n);
+    /* Without times the order is enough, unless a picture is not listed. */
+    if (holes && !timed)
+        take_numbers_for_times(r);
+    return place_entries(r, n, (timed || holes) && !r->videos);
+}
+
+/* Times are seconds, unless they run from exactly 0 to exactly 1. */
+static void guess_fps(saga_transforms *r, int n)
+{
+    const saga_entry *const e = &r->entries[r->view_first[r->fullest]];
+    const bool moving = r->n_moments > 0;
+    if (r->listing->fps > 0.0 || n < 2 || saga_transforms_n_timed(r) == 0)
+        return;
+    /* The times of all views tell for a moving camera, else those of the
+     * fullest view. */
+    const double first = moving ? r->first_time : e[0].time;
+    const double last = moving ? first + r->step * (n - 1) : e[n - 1].time;
+    if (fabs(first) < 1e-9 && fabs(last - 1.0) < 1e-9) {
+        saga_note(r->listing->notes, "time: 0..1 is taken as normalised");
+        return;
+    }
+    r->listing->fps = (n - 1) / (last - first);
+}
+
+bool saga_transforms_find_moments(saga_transforms *r, int n)
+{
+    if (!place(r, n))
+        return false;
+    if (!r->videos)
+        guess_fps(r, n);
+    return true;
+}
