@@ -18,10 +18,6 @@ enum { STREAM_VIEW = 100, STREAM_NOISE, STREAM_OFFSET, STREAM_LAYERS };
 /* lambda_a, of anchors' distance from their primitives. */
 #define ANCHOR_PRICE R(0.005)
 
-enum {
-    T_FEATURE, T_PRIM, T_ENTROPY, T_BANK, T_PARAMS, T_STEPS, N_TENSORS
-};
-
 /* --- Memory -------------------------------------------------------------- */
 
 static const char what[] = "the fit";
@@ -38,33 +34,13 @@ static bool alloc_all(saga_fit *f, saga_error *error)
 
     f->feature = zeros(n_features, error);
     f->position = zeros(4 * (size_t)s->n.prim, error);
-    f->m = zeros(s->n_reals, error);
-    f->v = zeros(s->n_reals, error);
-    f->covariance = zeros(n_features * s->model.features, error);
-    f->axes = zeros(n_features * s->model.features, error);
-    return f->feature && f->position && f->m && f->v && f->covariance &&
-           f->axes &&
+    return f->feature && f->position &&
            saga_pictures_canvas(&f->canvas, f->pictures, error);
-}
-
-/* The features of an anchor are a block: F_geo makes attributes of their sums,
- * so they pull together, and each anchor's differently. */
-static saga_block_adam feature_blocks(saga_fit *f)
-{
-    const saga_scene *const s = f->scene;
-    const size_t at = (size_t)(s->coarse_feature - s->reals);
-
-    return (saga_block_adam){
-        .x = s->coarse_feature, .g = f->grad.reals + at, .m = f->m + at,
-        .v = f->v + at, .covariance = f->covariance, .axes = f->axes,
-        .n = s->n.coarse, .width = s->model.features
-    };
 }
 
 static bool begin(saga_fit *f, saga_error *error)
 {
     saga_scene *const s = f->scene;
-    saga_block_adam features;
 
     /* Anchors first: the rate takes their positions as they are by then. */
     saga_rate_snap(s);
@@ -80,12 +56,10 @@ static bool begin(saga_fit *f, saga_error *error)
         saga_rate_give(&f->rate, &f->o.given->constants);
     if (!saga_rate_refresh(&f->rate, s, error) ||
         !saga_scene_init(&f->grad, &s->model, s->n, 1, 0, error) ||
-        !saga_fit_begin_weights(f, error))
+        !saga_fit_begin_weights(f, error) || !saga_fit_begin_descent(f, error))
         return false;
     if (f->o.raw_networks)
         saga_rate_keep_raw(&f->rate);
-    features = feature_blocks(f);
-    saga_block_adam_begin(&features);
     return true;
 }
 
@@ -116,10 +90,7 @@ void saga_fit_free(saga_fit *f)
     free(f->feature);
     free(f->position);
     free(f->params);
-    free(f->m);
-    free(f->v);
-    free(f->covariance);
-    free(f->axes);
+    saga_fit_free_descent(f);
     free(f);
 }
 
@@ -148,17 +119,6 @@ static saga_rate_input rate_input(saga_fit *f, real *feature)
     return x;
 }
 
-/* The reads are made anew at intervals, and where the rounding begins, which
- * leaves those of another model. */
-static int is_remembering(const saga_fit *f)
-{
-    /* Without a reader, from the first or since sources were chosen, there is
-     * no bank to read. */
-    return saga_rate_readers(&f->rate.context, f->scene) &&
-           (f->iteration % SAGA_RATE_REMEMBER_EVERY == 0 ||
-            f->iteration == saga_fit_first_rounding(f));
-}
-
 /* Adds the gradients of the rate, `price` for a bit; before saga_twin_backward.
  * When the rounding begins, what is not worth its bytes is left out. */
 static bool add_rate(saga_fit *f, double price, saga_error *error)
@@ -177,7 +137,7 @@ static bool add_rate(saga_fit *f, double price, saga_error *error)
         return false;
     /* A quarter of the blocks stands for all of them; where the bank is read,
      * all are evaluated. */
-    saga_rate_look(&o, f->iteration, is_remembering(f));
+    saga_rate_look(&o, f->iteration, saga_fit_is_remembering(f));
     saga_rate_add(f->bits, &f->rate, &f->grad, &x, &o);
     return true;
 }
@@ -266,62 +226,7 @@ static void use_all_positions(saga_fit *f)
         .ns = (double)PRIM_NS * (double)n });
 }
 
-/* --- Steps --------------------------------------------------------------- */
-
-static void tensor(saga_adam_tensor *t, saga_fit *f, const char *name,
-                   real *x, size_t n, real rate)
-{
-    const size_t at = (size_t)(x - f->scene->reals);
-
-    t->name = name;
-    t->x = x;
-    t->g = f->grad.reals + at;
-    t->m = f->m + at;
-    t->v = f->v + at;
-    t->n = n;
-    t->rate = rate;
-}
-
-static bool descend(saga_fit *f, const saga_fit_rates *r, saga_error *error)
-{
-    saga_scene *const s = f->scene;
-    const saga_adam adam = saga_adam_default();
-    /* They come first, those of the bank last among them. */
-    const size_t n_entropy = saga_rate_n_params(s);
-    const size_t n_bank = s->net[SAGA_NET_QUERY].n_layers
-        ? n_entropy - (size_t)(s->net[SAGA_NET_QUERY].w[0] - s->params) : 0;
-    const size_t still = saga_fit_n_still(f);
-    const size_t first = still > n_entropy ? still : n_entropy;
-    saga_block_adam features = feature_blocks(f);
-    saga_adam_tensor t[N_TENSORS];
-
-    features.rate = r->feature;
-    /* Anchors' positions are in no tensor: they stand still. Features are in
-     * one to be checked, and step by blocks. */
-    tensor(&t[T_FEATURE], f, "coarse features", s->coarse_feature,
-           (size_t)s->n.coarse * s->model.features, 0);
-    tensor(&t[T_PRIM], f, "primitive positions", s->prim_x,
-           4 * (size_t)s->n.prim, r->prim);
-    tensor(&t[T_ENTROPY], f, "entropy networks", s->params,
-           n_entropy - n_bank, r->entropy);
-    /* The bank has a gradient only where it is read anew. At a rate of 0 its
-     * moments wait for the next. */
-    tensor(&t[T_BANK], f, "memory bank's networks",
-           s->params + n_entropy - n_bank, n_bank,
-           is_remembering(f) ? SAGA_BANK_TWIN_PACE * r->entropy : 0);
-    /* From the first layer on that is not rounded yet. */
-    tensor(&t[T_PARAMS], f, "networks", s->params + first,
-           saga_fit_n_params(s) - first, r->networks);
-    t[T_STEPS] = (saga_adam_tensor){
-        "steps of the networks", f->weights.log2_step, f->weights.d_log2_step,
-        f->weights.m, f->weights.v, (size_t)f->weights.n, r->steps
-    };
-    if (!saga_adam_update(&adam, t, N_TENSORS, (uint64_t)f->iteration + 1,
-                          error))
-        return false;
-    saga_block_adam_update(&features, &adam, (uint64_t)f->iteration + 1);
-    return true;
-}
+/* --- An iteration ------------------------------------------------------- */
 
 /* Returns how many primitives an iteration draws: those of the first layers,
  * and of all in half of the iterations, so that what comes first learns to
@@ -361,7 +266,6 @@ static bool render_iteration(saga_fit *f, double *mse, saga_error *error)
     const saga_rng r = saga_rng_stream(f->o.seed, STREAM_VIEW);
     const saga_sample picture = saga_novel_pick(f->pictures, r,
                                                 (uint64_t)f->iteration);
-    const saga_fit_rates now = saga_fit_rates_now(f);
 
     /* Forward: positions, attributes, then the picture, which leaves its
      * gradients. */
@@ -379,7 +283,7 @@ static bool render_iteration(saga_fit *f, double *mse, saga_error *error)
     /* The weights' rate comes last: the gradient of a step is made of all
      * gradients of its tensor. */
     saga_fit_rate_weights(f);
-    return descend(f, &now, error);
+    return saga_fit_descend(f, error);
 }
 
 bool saga_fit_iterate(saga_fit *f, double *mse, saga_error *error)

@@ -57,8 +57,6 @@ void saga_fit_walk(saga_fit *f, saga_checkpoint *c)
 {
     saga_weights *const w = &f->weights;
     uint64_t iteration = (uint64_t)f->iteration;
-    const size_t n_axes = (size_t)f->scene->n.coarse *
-                          f->scene->model.features * f->scene->model.features;
 
     /* The scene was made again from the warm-up: it has to be the same one. */
     saga_checkpoint_expect(c, f->scene->n.coarse);
@@ -68,12 +66,9 @@ void saga_fit_walk(saga_fit *f, saga_checkpoint *c)
     saga_checkpoint_walk(c, &iteration, sizeof iteration);
     /* The step may have been steered (size.c); the prices go with it. */
     saga_fit_walk_step(f, c);
-    /* The parameters, with Adam's moments and the features' axes. */
+    /* The parameters, and what their steps remember. */
     walk_reals(c, f->scene->reals, f->scene->n_reals);
-    walk_reals(c, f->m, f->scene->n_reals);
-    walk_reals(c, f->v, f->scene->n_reals);
-    walk_reals(c, f->covariance, n_axes);
-    walk_reals(c, f->axes, n_axes);
+    saga_fit_walk_descent(f, c);
     walk_rate(c, &f->rate, f->scene);
     /* Steps of the networks; copies that carry noise are made anew. */
     saga_checkpoint_walk(c, w->log2_step, sizeof w->log2_step);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The schedule of the fit says when values begin to be rounded and how fast
- * each tensor learns, by the iteration alone.
+ * The schedule of the fit says when values begin to be rounded, when the memory
+ * bank is read anew, and how fast each tensor learns.
  */
 #include "fit_state.h"
 
@@ -18,6 +18,17 @@ int saga_fit_first_rounding(const saga_fit *f)
 bool saga_fit_is_rounding(const saga_fit *f)
 {
     return f->iteration >= saga_fit_first_rounding(f);
+}
+
+/* The reads are made anew at intervals, and where the rounding begins, which
+ * leaves those of another model. */
+bool saga_fit_is_remembering(const saga_fit *f)
+{
+    /* Without a reader, from the first or since sources were chosen, there is
+     * no bank to read. */
+    return saga_rate_readers(&f->rate.context, f->scene) &&
+           (f->iteration % SAGA_RATE_REMEMBER_EVERY == 0 ||
+            f->iteration == saga_fit_first_rounding(f));
 }
 
 /* Falls from 1 down to `last`, a half cosine. */

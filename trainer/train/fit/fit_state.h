@@ -5,9 +5,14 @@
 #ifndef SAGA_FIT_STATE_H
 #define SAGA_FIT_STATE_H
 
-#include "adam.h"
-#include "block_adam.h"
 #include "fit.h"
+
+/* What steps remember of those before. */
+typedef struct saga_descent {
+    real *m, *v;                 /* Adam's moments (n_reals); the features'
+                                  * along their axes */
+    real *covariance, *axes;     /* (coarse, F, F) of the features' gradients */
+} saga_descent;
 
 struct saga_fit {
     saga_scene *scene;
@@ -18,9 +23,7 @@ struct saga_fit {
     int iteration;
     real *feature;               /* (coarse, F) as used: noisy or rounded */
     real *position;              /* (prim, 4) the same, used.prim_x */
-    real *m, *v;                 /* Adam's moments (n_reals); the features'
-                                  * along their axes */
-    real *covariance, *axes;     /* (coarse, F, F) of the features' gradients */
+    saga_descent descent;
     saga_scene used;             /* what the twin runs: scene, but its networks
                                   * are params, noisy or rounded, its primitives
                                   * where position says; not owned */
@@ -39,6 +42,8 @@ double saga_fit_feature_step(const saga_scene *s);
  * does. */
 int saga_fit_first_rounding(const saga_fit *f);
 bool saga_fit_is_rounding(const saga_fit *f);
+/* Tells whether this iteration reads the memory bank anew. */
+bool saga_fit_is_remembering(const saga_fit *f);
 
 /* Learning rates of an iteration; 0: the tensor stands still. */
 typedef struct saga_fit_rates {
@@ -46,6 +51,15 @@ typedef struct saga_fit_rates {
 } saga_fit_rates;
 
 saga_fit_rates saga_fit_rates_now(const saga_fit *f);
+
+/* fit_descend.c. Makes the descent of a fit that has all else; fails where
+ * memory is short, and what there is by then is freed with the fit. */
+bool saga_fit_begin_descent(saga_fit *f, saga_error *error);
+void saga_fit_free_descent(saga_fit *f);
+/* The descent's part of a checkpoint. */
+void saga_fit_walk_descent(saga_fit *f, saga_checkpoint *c);
+/* Moves all that learns by its gradient; fails as saga_adam_update does. */
+bool saga_fit_descend(saga_fit *f, saga_error *error);
 
 /* fit_step.c: the step of the features and the prices are in the checkpoint. */
 void saga_fit_walk_step(saga_fit *f, saga_checkpoint *c);

@@ -319,12 +319,13 @@ static bool descend(saga_fit *f, int turn, saga_error *error)
 {
     const saga_scene *const s = f->scene;
     const saga_adam adam = saga_adam_default();
+    const saga_descent *const d = &f->descent;
     const size_t at = (size_t)(s->coarse_feature - s->reals);
     const double rate = FIRST_RATE * pow(LAST_RATE / FIRST_RATE,
                                          (double)turn / (N_STEPS - 1));
     const saga_adam_tensor t = {
         "coarse features", s->coarse_feature, f->grad.coarse_feature,
-        f->m + at, f->v + at, (size_t)s->n.coarse * s->model.features,
+        d->m + at, d->v + at, (size_t)s->n.coarse * s->model.features,
         (real)rate
     };
 
@@ -361,8 +362,8 @@ static bool find_features(const saga_start *x, saga_fit *f, saga_error *error)
             saga_clamp(f->scene->coarse_feature[i], -(real)SAGA_MOST_FEATURE,
                        (real)SAGA_MOST_FEATURE);
     /* The rendering's Adam begins anew. */
-    memset(f->m, 0, f->scene->n_reals * sizeof *f->m);
-    memset(f->v, 0, f->scene->n_reals * sizeof *f->v);
+    memset(f->descent.m, 0, f->scene->n_reals * sizeof *f->descent.m);
+    memset(f->descent.v, 0, f->scene->n_reals * sizeof *f->descent.v);
     return ok;
 }
 

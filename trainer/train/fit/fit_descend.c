@@ -1,0 +1,144 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The steps down the gradients: which optimiser moves what, and what it
+ * remembers between two iterations. Who tries another one changes this file,
+ * saga_descent, and the rates of fit_schedule.c.
+ */
+#include "fit_state.h"
+
+#include "adam.h"
+#include "alloc.h"
+#include "block_adam.h"
+
+#include <stdlib.h>
+
+enum {
+    T_FEATURE, T_PRIM, T_ENTROPY, T_BANK, T_PARAMS, T_STEPS, N_TENSORS
+};
+
+/* --- What is remembered -------------------------------------------------- */
+
+/* The features of an anchor are a block: F_geo makes attributes of their sums,
+ * so they pull together, and each anchor's differently. */
+static saga_block_adam feature_blocks(saga_fit *f)
+{
+    const saga_scene *const s = f->scene;
+    const saga_descent *const d = &f->descent;
+    const size_t at = (size_t)(s->coarse_feature - s->reals);
+
+    return (saga_block_adam){
+        .x = s->coarse_feature, .g = f->grad.reals + at, .m = d->m + at,
+        .v = d->v + at, .covariance = d->covariance, .axes = d->axes,
+        .n = s->n.coarse, .width = s->model.features
+    };
+}
+
+static size_t n_axes(const saga_scene *s)
+{
+    return (size_t)s->n.coarse * s->model.features * s->model.features;
+}
+
+static real *zeros(size_t n, saga_error *error)
+{
+    return saga_calloc(n, sizeof(real), "the fit", error);
+}
+
+bool saga_fit_begin_descent(saga_fit *f, saga_error *error)
+{
+    saga_descent *const d = &f->descent;
+    saga_block_adam features;
+
+    d->m = zeros(f->scene->n_reals, error);
+    d->v = zeros(f->scene->n_reals, error);
+    d->covariance = zeros(n_axes(f->scene), error);
+    d->axes = zeros(n_axes(f->scene), error);
+    if (!d->m || !d->v || !d->covariance || !d->axes)
+        return false;
+    features = feature_blocks(f);
+    saga_block_adam_begin(&features);
+    return true;
+}
+
+void saga_fit_free_descent(saga_fit *f)
+{
+    free(f->descent.m);
+    free(f->descent.v);
+    free(f->descent.covariance);
+    free(f->descent.axes);
+}
+
+void saga_fit_walk_descent(saga_fit *f, saga_checkpoint *c)
+{
+    const saga_descent *const d = &f->descent;
+    const size_t n = f->scene->n_reals, n_square = n_axes(f->scene);
+
+    saga_checkpoint_walk(c, d->m, n * sizeof *d->m);
+    saga_checkpoint_walk(c, d->v, n * sizeof *d->v);
+    saga_checkpoint_walk(c, d->covariance, n_square * sizeof *d->covariance);
+    saga_checkpoint_walk(c, d->axes, n_square * sizeof *d->axes);
+}
+
+/* --- One step of all ----------------------------------------------------- */
+
+static void tensor(saga_adam_tensor *t, saga_fit *f, const char *name,
+                   real *x, size_t n, real rate)
+{
+    const size_t at = (size_t)(x - f->scene->reals);
+
+    t->name = name;
+    t->x = x;
+    t->g = f->grad.reals + at;
+    t->m = f->descent.m + at;
+    t->v = f->descent.v + at;
+    t->n = n;
+    t->rate = rate;
+}
+
+static void list_tensors(saga_adam_tensor t[N_TENSORS], saga_fit *f,
+                         const saga_fit_rates *r)
+{
+    saga_scene *const s = f->scene;
+    /* They come first, those of the bank last among them. */
+    const size_t n_entropy = saga_rate_n_params(s);
+    const size_t n_bank = s->net[SAGA_NET_QUERY].n_layers
+        ? n_entropy - (size_t)(s->net[SAGA_NET_QUERY].w[0] - s->params) : 0;
+    const size_t still = saga_fit_n_still(f);
+    const size_t first = still > n_entropy ? still : n_entropy;
+
+    /* Anchors' positions are in no tensor: they stand still. Features are in
+     * one to be checked, and step by blocks. */
+    tensor(&t[T_FEATURE], f, "coarse features", s->coarse_feature,
+           (size_t)s->n.coarse * s->model.features, 0);
+    tensor(&t[T_PRIM], f, "primitive positions", s->prim_x,
+           4 * (size_t)s->n.prim, r->prim);
+    tensor(&t[T_ENTROPY], f, "entropy networks", s->params,
+           n_entropy - n_bank, r->entropy);
+    /* The bank has a gradient only where it is read anew. At a rate of 0 its
+     * moments wait for the next. */
+    tensor(&t[T_BANK], f, "memory bank's networks",
+           s->params + n_entropy - n_bank, n_bank,
+           saga_fit_is_remembering(f) ? SAGA_BANK_TWIN_PACE * r->entropy : 0);
+    /* From the first layer on that is not rounded yet. */
+    tensor(&t[T_PARAMS], f, "networks", s->params + first,
+           saga_fit_n_params(s) - first, r->networks);
+    t[T_STEPS] = (saga_adam_tensor){
+        "steps of the networks", f->weights.log2_step, f->weights.d_log2_step,
+        f->weights.m, f->weights.v, (size_t)f->weights.n, r->steps
+    };
+}
+
+bool saga_fit_descend(saga_fit *f, saga_error *error)
+{
+    const saga_adam adam = saga_adam_default();
+    const saga_fit_rates rates = saga_fit_rates_now(f);
+    const uint64_t number = (uint64_t)f->iteration + 1;
+    saga_block_adam features = feature_blocks(f);
+    saga_adam_tensor t[N_TENSORS];
+
+    features.rate = rates.feature;
+    list_tensors(t, f, &rates);
+    if (!saga_adam_update(&adam, t, N_TENSORS, number, error))
+        return false;
+    saga_block_adam_update(&features, &adam, number);
+    return true;
+}
