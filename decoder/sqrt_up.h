@@ -24,9 +24,9 @@ static inline int32_t sqrt_up_q20_q12(int32_t x_q20)
 
 /* A splat touches only pixels whose s = v^2 + w^2 (Q20) is below this, given
  * rest = 11 - q0, 1..11 2^20, and the file's tools: where s itself reaches
- * rest, or with SAGA_TOOL_STEEP s + s^2 / 2 does, s = sqrt(1 + 2 rest) - 1. The root comes by halves; a third of a unit of it
- * above the root covers the rounding of s^2 / 2, at most s 2^-13. At most
- * 3.84 where it is steep. */
+ * rest, or with SAGA_TOOL_STEEP s + s^2 / 2 does, s = sqrt(1 + 2 rest) - 1.
+ * The root comes by halves; a third of a unit of it above the root covers the
+ * rounding of s^2 / 2, at most s 2^-13. At most 3.84 where it is steep. */
 int32_t saga_reach_q20(int32_t rest_q20, uint32_t tools);
 
 #endif
