@@ -1,0 +1,121 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * How much memory a capture takes is known before a picture is decoded.
+ */
+#include "load_job.h"
+
+#include "error.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+bool saga_load_has_masks(const saga_load_job *job, const saga_source *s)
+{
+    bool any = job->options->alpha_masks && s->pictures;
+    for (int k = 0; s->masks && !any && k < job->capture->n_frames; k++)
+        any = s->masks[job->capture->first_frame + k] != NULL;
+    return any;
+}
+
+bool saga_load_is_single(const saga_load_job *job, const saga_source *s)
+{
+    int n = 0;
+    for (int k = 0; !s->video && k < job->capture->n_frames; k++)
+        n += s->pictures[job->capture->first_frame + k] != NULL;
+    return !s->video && n < 2 && job->capture->n_frames > 1;
+}
+
+static double picture_nbytes(const saga_load_job *job, int v, double scale)
+{
+    const saga_source *const s = &job->listing->sources[v];
+    const saga_remap *const m = &job->remaps[v];
+    const double px =
+        floor(m->full_width / scale) * floor(m->full_height / scale);
+    /* 3 bytes of colour a pixel, and one of the mask. */
+    double n = (saga_load_has_masks(job, s) ? 4.0 : 3.0) * px *
+               (saga_load_is_single(job, s) ? 1 : job->capture->n_frames);
+    /* Depth is of 4 bytes, and held for each frame that has it, single view or
+     * not. */
+    for (int k = 0; s->depths && job->options->want_depth &&
+                    k < job->capture->n_frames; k++)
+        if (s->depths[job->capture->first_frame + k])
+            n += 4.0 * px;
+    return n;
+}
+
+/* A thread has one source picture, its table and one depth picture. */
+static double scratch_nbytes(const saga_load_job *job)
+{
+    double most = 0.0;
+    for (int v = 0; v < job->listing->n_sources; v++) {
+        const saga_source *const s = &job->listing->sources[v];
+        /* 3 bytes of colour and 4 of depth for each pixel of the file. */
+        most = fmax(most, 7.0 * s->width * s->height +
+                              (double)saga_remap_nbytes(&job->remaps[v],
+                                                        &s->lens));
+    }
+    return most * job->n_threads;
+}
+
+static double pictures_nbytes(const saga_load_job *job, double scale)
+{
+    double n = 0.0;
+    for (int v = 0; v < job->listing->n_sources; v++)
+        n += picture_nbytes(job, v, scale);
+    return n;
+}
+
+int saga_load_frames_that_fit(const saga_load_job *job)
+{
+    const double need = pictures_nbytes(job, job->options->scale);
+    const double part = (double)job->options->memory_nbytes / 2.0 / need;
+    return (int)fmin(floor(job->capture->n_frames * part), SAGA_MAX_FRAMES);
+}
+
+static double forecast(const saga_load_job *job, double scale)
+{
+    return scratch_nbytes(job) + pictures_nbytes(job, scale);
+}
+
+static void say_remedy(const saga_load_job *job, double need, char *text,
+                       size_t n)
+{
+    const double budget = (double)job->options->memory_nbytes;
+    const double frames = need - scratch_nbytes(job);
+    int scale = job->options->scale;
+    /* The first smaller scale at which everything fits. */
+    while (scale < SAGA_MAX_SCALE && forecast(job, scale) > budget)
+        scale++;
+    /* The number of frames that fit at the wanted scale, beside what the
+     * threads need however few frames there are. */
+    const int fit = (int)floor((budget - scratch_nbytes(job)) / frames *
+                               job->capture->n_frames);
+    size_t used = (size_t)snprintf(text, n, "use ");
+    if (forecast(job, scale) <= budget)
+        used += (size_t)snprintf(text + used, n - used, "--scale 1/%d, ",
+                                 scale);
+    if (fit > 0)
+        used += (size_t)snprintf(text + used, n - used, "--frames %d:%d, ",
+                                 job->capture->first_frame,
+                                 job->capture->first_frame + fit);
+    (void)snprintf(text + used, n - used, "%s--memory %.0f (GiB)",
+                   used > strlen("use ") ? "or " : "",
+                   ceil(need / 1073741824.0));
+}
+
+bool saga_load_check_budget(const saga_load_job *job)
+{
+    const double need = forecast(job, job->options->scale);
+    if (need <= (double)job->options->memory_nbytes && need < 9e15)
+        return true;
+    const saga_source *const s = &job->listing->sources[0];
+    char remedy[200];
+    say_remedy(job, need, remedy, sizeof remedy);
+    return saga_fail(job->error, job->listing->path, remedy, "%d cameras x %d "
+                     "frames of %d x %d pixels at 1/%d need %.1f MiB, the "
+                     "budget is %.1f MiB", job->listing->n_sources,
+                     job->capture->n_frames, s->width, s->height,
+                     job->options->scale, need / 1048576.0,
+                     (double)job->options->memory_nbytes / 1048576.0);
+}
