@@ -359,7 +359,8 @@ FORCE:
 # ---------------------------------------------------------------- programs
 
 # The reference decoder is common/ and decoder/, and reads and writes files.
-$(BUILD)/saga-dec: $(OBJ)/tools/saga_dec.o $(LIB)
+$(BUILD)/saga-dec: $(addprefix $(OBJ)/tools/,saga_dec.o dec_options.o \
+    dec_output.o) $(LIB)
 	$(LINK) $^ -o $@
 
 # The example of docs/threads.md.

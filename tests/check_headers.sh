@@ -28,12 +28,13 @@ for cc in gcc clang; do
     bad=0
     n=0
     for h in common/*.h common/*/*.h decoder/*.h decoder/*/*.h trainer/*/*.h \
-        trainer/*/*/*.h ports/*/*.h reference/*.h tests/*/*.h lab/*.h bench/*.h; do
+        trainer/*/*/*.h tools/*.h ports/*/*.h reference/*.h tests/*/*.h lab/*.h bench/*.h; do
         [ -e "$h" ] || continue
         case $h in
         *_tables.h | *_real.h) continue ;; # parts of one C file
         common/*) see="-ffreestanding -Icommon" ;;
         decoder/*) see="-ffreestanding -Icommon -Idecoder" ;;
+        tools/*) see="-D_XOPEN_SOURCE=700 -I$tmp/include" ;;
         ports/*) see="-ffreestanding -I$tmp/include" ;;
         trainer/cli/*) see="-D_XOPEN_SOURCE=700 -Icommon -I$tmp/include -I$tmp/reference $(rooms "$h")" ;;
         trainer/*) see="-D_XOPEN_SOURCE=700 -Icommon -I$tmp/include $(rooms "$h")" ;;

@@ -91,7 +91,7 @@ END {
     may["decoder"] = " common decoder "
     may["reference"] = " common decoder reference trainer/base " \
         "trainer/code "
-    may["tools"] = " "
+    may["tools"] = " tools "
     may["ports"] = " ports "
     for (i = 1; i <= n; i++) {
         f = files[i]; d = folder(f)

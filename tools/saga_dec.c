@@ -6,15 +6,14 @@
  */
 #include "saga.h"
 
-#include <dirent.h>
+#include "dec_options.h"
+#include "dec_output.h"
+
 #include <errno.h>
 #include <fcntl.h>
 #include <inttypes.h>
-#include <limits.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
-#include <sys/file.h>
 #include <sys/stat.h>
 #include <time.h>
 #include <unistd.h>
@@ -38,40 +37,6 @@ static struct {
     unsigned char rows[3 * MAX_WIDTH * BAND];
 } memory;
 
-typedef struct {
-    const char *file, *camera, *out;
-    uint32_t time_num, time_den;
-    double seconds;          /* of decoding, at most; 0: any */
-    int crc, info;
-} options;
-
-static const char usage[] =
-    "usage: saga-dec FILE --camera CAM [--time N/D] (-o OUT.ppm | --crc)\n"
-    "       saga-dec FILE --info\n"
-    "       saga-dec --version\n"
-    "\n"
-    "Draws one picture of a .saga file, the same bits on every machine.\n"
-    "\n"
-    "  --camera rig:N   camera N of the rig stored in the file (--info lists\n"
-    "                   how many there are)\n"
-    "  --camera FILE    a text file of 22 integers in saga_camera's order\n"
-    "                   (decoder/saga.h): rotation 9, centre 3, focal 2,\n"
-    "                   principal 2, near plane, width, height, background 3;\n"
-    "                   # begins a comment\n"
-    "  --time N/D       the time in frames, a fraction (default 0/1; 15/2\n"
-    "                   lies half-way between frames 7 and 8)\n"
-    "  -o OUT.ppm       write the picture (8 bits, binary PPM); a device or a\n"
-    "                   pipe is written directly\n"
-    "  --seconds S      give up when decoding takes longer (default: never;\n"
-    "                   the longest file of level 2 takes some seconds)\n"
-    "  --crc            print the CRC-32C of its pixels instead\n"
-    "  --info           print what the header says and stop\n"
-    "  --version        print the program's version and the level of its\n"
-    "                   memory\n"
-    "\n"
-    "Exit status: 0 done, 1 the stream or the camera is refused, 2 a file or\n"
-    "the command line.\n";
-
 /* --- Messages ------------------------------------------------------------ */
 
 static int refuse(const char *file, const char *what, saga_status s)
@@ -93,76 +58,6 @@ static int fail(const char *file, const char *what)
     fprintf(stderr, "saga-dec: %s: %s: %s\n", file, what,
             errno ? strerror(errno) : "too short");
     return 2;
-}
-
-/* --- Command line -------------------------------------------------------- */
-
-/* A number of 32 bits, all of text up to `end`. */
-static int parse_u32(uint32_t *v, const char *text, char end)
-{
-    char *stop;
-    unsigned long long x;
-
-    errno = 0;
-    x = strtoull(text, &stop, 10);
-    *v = (uint32_t)x;
-    return text[0] >= '0' && text[0] <= '9' && *stop == end && !errno &&
-           x <= 0xffffffffu;
-}
-
-static int parse_time(options *o, const char *text)
-{
-    const char *const slash = strchr(text, '/');
-
-    o->time_den = 1;
-    if (!slash)
-        return parse_u32(&o->time_num, text, '\0');
-    return parse_u32(&o->time_num, text, '/') &&
-           parse_u32(&o->time_den, slash + 1, '\0') && o->time_den > 0;
-}
-
-static int parse_seconds(options *o, const char *text)
-{
-    char *stop;
-
-    o->seconds = strtod(text, &stop);
-    return stop != text && *stop == '\0' && o->seconds > 0 &&
-           o->seconds <= 1e9;
-}
-
-static int parse_options(options *o, int argc, char **argv)
-{
-    int i;
-
-    for (i = 1; i < argc; i++) {
-        const char *const value = i + 1 < argc ? argv[i + 1] : NULL;
-
-        if (!strcmp(argv[i], "--crc"))
-            o->crc = 1;
-        else if (!strcmp(argv[i], "--info"))
-            o->info = 1;
-        else if (!strcmp(argv[i], "--camera") && value)
-            o->camera = argv[++i];
-        else if (!strcmp(argv[i], "-o") && value)
-            o->out = argv[++i];
-        else if (!strcmp(argv[i], "--time") && value && parse_time(o, value))
-            i++;
-        else if (!strcmp(argv[i], "--seconds") && value &&
-                 parse_seconds(o, value))
-            i++;
-        else if (argv[i][0] != '-' && !o->file)
-            o->file = argv[i];
-        else {
-            fprintf(stderr, "saga-dec: cannot use '%s'%s%s; --help explains\n",
-                    argv[i], value ? " with " : "", value ? value : "");
-            return 0;
-        }
-    }
-    if (!o->file || (!o->info && (!o->camera || (!o->crc && !o->out)))) {
-        fputs(usage, stderr);
-        return 0;
-    }
-    return 1;
 }
 
 /* --- Input --------------------------------------------------------------- */
@@ -231,14 +126,14 @@ static int read_camera_file(saga_camera *c, const char *name)
     return 0;
 }
 
-static int read_camera(saga_camera *c, const options *o, size_t head_nbytes)
+static int read_camera(saga_camera *c, const dec_options *o, size_t head_nbytes)
 {
     uint32_t index, number;
     saga_status s;
 
     if (strncmp(o->camera, "rig:", 4) != 0)
         return read_camera_file(c, o->camera);
-    if (!parse_u32(&index, o->camera + 4, '\0')) {
+    if (!dec_parse_u32(&index, o->camera + 4, '\0')) {
         fprintf(stderr, "saga-dec: '%s' names no camera of the rig\n",
                 o->camera);
         return 2;
@@ -276,7 +171,7 @@ static saga_status draw_band(const saga_decoder *dec, const saga_camera *c,
 }
 
 /* The picture band by band: into f (may be NULL) and its CRC. 0, 1 or 2. */
-static int draw(const options *o, const saga_decoder *dec,
+static int draw(const dec_options *o, const saga_decoder *dec,
                 const saga_camera *c, FILE *f, uint32_t *crc)
 {
     int32_t y;
@@ -296,135 +191,19 @@ static int draw(const options *o, const saga_decoder *dec,
     return 0;
 }
 
-/* A picture's file: written beside its place and renamed when it is whole, as
- * all output of saga is. What is no regular file is written directly. */
-typedef struct {
-    FILE *f;
-    char path[PATH_MAX];         /* links followed */
-    char part[PATH_MAX];         /* empty: written directly */
-} output;
-
-#define PART ".saga-part-"
-
-/* Removes a part whose writer was killed: nobody has it locked. */
-static void remove_part(const char *part)
-{
-    const int fd = open(part, O_RDONLY | O_NOFOLLOW | O_NONBLOCK);
-    struct stat info;
-
-    if (fd < 0)
-        return;
-    if (fstat(fd, &info) == 0 && S_ISREG(info.st_mode) &&
-        flock(fd, LOCK_EX | LOCK_NB) == 0)
-        unlink(part);
-    close(fd);
-}
-
-/* Looks for parts of the path that are left. */
-static void sweep(const char *path)
-{
-    const char *const slash = strrchr(path, '/');
-    const char *const base = slash ? slash + 1 : path;
-    const int n = (int)(base - path);
-    const size_t n_base = strlen(base);
-    static char folder[PATH_MAX], part[PATH_MAX];
-    struct dirent *e;
-    DIR *dir;
-
-    snprintf(folder, sizeof folder, "%.*s", n, path);
-    dir = opendir(n ? folder : ".");
-    while (dir && (e = readdir(dir)) != NULL) {
-        const char *const rest = e->d_name + n_base + sizeof PART - 1;
-
-        if (strncmp(e->d_name, base, n_base) != 0 ||
-            strncmp(e->d_name + n_base, PART, sizeof PART - 1) != 0 ||
-            !*rest || rest[strspn(rest, "0123456789-")])
-            continue;
-        if (snprintf(part, sizeof part, "%s%s", folder, e->d_name) <
-            (int)sizeof part)
-            remove_part(part);
-    }
-    if (dir)
-        closedir(dir);
-}
-
-/* A new part, locked as long as it is open; -1 with errno. */
-static int create_part(output *out, const struct stat *old)
-{
-    int fd = -1, i;
-
-    for (i = 0; i < 1000 && fd < 0; i++) {
-        struct stat info;
-
-        if (snprintf(out->part, sizeof out->part, "%s" PART "%ld-%d",
-                     out->path, (long)getpid(), i) >= (int)sizeof out->part)
-            errno = ENAMETOOLONG;
-        else
-            fd = open(out->part, O_WRONLY | O_CREAT | O_EXCL, 0666);
-        if (fd < 0 && errno != EEXIST)
-            return -1;
-        if (fd < 0)
-            continue;
-        /* Another one's sweep may have taken it before it was locked. */
-        flock(fd, LOCK_EX);
-        if (fstat(fd, &info) == 0 && info.st_nlink > 0)
-            break;
-        close(fd);
-        fd = -1;
-    }
-    if (fd >= 0 && old)
-        fchmod(fd, old->st_mode & 0777);
-    return fd;
-}
-
-static int open_output(output *out, const char *name)
-{
-    struct stat old;
-    int exists, fd;
-
-    out->part[0] = '\0';
-    if (strlen(name) >= sizeof out->path) {
-        errno = ENAMETOOLONG;
-        return fail(name, "cannot write");
-    }
-    if (!realpath(name, out->path))
-        strcpy(out->path, name);
-    exists = stat(out->path, &old) == 0;
-    if (exists && !S_ISREG(old.st_mode)) {
-        fd = open(out->path, O_WRONLY);
-    } else {
-        sweep(out->path);
-        fd = create_part(out, exists ? &old : NULL);
-    }
-    out->f = fd < 0 ? NULL : fdopen(fd, "wb");
-    return out->f ? 0 : fail(name, "cannot write");
-}
-
-/* status: of what was written. */
-static int close_output(output *out, const char *name, int status)
-{
-    if (!status && fflush(out->f))
-        status = fail(name, "cannot write");
-    if (!status && out->part[0] && rename(out->part, out->path))
-        status = fail(name, "cannot write");
-    if (fclose(out->f) && !status && !out->part[0])
-        status = fail(name, "cannot write");
-    if (status && out->part[0])
-        unlink(out->part);
-    return status;
-}
-
-static int write_picture(const options *o, const saga_decoder *dec,
+static int write_picture(const dec_options *o, const saga_decoder *dec,
                          const saga_camera *c, uint32_t *crc)
 {
-    static output out;
-    int status = open_output(&out, o->out);
+    static dec_output out;
+    int status;
 
-    if (status)
-        return status;
+    if (dec_output_open(&out, o->out))
+        return fail(o->out, "cannot write");
     fprintf(out.f, "P6\n%u %u\n255\n", c->width, c->height);
     status = draw(o, dec, c, out.f, crc);
-    return close_output(&out, o->out, status);
+    if (dec_output_close(&out, !status) && !status)
+        return fail(o->out, "cannot write");
+    return status;
 }
 
 static void print_info(const saga_info *i)
@@ -466,14 +245,14 @@ static int is_late(void *user)
     return now() > *(const double *)user;
 }
 
-static int refuse_late(const options *o)
+static int refuse_late(const dec_options *o)
 {
     fprintf(stderr, "saga-dec: %s: decoding took more than %g s; allow more "
             "with --seconds %g\n", o->file, o->seconds, 6 * o->seconds);
     return 1;
 }
 
-static int refuse_cover(const options *o, const saga_decoder *dec,
+static int refuse_cover(const dec_options *o, const saga_decoder *dec,
                         uint32_t level, const saga_camera *c)
 {
     saga_report r;
@@ -490,7 +269,7 @@ static int refuse_cover(const options *o, const saga_decoder *dec,
 /* A file that ends early may still have layers that are whole. A segment that
  * claims to be larger than all memory is looked at nevertheless: its beginning
  * tells whether that is so. */
-static int decode(const options *o, FILE *f, saga_decoder *dec,
+static int decode(const dec_options *o, FILE *f, saga_decoder *dec,
                   const saga_segment *seg, const saga_watch *watch)
 {
     const size_t most = sizeof memory.input;
@@ -508,7 +287,7 @@ static int decode(const options *o, FILE *f, saga_decoder *dec,
 }
 
 /* Reads, decodes and draws; f is the open file. */
-static int run(const options *o, FILE *f, const saga_info *info)
+static int run(const dec_options *o, FILE *f, const saga_info *info)
 {
     double deadline = now() + o->seconds;
     const saga_watch clock = { is_late, &deadline };
@@ -584,7 +363,7 @@ static FILE *open_input(const char *name)
 
 int main(int argc, char **argv)
 {
-    options o = { .time_den = 1 };
+    dec_options o = { .time_den = 1 };
     saga_info info;
     saga_status s;
     FILE *f;
@@ -592,14 +371,14 @@ int main(int argc, char **argv)
     int status = 0;
 
     if (argc > 1 && !strcmp(argv[1], "--help")) {
-        fputs(usage, stdout);
+        fputs(dec_usage, stdout);
         return flushed(0);
     }
     if (argc > 1 && !strcmp(argv[1], "--version")) {
         printf("saga-dec %s, level %d\n", SAGA_RELEASE, SAGA_LEVEL);
         return flushed(0);
     }
-    if (!parse_options(&o, argc, argv))
+    if (!dec_parse_options(&o, argc, argv))
         return 2;
     f = open_input(o.file);
     if (!f)
