@@ -161,7 +161,7 @@ static saga_model model_of(const ref_file *in, const refit_options *o)
     m.bank_slots = 0;
     m.bank_width = 0;
     m.bank_blocks = 0;
-    saga_train_entropy_model(&m, &a, &p, SAGA_MAX_SLOTS);
+    saga_plan_entropy_model(&m, &a, &p, SAGA_MAX_SLOTS);
     return m;
 }
 

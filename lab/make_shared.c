@@ -65,10 +65,7 @@ static bool begin(saga_train *t, int row, double factor, saga_error *error)
     t->lambda = factor * saga_policy_lambda(t->recent_mse, n_pixels,
                                             t->o.n_primitives);
     t->policy = saga_policy_of(t->lambda, n_pixels, t->o.n_primitives);
-    if (!saga_train_decide(t, error) || !saga_train_choose_tools(t, error))
-        return false;
-    saga_train_choose_base(t);
-    if (!saga_train_begin_fit(t, error))
+    if (!saga_train_decide(t, error) || !saga_train_begin_fit(t, error))
         return false;
     if (row == NEAREST) {
         take_nearest(&t->scene.model);

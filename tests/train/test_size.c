@@ -5,7 +5,7 @@
  */
 #include "testing.h"
 #include "tiny_training.h"
-#include "train_plan.h"
+#include "preset.h"
 
 #include <unistd.h>
 

@@ -4,9 +4,10 @@
  * fades as much on the mean; what is frozen is what it was in the middle.
  */
 #include "rng.h"
+#include "model.h"
 #include "splat_animate.h"
+#include "targets.h"
 #include "testing.h"
-#include "train_state.h"
 
 enum { N = 200 };
 
@@ -59,7 +60,7 @@ TEST(centre_should_leave_motion_and_mean_fading)
     saga_splat_params q;
 
     assert_true(saga_params_gather(&q, &p, NULL, N, &error));
-    saga_train_centre(&q, N);
+    saga_targets_centre(&q, N);
     for (int k = 0; k < TIMES; k++) {
         pose(&before, &p, (R(k) + R(0.5)) / TIMES);
         pose(&after, &q, (R(k) + R(0.5)) / TIMES);
@@ -89,7 +90,7 @@ TEST(frozen_should_be_what_the_middle_was)
     saga_splat_params q;
 
     assert_true(saga_params_gather(&q, &p, NULL, N, &error));
-    saga_train_freeze(&q, N);
+    saga_targets_freeze(&q, N);
     pose(&before, &p, R(0.5));
     pose(&after, &q, R(0.1));
     assert_null(q.motion);

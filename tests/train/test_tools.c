@@ -9,7 +9,7 @@
 #include "splat_animate.h"
 #include "testing.h"
 #include "tiny_training.h"
-#include "train_state.h"
+#include "tool_choice.h"
 
 enum { N = 200, N_AGES = 401, N_CAMERAS = 17 };
 
@@ -70,8 +70,8 @@ TEST(lower_orders_should_be_the_nearest)
         saga_splat_params p = primitives(), q = primitives();
 
         /* One order at a time: the next one higher is there already. */
-        saga_train_reduce(&p, N, SAGA_TOOLS_PICTURE - order(2 - to));
-        saga_train_reduce(&q, N, SAGA_TOOLS_PICTURE - order(3 - to));
+        saga_plan_reduce(&p, N, SAGA_TOOLS_PICTURE - order(2 - to));
+        saga_plan_reduce(&q, N, SAGA_TOOLS_PICTURE - order(3 - to));
         for (size_t i = 0; i < N; i++) {
             for (size_t k = 0; k < 9; k++)
                 assert_true(k / 3 < (size_t)to || q.motion[9 * i + k] == 0);
@@ -91,7 +91,7 @@ TEST(without_opacity_motion_should_stay)
     saga_splat_posed a = { mean[0], quat[0], q0[0] };
     saga_splat_posed b = { mean[1], quat[1], q0[1] };
 
-    saga_train_reduce(&q, N, SAGA_TOOLS_PICTURE & ~SAGA_TOOL_OPACITY_T);
+    saga_plan_reduce(&q, N, SAGA_TOOLS_PICTURE & ~SAGA_TOOL_OPACITY_T);
     assert_null(q.log2_width);
     for (int k = -8; k <= 8; k++) {
         saga_splat_animate_forward(&a, &p, (saga_range){ 0, N },

@@ -6,7 +6,7 @@
 #include "output.h"
 #include "picture.h"
 #include "pose.h"
-#include "train_plan.h"
+#include "preset.h"
 
 #include <math.h>
 #include <stdlib.h>

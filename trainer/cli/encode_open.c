@@ -9,6 +9,7 @@
 #include "alloc.h"
 #include "clock.h"
 #include "file.h"
+#include "motion.h"
 #include "sweep.h"
 
 #include <math.h>
@@ -153,7 +154,7 @@ static int find_first(saga_encode_session *s, int *first)
 
         if (status)
             return status;
-        change = saga_train_change(&s->capture);
+        change = saga_plan_change(&s->capture);
         if (change > most) {
             most = change;
             *first = i;

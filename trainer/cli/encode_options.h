@@ -4,7 +4,7 @@
  * help; ranges stand there, defaults in saga_encode_defaults.
  *
  * Who decides: what is given goes before the preset, and the preset before the
- * rule that follows from the capture (train_plan.h). The level's limits go
+ * rule that follows from the capture (preset.h). The level's limits go
  * before all.
  */
 #ifndef SAGA_ENCODE_OPTIONS_H
@@ -13,7 +13,7 @@
 #include "ablation.h"
 #include "capture_cli.h"
 #include "error.h"
-#include "train_plan.h"
+#include "preset.h"
 
 #include <jansson.h>
 
@@ -35,7 +35,7 @@ typedef struct saga_encode_options {
     int layers;              /* behind which a file may be cut */
 
     /* Which part. */
-    int segment;             /* frames; 0: train_plan.h */
+    int segment;             /* frames; 0: preset.h */
     bool networks_only;      /* no segments: the file that --networks takes */
     int only;                /* segment; -1: all. Needs networks */
     const char *networks;    /* file, or NULL */

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: MIT
  *
- * saga help presets: what --preset decides, from the table of train_plan.c.
+ * saga help presets: what --preset decides, from the table of preset.c.
  */
 #include "presets_cli.h"
 
 #include "cli.h"
-#include "train_plan.h"
+#include "preset.h"
 
 #include <stdio.h>
 

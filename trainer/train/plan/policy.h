@@ -2,7 +2,7 @@
  *
  * One policy says what lambda and the size of a scene decide about prices,
  * steps and widths. What does not depend on them is a constant of
- * train_model.c.
+ * scene_model.c.
  */
 #ifndef SAGA_POLICY_H
 #define SAGA_POLICY_H

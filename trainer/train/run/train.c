@@ -153,7 +153,7 @@ static void settle_count(saga_train *t)
         saga_caps[t->o.level].n_prim);
     /* Anchors follow the primitives. */
     t->o.n_coarse = t->o.n_fine = 0;
-    saga_train_derive(&t->o);
+    saga_options_derive(&t->o);
     t->flat_options.n_primitives = t->o.n_primitives;
     saga_flat_aim(t->flat, t->o.n_primitives);
 }
@@ -212,13 +212,11 @@ static bool pack(saga_train *t, saga_error *error)
 
 static bool begin_rendering(saga_train *t, saga_error *error)
 {
-    /* In this order: tools are weighed at the price, the base wants to know
-     * whether anything moves, and the hierarchy's model has the tools. */
+    /* In this order: tools are weighed at the price, and the hierarchy's model
+     * has them. */
     saga_train_settle_price(t);
-    if (!saga_train_decide(t, error) || !saga_train_choose_tools(t, error))
+    if (!saga_train_decide(t, error))
         return false;
-    if (t->turn == 0)
-        saga_train_choose_base(t);
     /* A scene too large for the level fails here, before it is rendered. */
     return saga_train_begin_fit(t, error) &&
            saga_fit_start(t->fit, &t->target, error) &&

@@ -21,62 +21,27 @@
  *
  * The result does not depend on the number of threads. A capture must outlive
  * the training of its segment.
- *
- * Model only what a scene needs. A capture of one frame has no temporal tools.
- * One of several loses them when the warm-up shows that nothing moves. Looked
- * at are the pixels of training views that differ by more than 8/255 from the
- * view's middle frame. Where they are at least 10^-4 of all, and the warm-up's
- * own change against its middle frame explains at least a tenth of theirs
- * (1 - sum (change - drawn change)^2 / sum change^2), temporal tools are on.
- * Camera noise makes such pixels too, but nothing that is fitted foretells
- * noise: it explains some hundredths of it at most.
  */
 #ifndef SAGA_TRAIN_H
 #define SAGA_TRAIN_H
 
+#include "base_choice.h"
 #include "capture.h"
 #include "encode.h"
+#include "options.h"
 #include "quantise.h"
 #include "saga.h"
+#include "tool_choice.h"
 
 typedef enum saga_train_stage {
     SAGA_TRAIN_WARM, SAGA_TRAIN_RENDER, SAGA_TRAIN_PACK,
     SAGA_TRAIN_N_STAGES
 } saga_train_stage;
 
-typedef enum saga_train_motion {
-    SAGA_TRAIN_MEASURE,          /* the rule above */
-    SAGA_TRAIN_MOVING,
-    SAGA_TRAIN_STILL             /* the ablation */
-} saga_train_motion;
-
 /* This stands where a segment's number would, for the base. */
 enum { SAGA_TRAIN_BASE = 1 << 24 };
 
-enum { SAGA_TRAIN_MOST_TEACHERS = 8 };
-
-/* There is no base for one of these reasons. */
-typedef enum saga_train_no_base {
-    SAGA_TRAIN_HAS_BASE,         /* there is one */
-    SAGA_TRAIN_ONE_SEGMENT,
-    SAGA_TRAIN_ABLATED,
-    SAGA_TRAIN_WANDERS,          /* no two pictures are from one place */
-    SAGA_TRAIN_MOVES             /* too little stands still, or for too
-                                  * few segments */
-} saga_train_no_base;
-
-typedef struct saga_train_base {
-    saga_train_no_base why;
-    uint32_t n_still;            /* primitives of the first warm-up that stand
-                                  * still, */
-    uint32_t n_looked_at;        /* number of those looked at; 0: none were */
-    uint32_t n_prim;             /* of the base; 0: there is none */
-    uint32_t n_kept;             /* of each segment beside it */
-    double saved;                /* bytes that this saves, an estimate; of no
-                                  * meaning where a size was asked for */
-} saga_train_base;
-
-typedef struct saga_train_progress {
+struct saga_train_progress {
     saga_train_stage stage;
     const char *name;            /* of the stage */
     int segment;                 /* of the file, in order of time, or
@@ -88,56 +53,7 @@ typedef struct saga_train_progress {
     double bits;                 /* the residuals would take; 0 before the
                                   * rendering */
     double done;                 /* 0..1 of all segments' work, an estimate */
-} saga_train_progress;
-
-/* It is called after every iteration. Return false to stop there. */
-typedef bool saga_train_progress_fn(void *user, const saga_train_progress *p);
-
-typedef struct saga_train_options {
-    int n_segments;              /* of the file, >= 1 */
-    int first;                   /* the one that is trained first, and makes
-                                  * the networks */
-    const char *networks;        /* NULL, or a file of
-                                  * saga_train_save_networks: `first` is what
-                                  * it says, and of the others */
-    int only;                    /* this one is trained, and no more */
-    uint32_t n_primitives;       /* of a segment, 1..the level's */
-    bool free_count;             /* n_primitives are a guess: the warm-up ends
-                                  * with the number that suits lambda > 0 */
-    uint32_t n_coarse, n_fine;   /* budgets of anchors; 0: by n_primitives */
-    int n_iterations;            /* of all stages of a segment, >= 2; and its */
-    int n_warm, n_render;        /* split, both or none given */
-    double minutes;              /* of all segments; > 0: n_iterations is what
-                                  * this machine does in a segment's part of
-                                  * them, by a trial when training begins; a
-                                  * checkpoint keeps it */
-    const struct saga_splat_params *given; /* n_primitives in the capture's
-                                  * units, in place of the warm-up's, of a
-                                  * still; NULL: none. With them lambda > 0 */
-    size_t n_bytes;              /* > 0: of the whole file, within 5 %; lambda
-                                  * is 0 then, and changes while it is
-                                  * rendered */
-    double lambda;               /* bits per training pixel against
-                                  * distortion (policy.h); 0: what balances
-                                  * the warm-up's error and n_primitives */
-    int level;                   /* 0..3, obeyed */
-    int n_teachers;              /* 0..SAGA_TRAIN_MOST_TEACHERS warm-ups of half
-                                  * its length before each, whose mean shows
-                                  * it views between cameras that are far apart
-                                  * (rig/novel.h); none where none are */
-    int n_layers;                /* of each segment, 1..SAGA_MAX_LAYERS; each
-                                  * has twice the primitives of the one before,
-                                  * the first those of most light; there is no
-                                  * memory bank then, and all segments are
-                                  * trained in one place */
-    uint64_t seed;
-    saga_train_motion motion;
-    const char *ablate;          /* ablation.h; NULL: nothing */
-    const char *checkpoint;      /* file; NULL: none */
-    double checkpoint_seconds;   /* between two of them, >= 0 */
-    saga_train_progress_fn *progress; /* or NULL */
-    void *progress_user;
-} saga_train_options;
+};
 
 /* Means over at most some 60 pictures of each set in a segment, evenly
  * spread. */
@@ -170,25 +86,6 @@ typedef struct saga_train_entropy {
                                   * SAGA_SYM_*; 0: none of them */
 } saga_train_entropy;
 
-/* Temporal tools are asked from the last order of motion on. */
-enum {
-    SAGA_TRAIN_MOTION_3, SAGA_TRAIN_MOTION_2, SAGA_TRAIN_MOTION_1,
-    SAGA_TRAIN_SLOPE, SAGA_TRAIN_OPACITY_T, SAGA_TRAIN_VIEW,
-    SAGA_TRAIN_N_TOOLS
-};
-
-extern const char *const saga_train_tool_names[SAGA_TRAIN_N_TOOLS];
-
-/* A tool of the picture is kept if it is worth more than it costs: bytes. Worth
- * is what the squared error of the warm-up's pictures grows by without it, at
- * the price of bits; of view-dependent colour what views lose that had no part
- * in finding it. */
-typedef struct saga_train_tool {
-    double worth, cost;          /* cost: of its weights, and what training
-                                  * without it wins back */
-    bool asked, kept;
-} saga_train_tool;
-
 /* The sums over all segments that are finished. */
 typedef struct saga_train_report {
     saga_encode_sizes sizes;
@@ -213,15 +110,6 @@ typedef struct saga_train_report {
 } saga_train_report;
 
 typedef struct saga_train saga_train;
-
-/* The defaults are one segment, 5,000 primitives, 6,000 iterations, level 2, a
- * checkpoint every 5 minutes where one is wanted. */
-saga_train_options saga_train_defaults(void);
-
-/* Returns how much of a capture moves: of the pixels of training views, the
- * part that differs by more than 8/255 from the view's middle frame. The more
- * a segment moves, the more its networks learn that others need. */
-double saga_train_change(const saga_capture *capture);
 
 /* These return the iterations of all stages together, as asked for or tried, of
  * a segment; and those that are done, of all segments. */

@@ -140,10 +140,10 @@ bool saga_train_set_up(saga_train *t, saga_error *error)
 {
     saga_flat_options *const f = &t->flat_options;
 
-    if (!saga_train_check_options(&t->o, t->capture, error) ||
-        !saga_train_read_ablation(&t->ablation, &t->o, error))
+    if (!saga_options_check(&t->o, t->capture, error) ||
+        !saga_options_ablation(&t->ablation, &t->o, error))
         return false;
-    saga_train_derive(&t->o);
+    saga_options_derive(&t->o);
     t->lambda = t->o.lambda;
     /* Other segments take these networks as they are. */
     t->room = t->o.n_segments > 1 ? SEGMENT_ROOM : 1;

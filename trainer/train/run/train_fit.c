@@ -7,6 +7,7 @@
 
 #include "alloc.h"
 #include "hierarchy.h"
+#include "targets.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -72,10 +73,10 @@ static bool propose(saga_train *t, saga_error *error)
     /* Attributes that no tool is left for are taken out before the tree looks
      * at them. */
     if (ok && t->dynamic && t->flat_options.temporal) {
-        saga_train_reduce(&pool, n, t->tools);
-        saga_train_centre(&pool, n);
+        saga_plan_reduce(&pool, n, t->tools);
+        saga_targets_centre(&pool, n);
     } else if (ok)
-        saga_train_freeze(&pool, n);
+        saga_targets_freeze(&pool, n);
     ok = ok && build(t, source, &pool, n, error);
     /* A base has no temporal attributes, whatever the file's model has. */
     t->scene.still = saga_train_in_base(t);

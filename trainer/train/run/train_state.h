@@ -12,9 +12,10 @@
 #include "flat.h"
 #include "hierarchy.h"
 #include "novel.h"
+#include "options.h"
 #include "pack.h"
-#include "policy.h"
 #include "pictures.h"
+#include "policy.h"
 #include "scene.h"
 #include "train.h"
 
@@ -80,16 +81,6 @@ int saga_train_n_turns(const saga_train *t, bool has_base);
 /* Tells whether the base is in training. */
 bool saga_train_in_base(const saga_train *t);
 
-/* train_options.c: the warm-up has this part of the iterations. The rendering
- * begins where it ends, and its iterations cost more. */
-#define SAGA_WARM_PART 0.6
-bool saga_train_check_options(const saga_train_options *o,
-                              const saga_capture *c, saga_error *error);
-bool saga_train_read_ablation(saga_ablation *a, const saga_train_options *o,
-                              saga_error *error);
-/* Sets the anchors and the split of iterations that nobody gave. */
-void saga_train_derive(saga_train_options *o);
-
 /* train_time.c */
 /* Sets the iterations by the minutes that were asked for, by a trial. */
 bool saga_train_spend_minutes(saga_train *t, saga_error *error);
@@ -132,15 +123,6 @@ void saga_train_settle_price(saga_train *t);
 /* Builds the hierarchy and the fit; t->dynamic is decided. */
 bool saga_train_begin_fit(saga_train *t, saga_error *error);
 
-/* train_model.c */
-/* Makes m from options, ablation, policy and tools. */
-void saga_train_model(saga_model *m, const saga_train *t);
-/* Sets what of the model its entropy model is: sources, groups, sizes. A memory
- * bank has at most most_slots. */
-void saga_train_entropy_model(saga_model *m,
-                              const saga_ablation *a,
-                              const saga_policy *p, uint32_t most_slots);
-
 /* layers.c: builds the scene of the layers that options ask for, from the pool
  * of n, whose budgets and model are o's; source as saga_hierarchy_build's
  * prim_origin. */
@@ -170,25 +152,20 @@ void saga_train_save_warm(saga_train *t, saga_checkpoint *c);
 bool saga_train_load_warm(saga_train *t, saga_checkpoint *c,
                           saga_error *error);
 
-/* motion.c: sets t->dynamic, explained, changing. */
+/* decide.c: the plan (plan/) is asked. */
+/* Makes m from options, ablation, policy and tools. */
+void saga_train_model(saga_model *m, const saga_train *t);
+/* Decides, when the first warm-up ends, what moves, on tools, and on a base;
+ * lambda and policy are there. Later turns have the tools of the first. */
 bool saga_train_decide(saga_train *t, saga_error *error);
-
-/* tools.c: sets t->tools and t->tool, and t->dynamic where no temporal tool
- * pays; lambda and policy are there. */
-bool saga_train_choose_tools(saga_train *t, saga_error *error);
-/* Makes n primitives, which have all temporal attributes, what they are without
- * the tools that are not in `tools`. */
-void saga_train_reduce(saga_splat_params *p, uint32_t n, uint32_t tools);
-
-/* targets.c */
-/* Makes primitives as they are at mid-segment, without temporal attributes. */
-void saga_train_freeze(saga_splat_params *p, uint32_t n);
-/* Tells whether primitive i lives through the segment; p has temporal members.
- */
-bool saga_train_is_long(const saga_splat_params *p, size_t i);
-/* Those that live through the segment get the middle of it for a centre. p has
- * temporal members, but for widths where all do. */
-void saga_train_centre(saga_splat_params *p, uint32_t n);
+/* Tells whether the options leave a base open. */
+bool saga_train_may_have_base(const saga_train *t);
+/* Where a size was asked for, brings the file nearer to it, before an iteration
+ * of the rendering. */
+bool saga_train_steer(saga_train *t, saga_error *error);
+/* Returns the primitives of what is in training: where a size was asked for, as
+ * many as fill what the finished segments left of it. */
+uint32_t saga_train_share(const saga_train *t);
 
 /* quality.c: adds the segment to the report's qualities. */
 bool saga_train_measure_flat(saga_train *t, saga_error *error);
@@ -211,18 +188,7 @@ bool saga_train_pack(saga_train *t, saga_error *error);
 /* Does the same without looking at pictures. */
 bool saga_train_pack_blind(saga_train *t, saga_error *error);
 
-/* size.c: where a size was asked for, brings the file nearer to it, before an
- * iteration of the rendering. */
-bool saga_train_steer(saga_train *t, saga_error *error);
-/* Returns the primitives of what is in training: where a size was asked for, as
- * many as fill what the finished segments left of it. */
-uint32_t saga_train_share(const saga_train *t);
-
-/* train_base.c */
-/* Tells whether the options leave it open. */
-bool saga_train_may_have_base(const saga_train *t);
-/* Decides on a base by the first warm-up, when it ends. */
-void saga_train_choose_base(saga_train *t);
+/* backdrop.c */
 /* Returns the number of reals in the block of a base of n primitives. */
 size_t saga_train_base_reals(uint32_t n, int n_views);
 /* Makes room for n primitives, whose arrays lie behind each other in the block:

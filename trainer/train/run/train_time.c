@@ -73,7 +73,7 @@ bool saga_train_spend_minutes(saga_train *t, saga_error *error)
     t->o.n_warm = 0;
     t->o.n_iterations = (int)fmin(
         fmax(60 * t->o.minutes / n_turns / mean, LEAST_TIMED), MOST_TIMED);
-    saga_train_derive(&t->o);
+    saga_options_derive(&t->o);
     t->flat_options.n_iterations = t->o.n_warm;
     return true;
 }

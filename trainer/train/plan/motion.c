@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Does anything move? The rule of train.h, measured on the warm-up.
+ * Does anything move? The rule of motion.h, measured on the warm-up.
  */
-#include "train_state.h"
+#include "motion.h"
 
 #include "alloc.h"
 
@@ -20,6 +20,12 @@ typedef struct {
     double changing, pixels;
 } tally;
 
+/* The warm-up, and the pictures that it is measured on. */
+typedef struct {
+    saga_flat *flat;
+    const saga_pictures *pictures;
+} asked;
+
 static bool changes(const uint8_t *a, const uint8_t *b)
 {
     return abs(a[0] - b[0]) > CHANGE || abs(a[1] - b[1]) > CHANGE ||
@@ -29,7 +35,7 @@ static bool changes(const uint8_t *a, const uint8_t *b)
 /* No two pictures of a camera that moves tell the part; this is a guess. */
 #define CHANGE_UNKNOWN 0.1
 
-double saga_train_change(const saga_capture *c)
+double saga_plan_change(const saga_capture *c)
 {
     const int n = c->n_frames < N_FRAMES ? c->n_frames : N_FRAMES;
     double changing = 0, pixels = 0;
@@ -88,31 +94,31 @@ static void count(tally *sum, const saga_capture *c, int view, int frame,
 }
 
 /* Adds one view to the tally; pictures has room for two of the largest view. */
-static bool tally_view(tally *sum, saga_train *t, int view, real *pictures,
+static bool tally_view(tally *sum, const asked *a, int view, real *pictures,
                        saga_error *error)
 {
-    const saga_capture *const c = t->capture;
+    const saga_capture *const c = a->pictures->capture;
     const int n = c->n_frames < N_FRAMES ? c->n_frames : N_FRAMES;
-    real *const drawn = pictures + 3 * saga_pictures_largest(&t->pictures);
+    real *const drawn = pictures + 3 * saga_pictures_largest(a->pictures);
     saga_sample at = { .view = view, .frame = c->n_frames / 2 };
     double mse;
 
     /* The middle frame stays in the first picture, the others take turns in the
      * second. */
-    if (!saga_flat_render(t->flat, pictures, &mse, at, error))
+    if (!saga_flat_render(a->flat, pictures, &mse, at, error))
         return false;
     for (int i = 0; i < n; i++) {
         at.frame = (int)((int64_t)i * c->n_frames / n);
-        if (!saga_flat_render(t->flat, drawn, &mse, at, error))
+        if (!saga_flat_render(a->flat, drawn, &mse, at, error))
             return false;
         count(sum, c, view, at.frame, drawn, pictures);
     }
     return true;
 }
 
-static bool tally_views(tally *sum, saga_train *t, saga_error *error)
+static bool tally_views(tally *sum, const asked *a, saga_error *error)
 {
-    const saga_pictures *const p = &t->pictures;
+    const saga_pictures *const p = a->pictures;
     real *const pictures = saga_alloc(6 * saga_pictures_largest(p),
                                       sizeof *pictures, "two pictures", error);
     bool ok = pictures != NULL;
@@ -120,29 +126,30 @@ static bool tally_views(tally *sum, saga_train *t, saga_error *error)
     for (int i = 0; i < p->n_train && ok; i++)
         /* Looked at is every (n_train / N_VIEWS)th of them. */
         if (p->n_train <= N_VIEWS || (i * N_VIEWS) % p->n_train < N_VIEWS)
-            ok = tally_view(sum, t, p->train[i], pictures, error);
+            ok = tally_view(sum, a, p->train[i], pictures, error);
     free(pictures);
     return ok;
 }
 
-bool saga_train_decide(saga_train *t, saga_error *error)
+bool saga_plan_motion(saga_motion_found *found, saga_flat *flat,
+                      const saga_pictures *pictures, saga_train_motion motion,
+                      saga_error *error)
 {
+    const asked a = { flat, pictures };
     tally sum = { 0, 0, 0, 0 };
 
-    /* The first turn decided for all: the tools are in the header. */
-    if (t->turn > 0)
-        return true;
-    t->dynamic = t->flat_options.temporal;
     /* Nobody has to look, or nobody can: a camera that moves has no two
      * pictures of one place. */
-    if (!t->dynamic || t->o.motion == SAGA_TRAIN_MOVING || t->capture->moves)
+    if (!found->moves || motion == SAGA_TRAIN_MOVING ||
+        pictures->capture->moves)
         return true;
-    if (!tally_views(&sum, t, error))
+    if (!tally_views(&sum, &a, error))
         return false;
-    t->changing = sum.changing / sum.pixels;
-    t->explained = sum.change > 0 ? 1 - sum.left / sum.change : 0;
+    found->changing = sum.changing / sum.pixels;
+    found->explained = sum.change > 0 ? 1 - sum.left / sum.change : 0;
     /* Noise of a camera changes pixels too, but is hardly explained
-     * (train.h). */
-    t->dynamic = t->changing >= CHANGING_PART && t->explained >= EXPLAINED;
+     * (motion.h). */
+    found->moves = found->changing >= CHANGING_PART &&
+                   found->explained >= EXPLAINED;
     return true;
 }

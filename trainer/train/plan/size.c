@@ -10,7 +10,10 @@
  * training, which is steered to its primitives' part of the size. Segments'
  * primitives are what the finished ones left bytes for.
  */
-#include "train_state.h"
+#include "size.h"
+
+#include "model.h"
+#include "saga.h"
 
 #include <math.h>
 
@@ -51,14 +54,10 @@ static double step_factor(double bits, double more, double n)
     return fmin(fmax(sqrt(ratio), 0.5), 2);
 }
 
-/* Returns the part of the rendering that is over if the coming iteration is one
- * of the moments; else 0. */
-static double moment_of(const saga_train *t)
+double saga_size_moment(int iteration, int n_render)
 {
-    const int iteration = saga_fit_iteration(t->fit);
-
     for (size_t i = 0; i < sizeof moment / sizeof moment[0]; i++)
-        if (iteration == (int)(moment[i] * t->o.n_render))
+        if (iteration == (int)(moment[i] * n_render))
             return moment[i];
     return 0;
 }
@@ -70,29 +69,30 @@ static double fixed_nbytes(const saga_encode_sizes *z)
 }
 
 /* Returns the primitives that were planned for a segment, beside the base. */
-static uint32_t n_planned(const saga_train *t)
+static uint32_t n_planned(const saga_size_terms *t)
 {
-    return t->base.n_prim ? t->base.n_kept : t->o.n_primitives;
+    return t->base->n_prim ? t->base->n_kept : t->options->n_primitives;
 }
 
 /* Returns the trainings that the size pays for: how many times the primitives
  * of the first there are in the file, the base's among them. */
-static double n_paid(const saga_train *t)
+static double n_paid(const saga_size_terms *t)
 {
     /* In bytes all primitives count alike, those of the base too. */
-    return (t->base.n_prim + (double)t->o.n_segments * n_planned(t)) /
-           t->o.n_primitives;
+    return (t->base->n_prim +
+            (double)t->options->n_segments * n_planned(t)) /
+           t->options->n_primitives;
 }
 
 /* Returns the bytes that the segment may still take, or is too large by where
  * they are negative, when so much of the rendering is over. */
-static double left_for(const saga_train *t, double over)
+static double left_for(const saga_size_terms *t, double over)
 {
-    const saga_encode_sizes *const z = &t->report.sizes;
+    const saga_encode_sizes *const z = t->sizes;
     const double saved = 1 - part_in_the_end(over);
     /* The size, less what the file has once, is shared by all trainings. What
      * networks will still save is left for values. */
-    const double all = (double)t->o.n_bytes - fixed_nbytes(z) +
+    const double all = (double)t->options->n_bytes - fixed_nbytes(z) +
                        saved * (double)z->networks;
 
     /* This training's share, with what offsets will still save, less what its
@@ -101,49 +101,30 @@ static double left_for(const saga_train *t, double over)
            ((double)z->total - fixed_nbytes(z));
 }
 
-bool saga_train_steer(saga_train *t, saga_error *error)
+double saga_size_step(const saga_size_terms *t, double over, double n)
 {
-    /* In the first turn only: its networks and its step serve all. */
-    const double over = t->o.n_bytes && t->turn == 0 ? moment_of(t) : 0;
-    const double n = (double)t->scene.n.coarse * t->scene.model.features;
-
-    if (!(over > 0))
-        return true;
-    if (!saga_train_measure_size(t, error))
-        return false;
     /* Offsets and tree are what they are: features take up all that is left. */
-    saga_fit_scale_step(t->fit, step_factor(
-        t->report.sizes.spent[SAGA_SYM_FEATURE], 8 * left_for(t, over), n));
-    return true;
+    return step_factor(t->sizes->spent[SAGA_SYM_FEATURE],
+                       8 * left_for(t, over), n);
 }
 
-/* Returns the primitives of the segment in training, after the first turn and
- * the base's: as planned, or where a size was asked for, those that fill what
- * the finished ones left of it. */
-static uint32_t sized_share(const saga_train *t)
+uint32_t saga_size_share(const saga_size_terms *t, int n_done,
+                         uint64_t n_finished)
 {
-    const saga_encode_sizes *const z = &t->report.sizes;
-    const int n_done = t->turn - (t->base.n_prim ? 2 : 0);
-    const double n = n_planned(t), base = t->base.n_prim;
+    const saga_encode_sizes *const z = t->sizes;
+    const double n = n_planned(t), base = t->base->n_prim;
     double of_one, left;
 
-    if (t->o.n_bytes == 0 || n_done == 0)
+    if (t->options->n_bytes == 0 || n_done == 0)
         return n_planned(t);
     /* Bytes that a primitive took in the finished segments. */
-    of_one = ((double)z->total - fixed_nbytes(z)) / (double)t->n_finished;
+    of_one = ((double)z->total - fixed_nbytes(z)) / (double)n_finished;
     /* The bytes that are left for each of the segments to come. */
-    left = ((double)t->o.n_bytes - (double)z->total) /
-           (t->o.n_segments - n_done);
+    left = ((double)t->options->n_bytes - (double)z->total) /
+           (t->options->n_segments - n_done);
     /* Between two thirds of the plan and half as many more as are drawn, the
      * base's counted; the level's limit is for both together. */
     return (uint32_t)fmin(fmin(fmax(left / of_one, n / MOST_UNLIKE),
                                MOST_UNLIKE * (n + base) - base),
-                          saga_caps[t->o.level].n_prim - base);
-}
-
-uint32_t saga_train_share(const saga_train *t)
-{
-    /* The networks' segment has all, as if there were no base. */
-    return t->turn == 0 ? t->o.n_primitives
-         : saga_train_in_base(t) ? t->base.n_prim : sized_share(t);
+                          saga_caps[t->options->level].n_prim - base);
 }

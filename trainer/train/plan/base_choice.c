@@ -9,18 +9,22 @@
  * does, and all segments, the first one again. They are drawn together with the
  * base as it is decoded, in one order of depth, and learn what it is not.
  */
-#include "train_state.h"
+#include "base_choice.h"
 
-#include "alloc.h"
+#include "model.h"
+#include "policy.h"
+#include "saga.h"
 #include "splat_animate.h"
 
 #include <math.h>
-#include <stdlib.h>
-#include <string.h>
 
 /* A primitive stands still that lives through the segment, and whose place and
  * angle (of its length and in radians) change less than that in it. */
 #define LEAST_MOTION 0.25
+
+/* log2 of the temporal width, in segments, from which on a primitive counts as
+ * always there: the moment of its centre is worth no bits. */
+#define LONG_LIFE R(0.5)
 
 /* A base that saves less than this part of all primitives is not made. What is
  * drawn before it cannot mend it: of two or three segments those with one had 0
@@ -40,8 +44,6 @@
  * more exact: by the rule bits are cheaper where more is drawn, and on a base a
  * primitive takes more of them (docs/lab/size.md). */
 #define MORE_POWER 0.67
-
-/* --- Whether there is one ------------------------------------------------ */
 
 /* Returns the place's change between mid-segment and t, in standard deviations
  * of the primitive's longest axis. */
@@ -85,20 +87,25 @@ static double change_of_angle(const saga_splat_params *p, size_t i)
         ? 2 * sqrt(slope / length) * (double)saga_splat_ageing(p, i) / 2 : 0;
 }
 
+bool saga_plan_is_long(const saga_splat_params *p, size_t i)
+{
+    return !p->log2_width || p->log2_width[i] >= LONG_LIFE;
+}
+
 static bool is_still(const saga_splat_params *p, size_t i)
 {
     return !p->log2_width ||
-           (saga_train_is_long(p, i) &&
+           (saga_plan_is_long(p, i) &&
             change_of_place(p, i, 0) < LEAST_MOTION &&
             change_of_place(p, i, 1) < LEAST_MOTION &&
             change_of_angle(p, i) < LEAST_MOTION);
 }
 
-static saga_train_no_base reason(const saga_train *t)
+saga_train_no_base saga_plan_no_base(const saga_base_question *q)
 {
-    return t->o.n_segments < 2 ? SAGA_TRAIN_ONE_SEGMENT
-         : t->ablation.no_base ? SAGA_TRAIN_ABLATED
-         : t->capture->moves ? SAGA_TRAIN_WANDERS : SAGA_TRAIN_HAS_BASE;
+    return q->options->n_segments < 2 ? SAGA_TRAIN_ONE_SEGMENT
+         : q->ablation->no_base ? SAGA_TRAIN_ABLATED
+         : q->wanders ? SAGA_TRAIN_WANDERS : SAGA_TRAIN_HAS_BASE;
 }
 
 /* Returns how many times as many primitives are worth their bits where these
@@ -117,40 +124,34 @@ static double times_for(int n)
 /* Returns by what to multiply the primitives of a base, and those that each
  * segment keeps: where a size was asked for, what a base saves is spent on
  * more of them, if the level has room for what is drawn together. */
-static double filling(const saga_train *t, double base, double kept)
+static double filling(const saga_train_options *o, double base, double kept)
 {
-    const double n = t->o.n_segments;
+    const double n = o->n_segments;
 
     /* x is what all segments would have without a base over what is left with
      * one. */
-    return t->o.n_bytes == 0 ? 1
-         : fmin(pow(n * t->o.n_primitives / (base + n * kept), MORE_POWER),
-                saga_caps[t->o.level].n_prim / (base + kept));
+    return o->n_bytes == 0 ? 1
+         : fmin(pow(n * o->n_primitives / (base + n * kept), MORE_POWER),
+                saga_caps[o->level].n_prim / (base + kept));
 }
 
-bool saga_train_may_have_base(const saga_train *t)
+void saga_plan_base(saga_train_base *b, const saga_base_question *q)
 {
-    return reason(t) == SAGA_TRAIN_HAS_BASE;
-}
-
-void saga_train_choose_base(saga_train *t)
-{
-    const saga_splat_params flat = saga_flat_params(t->flat);
-    const double n = t->o.n_primitives;
-    const double times = times_for(t->o.n_segments);
-    saga_train_base *const b = &t->base;
+    const saga_train_options *const o = q->options;
+    const double n = o->n_primitives;
+    const double times = times_for(o->n_segments);
     double kept, more;
 
-    *b = (saga_train_base){ .why = reason(t) };
+    *b = (saga_train_base){ .why = saga_plan_no_base(q) };
     if (b->why)
         return;
-    b->n_looked_at = saga_flat_count(t->flat);
+    b->n_looked_at = q->n;
     /* In a still capture everything stands still. */
     for (uint32_t i = 0; i < b->n_looked_at; i++)
-        b->n_still += !t->dynamic || is_still(&flat, i);
+        b->n_still += !q->moves || is_still(&q->flat, i);
     /* In each of n segments n_still are saved, and the base has `times` of them
      * once: n_still (1 - times / n) for each segment. */
-    if (b->n_still * (1 - times / t->o.n_segments) <
+    if (b->n_still * (1 - times / o->n_segments) <
         LEAST_SAVED * b->n_looked_at) {
         b->why = SAGA_TRAIN_MOVES;
         return;
@@ -158,90 +159,10 @@ void saga_train_choose_base(saga_train *t)
     /* Segments first, the base has what the level leaves: they are drawn
      * together. */
     kept = fmax(n - b->n_still, LEAST_KEPT * n);
-    more = filling(t, b->n_still * times, kept);
+    more = filling(o, b->n_still * times, kept);
     b->n_kept = (uint32_t)ceil(more * kept);
     b->n_prim = (uint32_t)fmin(more * (b->n_still * times),
-                               saga_caps[t->o.level].n_prim - b->n_kept);
-    b->saved = SAGA_PRIMITIVE_BITS / 8 * ((n - b->n_kept) * t->o.n_segments -
-                                   b->n_prim);
-}
-
-/* --- As it is decoded ---------------------------------------------------- */
-
-static const char what[] = "the base";
-
-/* Returns what all views share of a base: it stands still. */
-static uint32_t shared_attrs(void)
-{
-    return saga_attrs_of_tools(0, true) & ~SAGA_ATTR_BIT(SAGA_ATTR_COLOUR);
-}
-
-size_t saga_train_base_reals(uint32_t n, int n_views)
-{
-    const int colour = saga_attributes[SAGA_ATTR_COLOUR].width;
-
-    return n * (saga_attrs_width(shared_attrs()) +
-                (size_t)colour * (size_t)n_views);
-}
-
-bool saga_train_alloc_base(saga_backdrop *b, uint32_t n, int n_views,
-                           saga_error *error)
-{
-    const size_t width = (size_t)saga_attributes[SAGA_ATTR_COLOUR].width;
-    saga_splat_params p;
-    real *colour;
-
-    memset(b, 0, sizeof *b);
-    b->seen = saga_calloc((size_t)n_views, sizeof *b->seen, what, error);
-    b->block = saga_alloc(saga_train_base_reals(n, n_views), sizeof *b->block,
-                          what, error);
-    if (!b->seen || !b->block) {
-        saga_train_free_base(b);
-        return false;
-    }
-    /* The shared attributes come first, then the colours of each view:
-     * checkpoints walk over the block as it lies. */
-    colour = saga_params_lay(&p, b->block, shared_attrs(), n);
-    for (int v = 0; v < n_views; v++) {
-        b->seen[v] = p;
-        b->seen[v].colour = colour + width * n * (size_t)v;
-    }
-    b->n = n;
-    return true;
-}
-
-void saga_train_free_base(saga_backdrop *b)
-{
-    free(b->seen);
-    free(b->block);
-    memset(b, 0, sizeof *b);
-}
-
-bool saga_train_keep_base(saga_train *t, saga_error *error)
-{
-    const saga_splat_params *const from = &t->decoded_twin.attr;
-    const size_t n = t->decoded.n.prim;
-    saga_backdrop *const b = &t->backdrop;
-
-    if (!saga_train_alloc_base(b, (uint32_t)n, t->capture->n_views, error))
-        return false;
-    for (int a = 0; a < SAGA_N_ATTRS; a++)
-        if (shared_attrs() & SAGA_ATTR_BIT(a))
-            memcpy(b->seen->of[a], from->of[a],
-                   n * (size_t)saga_attributes[a].width * sizeof(real));
-    /* Cameras do not move, so that a view's colours are the same at all times;
-     * all views share the rest. */
-    for (int v = 0; v < t->capture->n_views; v++) {
-        saga_splat_camera camera;
-
-        saga_pictures_camera(&camera, &t->pictures, (saga_sample){ .view = v });
-        saga_twin_colour(&t->decoded_twin, &t->decoded, camera.centre);
-        memcpy(b->seen[v].colour, from->colour, 3 * n * sizeof(real));
-    }
-    return true;
-}
-
-void saga_train_show_base(saga_train *t)
-{
-    t->pictures.backdrop = t->backdrop.n ? &t->backdrop : NULL;
+                               saga_caps[o->level].n_prim - b->n_kept);
+    b->saved = SAGA_PRIMITIVE_BITS / 8 *
+               ((n - b->n_kept) * o->n_segments - b->n_prim);
 }

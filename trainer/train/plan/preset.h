@@ -3,10 +3,10 @@
  * Plans from the capture what a user leaves open of a training: how many
  * primitives, how many iterations. The reasons are told in words.
  */
-#ifndef SAGA_TRAIN_PLAN_H
-#define SAGA_TRAIN_PLAN_H
+#ifndef SAGA_PRESET_H
+#define SAGA_PRESET_H
 
-#include "train.h"
+#include "options.h"
 
 /* A preset says how much work is put into a file; docs/presets.md has them in a
  * table. What is given goes before it. */

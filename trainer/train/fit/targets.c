@@ -3,15 +3,13 @@
  * The fit starts from these: the warm-up's primitives in the order of the
  * hierarchy, and as they stand still where nothing moves.
  */
-#include "train_state.h"
+#include "targets.h"
 
+#include "base_choice.h"
+#include "model.h"
 #include "splat_animate.h"
 
 #include <math.h>
-
-/* log2 of the temporal width, in segments, from which on a primitive counts as
- * always there: the moment of its centre is worth no bits. */
-#define LONG_LIFE R(0.5)
 
 /* Returns log2(1 + 2^x). */
 static double softplus2(double x)
@@ -67,7 +65,7 @@ static void drop_time(saga_splat_params *p)
             p->of[a] = NULL;
 }
 
-void saga_train_freeze(saga_splat_params *p, uint32_t n)
+void saga_targets_freeze(saga_splat_params *p, uint32_t n)
 {
     if (p->t_centre)
         for (uint32_t i = 0; i < n; i++)
@@ -75,14 +73,9 @@ void saga_train_freeze(saga_splat_params *p, uint32_t n)
     drop_time(p);
 }
 
-bool saga_train_is_long(const saga_splat_params *p, size_t i)
-{
-    return !p->log2_width || p->log2_width[i] >= LONG_LIFE;
-}
-
-void saga_train_centre(saga_splat_params *p, uint32_t n)
+void saga_targets_centre(saga_splat_params *p, uint32_t n)
 {
     for (uint32_t i = 0; i < n; i++)
-        if (saga_train_is_long(p, i))
+        if (saga_plan_is_long(p, i))
             centre(p, i);
 }

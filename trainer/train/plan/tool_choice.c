@@ -6,7 +6,7 @@
  * worth, less what training wins back. What it costs are its networks' weights:
  * a value of a primitive is coded no finer than it pays for.
  */
-#include "train_state.h"
+#include "tool_choice.h"
 
 #include "alloc.h"
 #include "linear.h"
@@ -42,7 +42,8 @@ typedef struct {
 } look;
 
 typedef struct {
-    saga_train *t;
+    const saga_tool_question *q;
+    saga_tool_choice *to;
     saga_canvas canvas;
     saga_splat_params p;         /* the warm-up with the tools kept so far */
     uint32_t n;                  /* primitives */
@@ -54,10 +55,10 @@ typedef struct {
 
 static void choose_pictures(trial *a)
 {
-    const saga_train *const t = a->t;
-    const saga_capture *const c = t->capture;
-    const int n = t->pictures.n_train;
-    const int by_time = t->o.n_warm / ITERATIONS_OF_ONE;
+    const saga_pictures *const p = a->q->pictures;
+    const saga_capture *const c = p->capture;
+    const int n = p->n_train;
+    const int by_time = a->q->terms.options->n_warm / ITERATIONS_OF_ONE;
     const int most = by_time < MOST_PICTURES ? by_time : MOST_PICTURES;
     const int every = most > 0 ? (n + most - 1) / most : n;
     const int each = most / n > 0 ? most / n : 1;
@@ -66,7 +67,7 @@ static void choose_pictures(trial *a)
      * the middle of equal parts of the segment. */
     for (int k = 0; k < n && most >= LEAST_PICTURES; k += every)
         for (int i = 0; i < each; i++) {
-            const int view = t->pictures.train[k];
+            const int view = p->train[k];
             const int frame = saga_capture_near(
                 c, view, (int)((2 * (int64_t)i + 1) * c->n_frames /
                                (2 * each)));
@@ -89,8 +90,8 @@ static int count_pictures(const trial *a, int half)
 
 static void aim(trial *a, int i)
 {
-    saga_pictures_aim(&a->canvas, &a->t->pictures, a->look[i].picture);
-    saga_pictures_truth(&a->canvas, &a->t->pictures, a->look[i].picture);
+    saga_pictures_aim(&a->canvas, a->q->pictures, a->look[i].picture);
+    saga_pictures_truth(&a->canvas, a->q->pictures, a->look[i].picture);
 }
 
 /* Returns the mean squared error of all pictures, drawn with p; below 0 where
@@ -163,7 +164,7 @@ static void drop_tool(saga_splat_params *p, uint32_t n, int tool)
         lower_order(p, n, 3 - tool);
 }
 
-void saga_train_reduce(saga_splat_params *p, uint32_t n, uint32_t tools)
+void saga_plan_reduce(saga_splat_params *p, uint32_t n, uint32_t tools)
 {
     const int order = (int)((tools & SAGA_TOOL_MOTION_MASK) >>
                             SAGA_TOOL_MOTION_SHIFT);
@@ -190,17 +191,13 @@ static uint32_t tools_without(uint32_t tools, int tool)
 /* --- Worth and cost ------------------------------------------------------ */
 
 /* Returns what the networks of a scene with these tools take, about. */
-static double network_bits(saga_train *t, uint32_t tools)
+static double network_bits(const saga_tool_question *q, uint32_t tools)
 {
-    const uint32_t kept = t->tools;
     saga_net_shape shape;
     saga_model m;
     double n = 0;
 
-    /* The model is made from t: it lends its tools for a moment. */
-    t->tools = tools;
-    saga_train_model(&m, t);
-    t->tools = kept;
+    saga_plan_model(&m, &q->terms, tools | q->pictures->tools);
     for (int i = 0; i < SAGA_N_NETS; i++) {
         saga_model_net(&shape, &m, i);
         n += WEIGHT_BITS * saga_net_macs(&shape);
@@ -213,38 +210,40 @@ static double network_bits(saga_train *t, uint32_t tools)
 /* Bytes that training wins back where there is no third order, or no rotation:
  * what was worth up to two fifths of all primitives' bytes before was worth
  * nothing, or less, after it (docs/lab/motion.md). */
-static double won_back(const saga_train *t, int tool)
+static double won_back(const saga_train_options *o, int tool)
 {
     return tool == SAGA_TRAIN_MOTION_3 || tool == SAGA_TRAIN_SLOPE
-        ? SAGA_PRIMITIVE_BITS / 8 / 2 * t->o.n_primitives : 0;
+        ? SAGA_PRIMITIVE_BITS / 8 / 2 * o->n_primitives : 0;
 }
 
 /* Says what the tool is worth whose pictures have that much less squared
  * error, and takes it out unless it pays; bytes. */
-static bool judge(saga_train *t, int tool, double less)
+static bool judge(trial *a, int tool, double less)
 {
-    const uint32_t without = tools_without(t->tools, tool);
-    saga_train_tool *const r = &t->tool[tool];
+    const saga_tool_question *const q = a->q;
+    const uint32_t tools = a->to->tools;
+    const uint32_t without = tools_without(tools, tool);
+    saga_train_tool *const r = &a->to->tool[tool];
 
     /* L = 255^2 MSE + lambda bits / pixels: an error is worth 255^2 MSE pixels
      * / lambda bits, here in bytes. */
-    r->worth = less * 255 * 255 * saga_pictures_pixels(&t->pictures) /
-               (8 * t->lambda);
-    r->cost = (network_bits(t, t->tools) - network_bits(t, without)) / 8 +
-              won_back(t, tool);
+    r->worth = less * 255 * 255 * saga_pictures_pixels(q->pictures) /
+               (8 * q->lambda);
+    r->cost = (network_bits(q, tools) - network_bits(q, without)) / 8 +
+              won_back(q->terms.options, tool);
     r->asked = true;
     r->kept = r->worth > r->cost;
     if (!r->kept)
-        t->tools = without;
+        a->to->tools = without;
     return r->kept;
 }
 
 /* Motion of an order below one that pays is not asked: it pays as well. */
-static bool needs_asking(const saga_train *t, int tool)
+static bool needs_asking(const saga_tool_choice *c, int tool)
 {
     if (tool == SAGA_TRAIN_MOTION_3 || tool > SAGA_TRAIN_MOTION_1)
         return true;
-    return t->tool[tool - 1].asked && !t->tool[tool - 1].kept;
+    return c->tool[tool - 1].asked && !c->tool[tool - 1].kept;
 }
 
 static bool ask_temporal(trial *a, int tool, double *mse, saga_error *error)
@@ -259,7 +258,7 @@ static bool ask_temporal(trial *a, int tool, double *mse, saga_error *error)
         drop_tool(&q, a->n, tool);
         more = error_of(a, &q, error);
         ok = more >= 0;
-        if (ok && !judge(a->t, tool, more - *mse)) {
+        if (ok && !judge(a, tool, more - *mse)) {
             const saga_splat_params old = a->p;
 
             a->p = q;
@@ -472,7 +471,7 @@ static double dip(const double error[3])
 static bool make_slanted(slanted *s, const trial *a, saga_error *error)
 {
     /* Nothing temporal learns. */
-    const uint32_t attrs = saga_attrs_of_tools(a->t->tools, true);
+    const uint32_t attrs = saga_attrs_of_tools(a->to->tools, true);
 
     memset(s, 0, sizeof *s);
     s->sum = saga_calloc(a->n, sizeof *s->sum, "directions", error);
@@ -518,7 +517,7 @@ static bool ask_view(trial *a, double mse, saga_error *error)
         ok = ok && test_half(&sum[1], &s, a, half, error);
     }
     if (ok)
-        judge(a->t, SAGA_TRAIN_VIEW, dip(sum));
+        judge(a, SAGA_TRAIN_VIEW, dip(sum));
     free_slanted(&s);
     return ok;
 }
@@ -527,40 +526,34 @@ static bool ask_view(trial *a, double mse, saga_error *error)
 
 static bool ask_all(trial *a, saga_error *error)
 {
-    saga_train *const t = a->t;
+    const saga_tool_question *const q = a->q;
     double mse = error_of(a, &a->p, error);
     bool ok = mse >= 0;
 
     /* From the third order of motion on; what does not pay is gone for all
      * further questions, colours by direction come last. */
     for (int i = 0; i < SAGA_TRAIN_VIEW && ok; i++)
-        if (t->dynamic && t->o.motion != SAGA_TRAIN_MOVING &&
-            needs_asking(t, i))
+        if (q->moves && q->terms.options->motion != SAGA_TRAIN_MOVING &&
+            needs_asking(a->to, i))
             ok = ask_temporal(a, i, &mse, error);
     return ok && ask_view(a, mse, error);
 }
 
-bool saga_train_choose_tools(saga_train *t, saga_error *error)
+bool saga_plan_tools(saga_tool_choice *to, const saga_tool_question *q,
+                     saga_error *error)
 {
-    const saga_splat_params flat = saga_flat_params(t->flat);
-    trial a = { .t = t, .n = saga_flat_count(t->flat) };
+    trial a = { .q = q, .to = to, .n = q->n };
     bool ok = true;
 
-    /* Networks are there, and with them the tools. */
-    if (t->turn > 0) {
-        t->tools = t->file.networks.scene.model.tools & SAGA_TOOLS_PICTURE;
-        return true;
-    }
-    t->tools = t->dynamic ? SAGA_TOOLS_PICTURE : SAGA_TOOL_VIEW;
+    memset(to, 0, sizeof *to);
+    to->tools = q->moves ? SAGA_TOOLS_PICTURE : SAGA_TOOL_VIEW;
     choose_pictures(&a);
     if (a.n_looks > 0) {
-        ok = saga_pictures_canvas(&a.canvas, &t->pictures, error) &&
-             saga_params_gather(&a.p, &flat, NULL, a.n, error) &&
+        ok = saga_pictures_canvas(&a.canvas, q->pictures, error) &&
+             saga_params_gather(&a.p, &q->flat, NULL, a.n, error) &&
              ask_all(&a, error);
         saga_params_free(&a.p);
         saga_canvas_free(&a.canvas);
     }
-    /* If no tool in time has paid, the scene is a still. */
-    t->dynamic = (t->tools & ~(uint32_t)SAGA_TOOL_VIEW) != 0;
     return ok;
 }

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT */
-#include "train_plan.h"
+#include "preset.h"
 
 #include "model.h"
+#include "motion.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -191,7 +192,7 @@ static void plan_primitives(saga_train_options *o, char *why, size_t n,
     const extent e = extent_of(c);
     const double pixels = c->n_frames == 1 || c->moves
         ? of_still(e.pixels, e.largest) : e.pixels;
-    const double changing = saga_train_change(c);
+    const double changing = saga_plan_change(c);
     const double seconds = saga_capture_seconds(c);
     int k;
 

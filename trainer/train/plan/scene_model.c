@@ -3,7 +3,7 @@
  * Options, ablation and policy make the model of a scene: sizes, formats,
  * steps, and the entropy model's sources.
  */
-#include "train_state.h"
+#include "scene_model.h"
 
 #include <string.h>
 
@@ -76,8 +76,8 @@ static void set_bank(saga_model *m, const saga_ablation *a,
 
 /* All sources are there, until the rate decides what is worth its weights. The
  * formats are as coarse as features are: inputs reach +-32. */
-void saga_train_entropy_model(saga_model *m, const saga_ablation *a,
-                              const saga_policy *p, uint32_t most_slots)
+void saga_plan_entropy_model(saga_model *m, const saga_ablation *a,
+                             const saga_policy *p, uint32_t most_slots)
 {
     set_sources(m, a);
     for (int i = SAGA_NET_E_COARSE; i <= SAGA_NET_E_PRIM; i++) {
@@ -112,12 +112,13 @@ static uint32_t own_features(const saga_model *m)
 
 /* Sets features and hidden units. A pair of these carries a feature, and its
  * negative, through F_geo as it is; three pairs a colour through F_color. */
-static void set_networks(saga_model *m, const saga_train *t)
+static void set_networks(saga_model *m, const saga_model_terms *terms)
 {
-    const saga_level_caps *const caps = &saga_caps[t->o.level];
-    const bool own = has_own_anchors(&t->o);
+    const saga_train_options *const o = terms->options;
+    const saga_level_caps *const caps = &saga_caps[o->level];
+    const bool own = has_own_anchors(o);
     const uint32_t features = own ? own_features(m) : 24;
-    const uint32_t width = own ? 2 * features : t->policy.width;
+    const uint32_t width = own ? 2 * features : terms->policy->width;
 
     m->features = (uint8_t)features;
     m->octaves = own ? 1 : 4;
@@ -132,9 +133,9 @@ static void set_networks(saga_model *m, const saga_train *t)
     m->width[SAGA_NET_FUSE_C] = m->width[SAGA_NET_FUSE_F] = 0;
     /* An anchor of one's own has nothing to make of the features. */
     /* Width 0 of a network that has to be there makes it one layer. */
-    if (t->o.n_fine >= t->o.n_primitives)
+    if (o->n_fine >= o->n_primitives)
         m->width[SAGA_NET_FINE] = 0;
-    if (own && !t->policy.deep_pays)
+    if (own && !terms->policy->deep_pays)
         m->width[SAGA_NET_GEO] = 0;
 }
 
@@ -142,14 +143,16 @@ static void set_networks(saga_model *m, const saga_train *t)
  * their symbol's format: a centre's is two half-cells, a fine offset's a suffix
  * cell, so that all anchors stand in the middle of their cells and cost
  * nothing; a feature's is 1/16. No Fuse. */
-void saga_train_model(saga_model *m, const saga_train *t)
+void saga_plan_model(saga_model *m, const saga_model_terms *terms,
+                     uint32_t tools)
 {
-    const saga_policy *const p = &t->policy;
+    const saga_train_options *const o = terms->options;
+    const saga_policy *const p = terms->policy;
 
     memset(m, 0, sizeof *m);
-    m->tools = t->tools | t->pictures.tools;
+    m->tools = tools;
     m->lambda_t_q8 = 256;
-    set_tiers(m, &t->o);
+    set_tiers(m, o);
     m->step_q16[SAGA_STEP_CENTRE] = 32768u << 16;
     m->step_q16[SAGA_STEP_FEATURE] = 64u << 16;
     m->step_q16[SAGA_STEP_FINE] =
@@ -157,8 +160,8 @@ void saga_train_model(saga_model *m, const saga_train *t)
     /* Supports in Q14. */
     m->step_q16[SAGA_STEP_PRIM] = (uint32_t)(p->prim_step * 16384) << 16;
     m->head_q[SAGA_HEAD_COARSE] = 10;
-    set_networks(m, t);
+    set_networks(m, terms);
     /* A bank begins anew in each layer, which its twin does not. */
-    saga_train_entropy_model(m, &t->ablation, p, t->o.n_layers > 1
-                             ? 0 : saga_caps[t->o.level].n_slots);
+    saga_plan_entropy_model(m, terms->ablation, p, o->n_layers > 1
+                            ? 0 : saga_caps[o->level].n_slots);
 }

@@ -3,7 +3,10 @@
  * Options are checked against the level and the capture, and those that nobody
  * gave are derived from the others.
  */
-#include "train_state.h"
+#include "options.h"
+
+#include "container.h"
+#include "model.h"
 
 #include <math.h>
 
@@ -37,8 +40,8 @@ static bool check_counts(const saga_train_options *o, saga_error *error)
     return true;
 }
 
-bool saga_train_read_ablation(saga_ablation *a, const saga_train_options *o,
-                              saga_error *error)
+bool saga_options_ablation(saga_ablation *a, const saga_train_options *o,
+                           saga_error *error)
 {
     const uint32_t most = saga_caps[o->level].n_slots;
 
@@ -62,8 +65,8 @@ static bool check_iterations(const saga_train_options *o, saga_error *error)
                      "too few --iterations");
 }
 
-bool saga_train_check_options(const saga_train_options *o,
-                              const saga_capture *c, saga_error *error)
+bool saga_options_check(const saga_train_options *o, const saga_capture *c,
+                        saga_error *error)
 {
     if (o->level < 0 || o->level >= SAGA_N_PROFILES)
         return saga_fail(error, NULL, "give 0 to 3", "--level %d", o->level);
@@ -91,7 +94,7 @@ static uint32_t at_most(uint32_t a, uint32_t b)
 
 /* Derives a coarse and a fine anchor for each primitive, as far as the level
  * goes: of the budgets that were tried the best (docs/lab/anchors.md). */
-void saga_train_derive(saga_train_options *o)
+void saga_options_derive(saga_train_options *o)
 {
     const saga_level_caps *const caps = &saga_caps[o->level];
 

@@ -1,0 +1,130 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The plan is asked at its times, about the training as it stands, and its
+ * answers are kept in the state.
+ */
+#include "train_state.h"
+
+#include "motion.h"
+#include "size.h"
+
+#include <string.h>
+
+static saga_model_terms terms_of(const saga_train *t)
+{
+    return (saga_model_terms){ &t->o, &t->ablation, &t->policy };
+}
+
+void saga_train_model(saga_model *m, const saga_train *t)
+{
+    const saga_model_terms terms = terms_of(t);
+
+    saga_plan_model(m, &terms, t->tools | t->pictures.tools);
+}
+
+/* --- At the end of the first warm-up ------------------------------------- */
+
+static bool find_motion(saga_train *t, saga_error *error)
+{
+    saga_motion_found found = { t->flat_options.temporal, t->explained,
+                                t->changing };
+    const bool ok = saga_plan_motion(&found, t->flat, &t->pictures,
+                                     t->o.motion, error);
+
+    t->dynamic = found.moves;
+    t->explained = found.explained;
+    t->changing = found.changing;
+    return ok;
+}
+
+static bool choose_tools(saga_train *t, saga_error *error)
+{
+    const saga_tool_question q = {
+        .terms = terms_of(t), .lambda = t->lambda, .pictures = &t->pictures,
+        .flat = saga_flat_params(t->flat), .n = saga_flat_count(t->flat),
+        .moves = t->dynamic
+    };
+    saga_tool_choice choice;
+    const bool ok = saga_plan_tools(&choice, &q, error);
+
+    t->tools = choice.tools;
+    memcpy(t->tool, choice.tool, sizeof t->tool);
+    /* If no tool in time has paid, the scene is a still. */
+    t->dynamic = (t->tools & ~(uint32_t)SAGA_TOOL_VIEW) != 0;
+    return ok;
+}
+
+/* Returns what the choice of a base is made from, but for the warm-up. */
+static saga_base_question base_question(const saga_train *t)
+{
+    return (saga_base_question){
+        .options = &t->o, .ablation = &t->ablation,
+        .wanders = t->capture->moves, .moves = t->dynamic
+    };
+}
+
+static void choose_base(saga_train *t)
+{
+    saga_base_question q = base_question(t);
+
+    q.flat = saga_flat_params(t->flat);
+    q.n = saga_flat_count(t->flat);
+    saga_plan_base(&t->base, &q);
+}
+
+bool saga_train_decide(saga_train *t, saga_error *error)
+{
+    /* The first turn decided for all: networks are there, and with them the
+     * tools. */
+    if (t->turn > 0) {
+        t->tools = t->file.networks.scene.model.tools & SAGA_TOOLS_PICTURE;
+        return true;
+    }
+    /* In this order: tools in time are asked where something moves, and a base
+     * wants to know whether any is left. */
+    if (!find_motion(t, error) || !choose_tools(t, error))
+        return false;
+    choose_base(t);
+    return true;
+}
+
+bool saga_train_may_have_base(const saga_train *t)
+{
+    const saga_base_question q = base_question(t);
+
+    return saga_plan_no_base(&q) == SAGA_TRAIN_HAS_BASE;
+}
+
+/* --- A size -------------------------------------------------------------- */
+
+static saga_size_terms size_terms(const saga_train *t)
+{
+    return (saga_size_terms){ &t->o, &t->base, &t->report.sizes };
+}
+
+bool saga_train_steer(saga_train *t, saga_error *error)
+{
+    const saga_size_terms terms = size_terms(t);
+    /* In the first turn only: its networks and its step serve all. */
+    const double over = t->o.n_bytes && t->turn == 0
+        ? saga_size_moment(saga_fit_iteration(t->fit), t->o.n_render) : 0;
+    const double n = (double)t->scene.n.coarse * t->scene.model.features;
+
+    if (!(over > 0))
+        return true;
+    if (!saga_train_measure_size(t, error))
+        return false;
+    saga_fit_scale_step(t->fit, saga_size_step(&terms, over, n));
+    return true;
+}
+
+uint32_t saga_train_share(const saga_train *t)
+{
+    const saga_size_terms terms = size_terms(t);
+    const int n_done = t->turn - (t->base.n_prim ? 2 : 0);
+
+    /* The networks' segment has all, as if there were no base. */
+    return t->turn == 0 ? t->o.n_primitives
+         : saga_train_in_base(t) ? t->base.n_prim
+         : saga_size_share(&terms, n_done, t->n_finished);
+}
