@@ -8,7 +8,7 @@
 #   trainer  sees common and saga.h alone (build/include), and each of its rooms
 #            what SEE_room says below
 #   tools    see saga.h alone, and so does ports
-#   reference  sees common, decoder, and of the trainer base and code; the
+#   reference  sees common, decoder, and of the trainer basics and code; the
 #            trainer's cli sees its verify.h and mask.h
 #   tests, lab, bench  see everything
 #
@@ -58,34 +58,34 @@ HOT = common/interp common/mlp common/mlp_avx2 common/fx_math \
 # check_vectors is built for every machine that has libc and libm: it links
 # these parts of the trainer and no others.
 PLAIN_TRAINER = $(addprefix trainer/code/,cost.c range_enc.c look_up.c \
-                  encode.c encode_chunks.c) $(addprefix trainer/base/,alloc.c error.c)
+                  encode.c encode_chunks.c) $(addprefix trainer/basics/,alloc.c error.c)
 
 # SEE_room lists what a room of the trainer may see; each room stands on those
 # above it. docs/architecture.md has the same table, tests/check_tree.sh both.
-ROOMS := base nn $(addprefix capture/,views files loaders read survey synth) \
+ROOMS := basics nn $(addprefix capture/,views files loaders read survey synth) \
          code splat rig scene entropy warm \
          $(addprefix train/,plan fit pack run) measure exchange cli
-SEE_base          :=
-SEE_nn            := base
-SEE_capture/views := base
-SEE_capture/files := base capture/views
-SEE_capture/loaders := base capture/views capture/files
-SEE_capture/read  := base capture/views capture/files capture/loaders
-SEE_capture/survey := base capture/views
-SEE_capture/synth := base capture/views capture/files
-SEE_code          := base
-SEE_splat         := base
-SEE_rig           := base capture/views splat
-SEE_scene         := base nn code splat
-SEE_entropy       := base nn code splat scene
-SEE_warm          := base nn capture/views capture/survey splat rig
-SEE_train/plan    := base capture/views code splat rig warm
-SEE_train/fit     := base nn capture/views code splat rig scene entropy train/plan
-SEE_train/pack    := base nn capture/views code splat rig scene entropy train/plan train/fit
-SEE_train/run     := base nn capture/views code splat rig scene entropy warm train/plan train/fit train/pack
-SEE_measure       := base capture/views capture/files capture/survey rig
-SEE_exchange      := base capture/views capture/files code splat rig measure
-SEE_cli           := base nn capture/views capture/files capture/loaders capture/read capture/survey capture/synth code splat rig scene entropy warm train/plan train/run measure exchange
+SEE_basics        :=
+SEE_nn            := basics
+SEE_capture/views := basics
+SEE_capture/files := basics capture/views
+SEE_capture/loaders := basics capture/views capture/files
+SEE_capture/read  := basics capture/views capture/files capture/loaders
+SEE_capture/survey := basics capture/views
+SEE_capture/synth := basics capture/views capture/files
+SEE_code          := basics
+SEE_splat         := basics
+SEE_rig           := basics capture/views splat
+SEE_scene         := basics nn code splat
+SEE_entropy       := basics nn code splat scene
+SEE_warm          := basics nn capture/views capture/survey splat rig
+SEE_train/plan    := basics capture/views code splat rig warm
+SEE_train/fit     := basics nn capture/views code splat rig scene entropy train/plan
+SEE_train/pack    := basics nn capture/views code splat rig scene entropy train/plan train/fit
+SEE_train/run     := basics nn capture/views code splat rig scene entropy warm train/plan train/fit train/pack
+SEE_measure       := basics capture/views capture/files capture/survey rig
+SEE_exchange      := basics capture/views capture/files code splat rig measure
+SEE_cli           := basics nn capture/views capture/files capture/loaders capture/read capture/survey capture/synth code splat rig scene entropy warm train/plan train/run measure exchange
 
 # ---------------------------------------------------------------- sources
 
@@ -108,7 +108,7 @@ CLI_OBJ     := $(call obj,$(CLI_SRC))
 
 # Operators of the float half compile a second time in double, for the tests'
 # finite differences and references: objects under f64, symbols with _f64.
-FLOAT_SRC := $(sort $(foreach r,base nn splat rig scene entropy warm train/*,\
+FLOAT_SRC := $(sort $(foreach r,basics nn splat rig scene entropy warm train/*,\
                  $(wildcard trainer/$(r)/*.c)))
 TWICE_SRC := $(filter-out $(addprefix trainer/,scene/hierarchy.c scene/tree.c \
                scene/budget.c scene/medoid.c entropy/rate_bits.c \
@@ -181,7 +181,7 @@ OPT_LEVEL = $(OPT)
 $(foreach f,$(HOT),$(OBJ)/$(f).o $(OBJ)/pic/$(f).o): OPT_LEVEL = $(HOT_OPT)
 # SSE2 has no shifts of 64 bits to speak of: gcc's vectors cost a tenth here.
 $(OBJ)/decoder/project.o $(OBJ)/pic/decoder/project.o: OPT_LEVEL = $(HOT_OPT) -fno-tree-vectorize
-# The float half uses AVX2 (trainer/base/vec.h) where this machine has it and
+# The float half uses AVX2 (trainer/basics/vec.h) where this machine has it and
 # the compiler is its own; WIDE files AVX-512 (wide.h), which gives their bits.
 WIDE = $(addprefix trainer/,splat/splat_raster splat/splat_raster_backward \
          nn/dense)
@@ -207,7 +207,7 @@ I_WASM    = $(if $(filter ports/%,$*),$(I_SAGA),$(I_CORE))
 # $* is the file's path below trainer/: its room, and its name.
 I_ROOM    = -Icommon $(I_SAGA) $(foreach r,$(patsubst %/,%,$(dir $*)),\
               $(patsubst %,-Itrainer/%,$(r) $(SEE_$(r)))) $(EXR_INC)
-I_REFERENCE = $(I_DECODER) -Itrainer/base -Itrainer/code
+I_REFERENCE = $(I_DECODER) -Itrainer/basics -Itrainer/code
 I_ALL     = $(I_COMMON) -Idecoder $(ROOMS:%=-Itrainer/%) -Ireference \
             -Itests/support -Ilab
 

@@ -141,7 +141,7 @@ static void open_colours(scene *s)
     s->model.octaves = 4;
     s->model.width[SAGA_NET_COLOUR] = HIDDEN;
     s->model.q_in[SAGA_NET_COLOUR_VIEW] = 14;
-    s->model.head_q[SAGA_HEAD_COLOUR] = 12;
+    s->model.out_q[SAGA_OUT_COLOUR] = 12;
     saga_nets_layout(&s->nets, &s->model);
     s->sc.model = &s->model;
     s->sc.net.nets = &s->nets;

@@ -88,8 +88,8 @@ static void model_fields(saga_io *f, saga_model *m)
         tier_fields(f, &m->tier[i]);
     for (i = 0; i < SAGA_N_STEPS; i++)
         u32(f, &m->step_q16[i]);
-    for (i = 0; i < SAGA_N_HEADS; i++)
-        u8(f, &m->head_q[i]);
+    for (i = 0; i < SAGA_N_OUTS; i++)
+        u8(f, &m->out_q[i]);
     network_fields(f, m, 0, SAGA_NET_QUERY);
     u16(f, &m->bank_slots);
     u8(f, &m->bank_width);

@@ -125,11 +125,11 @@ static int add_parent(const saga_scaffold *sc, const block *b, int kind)
         saga_interp_find(&nb, sc, SAGA_TIER_COARSE, &b->position, b->parent,
                          SAGA_ALL_GROUPS);
         saga_interp_sum(sc->net.v->context, sc, SAGA_TIER_COARSE, &nb);
-        return sc->model->head_q[SAGA_HEAD_COARSE];
+        return sc->model->out_q[SAGA_OUT_COARSE];
     }
     saga_plain_feature(sc->net.v->context, &sc->net,
                        sc->fine_feature + (size_t)b->rank * f, f);
-    return sc->model->head_q[SAGA_HEAD_FINE];
+    return sc->model->out_q[SAGA_OUT_FINE];
 }
 
 /* --- Memory bank --------------------------------------------------------- */
@@ -165,12 +165,12 @@ static void run_queries(const saga_scaffold *sc, const block *b, uint32_t n,
 
         if (kind == SAGA_KIND_FINE) {
             parent = sc->coarse_feature + (size_t)b[i].parent * f;
-            q = sc->model->head_q[SAGA_HEAD_COARSE];
+            q = sc->model->out_q[SAGA_OUT_COARSE];
         } else if (kind == SAGA_KIND_PRIM) {
             saga_plain_feature(sc->net.v->context, &sc->net,
                                sc->fine_feature + (size_t)b[i].rank * f, f);
             parent = sc->net.v->context;
-            q = sc->model->head_q[SAGA_HEAD_FINE];
+            q = sc->model->out_q[SAGA_OUT_FINE];
         }
         in_token(sc, SAGA_NET_QUERY, &b[i], i, kind, parent, q);
     }
@@ -306,7 +306,7 @@ static void in_tokens(const saga_scaffold *sc, block *b, int tier,
         if (tier == SAGA_TIER_COARSE)
             in_token(sc, SAGA_NET_AGG, &b[i], i, tier,
                      sc->coarse_feature + (size_t)run->rank[i] * f,
-                     sc->model->head_q[SAGA_HEAD_COARSE]);
+                     sc->model->out_q[SAGA_OUT_COARSE]);
         else
             in_token(sc, SAGA_NET_AGG, &b[i], i, tier,
                      sc->fine_feature + (size_t)run->rank[i] * f, 14);
@@ -353,7 +353,7 @@ static void in_sources(const saga_scaffold *sc, const block *b,
     if (sources & SAGA_SOURCE_HYPER)
         at = saga_in_vector(&sc->net, net, at,
                             saga_out_point(&sc->net, SAGA_NET_HYPER, point), f,
-                            m->head_q[SAGA_HEAD_HYPER]);
+                            m->out_q[SAGA_OUT_HYPER]);
     if (sources & SAGA_SOURCE_PARENT) {
         q = add_parent(sc, b, kind);
         at = saga_in_vector(&sc->net, net, at, sc->net.v->context, f, q);
@@ -361,7 +361,7 @@ static void in_sources(const saga_scaffold *sc, const block *b,
     if (sources & SAGA_SOURCE_GROUPS) {
         add_groups(sc, b, kind, group);
         /* Contexts are coarse features, or fine residuals in Q14. */
-        q = kind == SAGA_KIND_COARSE ? m->head_q[SAGA_HEAD_COARSE] : 14;
+        q = kind == SAGA_KIND_COARSE ? m->out_q[SAGA_OUT_COARSE] : 14;
         at = saga_in_vector(&sc->net, net, at, sc->net.v->context, f, q);
     }
     if (sources & SAGA_SOURCE_BANK) {
@@ -402,7 +402,7 @@ static void run_blocks(const saga_scaffold *sc, const block *b, uint32_t n,
 static void set_params(saga_run *run, const saga_scaffold *sc, int kind)
 {
     const uint32_t n = saga_n_channels(sc->model, kind);
-    const int q = sc->model->head_q[SAGA_HEAD_SIGMA];
+    const int q = sc->model->out_q[SAGA_OUT_SIGMA];
     uint32_t i, k;
 
     for (i = 0; i < run->n; i++) {

@@ -116,7 +116,7 @@ static void set_fine_anchor(const saga_scaffold *sc, uint32_t rank,
     for (i = 0; i < f; i++)
         feature[i] = out[i];
     set_support(fine, &sc->coarse[fine->parent], out + f,
-                sc->model->head_q[SAGA_HEAD_SUPPORT]);
+                sc->model->out_q[SAGA_OUT_SUPPORT]);
 }
 
 void saga_scaffold_fine(const saga_scaffold *sc)

@@ -23,11 +23,11 @@ const saga_level_caps saga_caps[SAGA_N_PROFILES] = {
 
 /* --- Outputs ------------------------------------------------------------- */
 
-/* Rows may be as many as the model says; a format need not be a head's. */
+/* Rows may be as many as the model says; a format need not be an output's. */
 enum { ROWS_F = 128, ROWS_C, ROWS_V, ROWS_D, ROWS_BLOCK };
 enum { FIXED = 64, LIKE_INPUT = 128 };
 
-/* Consecutive rows of a network's outputs share a format: SAGA_HEAD_*,
+/* Consecutive rows of a network's outputs share a format: SAGA_OUT_*,
  * FIXED + Q, or LIKE_INPUT + the network that takes them. */
 typedef struct {
     uint8_t net, format, n;
@@ -45,30 +45,30 @@ enum {
 /* The table has what every network gives, in the order of its rows. A
  * residual's mu is in the format of what it predicts. */
 static const output outputs[] = {
-    { SAGA_NET_HYPER, SAGA_HEAD_HYPER, ROWS_F, 12, 0, 0 },
+    { SAGA_NET_HYPER, SAGA_OUT_HYPER, ROWS_F, 12, 0, 0 },
     { SAGA_NET_E_COARSE, FIXED + 14, 4, 0, 0, 0 },
-    { SAGA_NET_E_COARSE, SAGA_HEAD_COARSE, ROWS_F, 12, 0, 0 },
-    { SAGA_NET_E_COARSE, SAGA_HEAD_SIGMA, ROWS_BLOCK, 12, 0, 0 },
+    { SAGA_NET_E_COARSE, SAGA_OUT_COARSE, ROWS_F, 12, 0, 0 },
+    { SAGA_NET_E_COARSE, SAGA_OUT_SIGMA, ROWS_BLOCK, 12, 0, 0 },
     { SAGA_NET_E_FINE, FIXED + 14, 4, 0, 0, 0 },
-    { SAGA_NET_E_FINE, SAGA_HEAD_SIGMA, ROWS_BLOCK, 12, 0, 0 },
+    { SAGA_NET_E_FINE, SAGA_OUT_SIGMA, ROWS_BLOCK, 12, 0, 0 },
     { SAGA_NET_E_PRIM, FIXED + 14, 4, 0, 0, 0 },
-    { SAGA_NET_E_PRIM, SAGA_HEAD_SIGMA, ROWS_BLOCK, 12, 0, 0 },
-    { SAGA_NET_FUSE_C, SAGA_HEAD_FUSE_C, ROWS_F, MAX_INPUT_Q, 0, 0 },
-    { SAGA_NET_FUSE_F, SAGA_HEAD_FUSE_F, ROWS_F, MAX_INPUT_Q, 0, 0 },
-    { SAGA_NET_FINE, SAGA_HEAD_FINE, ROWS_F, MAX_INPUT_Q, 0, 0 },
-    { SAGA_NET_FINE, SAGA_HEAD_SUPPORT, 4, 12, 0, 0 },
-    { SAGA_NET_GEO, SAGA_HEAD_OPACITY, 1, 12, 0, 0 },
-    { SAGA_NET_GEO, SAGA_HEAD_SCALE, 3, 12, 0, 0 },
-    { SAGA_NET_GEO, SAGA_HEAD_QUAT, 4, MAX_QUAT_Q, 0, 0 },
-    { SAGA_NET_GEO, SAGA_HEAD_SLOPE, 4, 15, SAGA_TOOL_SLOPE, 0 },
-    { SAGA_NET_GEO, SAGA_HEAD_TIME, 1, 15, DYNAMIC, 0 },
-    { SAGA_NET_GEO, SAGA_HEAD_WIDTH, 1, 12, SAGA_TOOL_OPACITY_T, 0 },
-    { SAGA_NET_GEO, SAGA_HEAD_MOTION1, 3, 15, 0, 1 },
-    { SAGA_NET_GEO, SAGA_HEAD_MOTION2, 3, 15, 0, 2 },
-    { SAGA_NET_GEO, SAGA_HEAD_MOTION3, 3, 15, 0, 3 },
+    { SAGA_NET_E_PRIM, SAGA_OUT_SIGMA, ROWS_BLOCK, 12, 0, 0 },
+    { SAGA_NET_FUSE_C, SAGA_OUT_FUSE_C, ROWS_F, MAX_INPUT_Q, 0, 0 },
+    { SAGA_NET_FUSE_F, SAGA_OUT_FUSE_F, ROWS_F, MAX_INPUT_Q, 0, 0 },
+    { SAGA_NET_FINE, SAGA_OUT_FINE, ROWS_F, MAX_INPUT_Q, 0, 0 },
+    { SAGA_NET_FINE, SAGA_OUT_SUPPORT, 4, 12, 0, 0 },
+    { SAGA_NET_GEO, SAGA_OUT_OPACITY, 1, 12, 0, 0 },
+    { SAGA_NET_GEO, SAGA_OUT_SCALE, 3, 12, 0, 0 },
+    { SAGA_NET_GEO, SAGA_OUT_QUAT, 4, MAX_QUAT_Q, 0, 0 },
+    { SAGA_NET_GEO, SAGA_OUT_SLOPE, 4, 15, SAGA_TOOL_SLOPE, 0 },
+    { SAGA_NET_GEO, SAGA_OUT_TIME, 1, 15, DYNAMIC, 0 },
+    { SAGA_NET_GEO, SAGA_OUT_WIDTH, 1, 12, SAGA_TOOL_OPACITY_T, 0 },
+    { SAGA_NET_GEO, SAGA_OUT_MOTION1, 3, 15, 0, 1 },
+    { SAGA_NET_GEO, SAGA_OUT_MOTION2, 3, 15, 0, 2 },
+    { SAGA_NET_GEO, SAGA_OUT_MOTION3, 3, 15, 0, 3 },
     { SAGA_NET_COLOUR_BASE, FROM_BASE, ROWS_C, 0, 0, 0 },
     { SAGA_NET_COLOUR_VIEW, FROM_BASE, ROWS_C, 0, 0, 0 },
-    { SAGA_NET_COLOUR, SAGA_HEAD_COLOUR, 3, 14, 0, 0 },
+    { SAGA_NET_COLOUR, SAGA_OUT_COLOUR, 3, 14, 0, 0 },
     { SAGA_NET_QUERY, FIXED + SAGA_QUERY_Q, ROWS_D, 0, 0, 0 },
     { SAGA_NET_AGG, FIXED + SAGA_SLOT_Q, ROWS_D, 0, 0, 0 },
     { SAGA_NET_SLOT, FROM_WRITE, ROWS_V, 0, 0, 0 },
@@ -110,7 +110,7 @@ static uint32_t n_outputs(const saga_model *m, int net)
     return n;
 }
 
-void saga_model_rows(saga_rows rows[SAGA_N_HEADS], const saga_model *m)
+void saga_model_rows(saga_rows rows[SAGA_N_OUTS], const saga_model *m)
 {
     uint32_t first = 0;
     int i;
@@ -121,7 +121,7 @@ void saga_model_rows(saga_rows rows[SAGA_N_HEADS], const saga_model *m)
 
         if (i == 0 || o->net != o[-1].net)
             first = 0;
-        if (o->format < SAGA_N_HEADS) {
+        if (o->format < SAGA_N_OUTS) {
             rows[o->format].net = o->net;
             rows[o->format].first = (uint8_t)first;
             rows[o->format].n = (uint8_t)n;
@@ -140,7 +140,7 @@ int saga_output_q(const saga_model *m, int net, uint32_t row)
     for (; row >= n_rows(m, o); o++)
         row -= n_rows(m, o);
     return o->format >= LIKE_INPUT ? m->q_in[o->format - LIKE_INPUT]
-         : o->format >= FIXED ? o->format - FIXED : m->head_q[o->format];
+         : o->format >= FIXED ? o->format - FIXED : m->out_q[o->format];
 }
 
 /* --- Shapes -------------------------------------------------------------- */
@@ -255,10 +255,10 @@ static int nets_are_valid(const saga_model *m)
             (!width_is_valid(m, i) || m->q_in[i] < 1 ||
              m->q_in[i] > MAX_INPUT_Q || m->int8[i] > 1))
             return 0;
-    for (i = 0; i < SAGA_N_HEADS; i++)
-        if (m->head_q[i] > SAGA_MAX_HEAD_Q)
+    for (i = 0; i < SAGA_N_OUTS; i++)
+        if (m->out_q[i] > SAGA_MAX_OUT_Q)
             return 0;
-    return m->head_q[SAGA_HEAD_QUAT] <= MAX_QUAT_Q &&
+    return m->out_q[SAGA_OUT_QUAT] <= MAX_QUAT_Q &&
            m->width[SAGA_NET_COLOUR] <= MAX_COLOUR_WIDTH;
 }
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
  * The model definition, as data: what a file's header fixes for all of its
- * segments (tools, sizes, formats, heads, quantisation steps), the networks
+ * segments (tools, sizes, formats, outputs, quantisation steps), the networks
  * that follow from it, and the constants of rendering. Both arithmetics read
  * it: common/ and decoder/ in integers, trainer/ in float.
  *
@@ -29,7 +29,7 @@ enum {
     SAGA_MAX_DEPTH_X = 16,    /* spatial depth of the tree */
     SAGA_MAX_DEPTH_T = 8,     /* temporal depth */
     SAGA_MAX_NET_LAYERS = 3,
-    SAGA_MAX_HEAD_Q = 20,
+    SAGA_MAX_OUT_Q = 20,
     /* No network takes or gives a longer vector, padding included: the write's
      * slot network takes one value per slot of the bank, up to 512; E_fine
      * with all sources, 3 * 64 + 64, and E_coarse's output 2 * (4 + 64) lie
@@ -117,27 +117,27 @@ enum {
     SAGA_N_NETS
 };
 
-/* A head is a group of output rows that share a Q format, which the header
- * has. */
+/* An output of a network is a run of its last rows that share a Q format, which
+ * the header has. */
 enum {
-    SAGA_HEAD_COARSE,       /* coarse features: symbols' y and E_coarse's mu */
-    SAGA_HEAD_HYPER,        /* hyperprior embedding */
-    SAGA_HEAD_SIGMA,        /* log2(sigma / step) of every E */
-    SAGA_HEAD_FUSE_C,
-    SAGA_HEAD_FUSE_F,
-    SAGA_HEAD_FINE,         /* features of a fine anchor */
-    SAGA_HEAD_SUPPORT,      /* log2 support, relative to the parent's cell */
-    SAGA_HEAD_OPACITY,
-    SAGA_HEAD_SCALE,        /* log2 scale, relative to the coarse cell */
-    SAGA_HEAD_QUAT,         /* relative to (1, 0, 0, 0); at most 14 */
-    SAGA_HEAD_SLOPE,
-    SAGA_HEAD_TIME,         /* temporal centre, in the support */
-    SAGA_HEAD_WIDTH,        /* log2 temporal width, relative to the cell */
-    SAGA_HEAD_MOTION1,
-    SAGA_HEAD_MOTION2,
-    SAGA_HEAD_MOTION3,
-    SAGA_HEAD_COLOUR,
-    SAGA_N_HEADS
+    SAGA_OUT_COARSE,       /* coarse features: symbols' y and E_coarse's mu */
+    SAGA_OUT_HYPER,        /* hyperprior embedding */
+    SAGA_OUT_SIGMA,        /* log2(sigma / step) of every E */
+    SAGA_OUT_FUSE_C,
+    SAGA_OUT_FUSE_F,
+    SAGA_OUT_FINE,         /* features of a fine anchor */
+    SAGA_OUT_SUPPORT,      /* log2 support, relative to the parent's cell */
+    SAGA_OUT_OPACITY,
+    SAGA_OUT_SCALE,        /* log2 scale, relative to the coarse cell */
+    SAGA_OUT_QUAT,         /* relative to (1, 0, 0, 0); at most 14 */
+    SAGA_OUT_SLOPE,
+    SAGA_OUT_TIME,         /* temporal centre, in the support */
+    SAGA_OUT_WIDTH,        /* log2 temporal width, relative to the cell */
+    SAGA_OUT_MOTION1,
+    SAGA_OUT_MOTION2,
+    SAGA_OUT_MOTION3,
+    SAGA_OUT_COLOUR,
+    SAGA_N_OUTS
 };
 
 /* A network has dim[0] inputs and n_layers layers, every one but the last with
@@ -165,7 +165,7 @@ typedef struct saga_tier {
 /* Each coded group has its step: Q16 in LSB of the coded value, >= 16 LSB. */
 enum {
     SAGA_STEP_CENTRE,       /* coarse centre residual, y in Q14 half-sizes */
-    SAGA_STEP_FEATURE,      /* coarse features, y in SAGA_HEAD_COARSE */
+    SAGA_STEP_FEATURE,      /* coarse features, y in SAGA_OUT_COARSE */
     SAGA_STEP_FINE,         /* fine offset residual, y in Q14 */
     SAGA_STEP_PRIM,         /* primitive offset residual, y in Q14 */
     SAGA_N_STEPS
@@ -179,7 +179,7 @@ typedef struct saga_model {
     uint16_t lambda_t_q8;   /* weight of time in the distance */
     saga_tier tier[SAGA_N_TIERS];
     uint32_t step_q16[SAGA_N_STEPS];
-    uint8_t head_q[SAGA_N_HEADS];
+    uint8_t out_q[SAGA_N_OUTS];
     uint8_t width[SAGA_N_NETS];  /* hidden units, 1..128; FUSE_C, FUSE_F: 0
                                   * where there is no such network; FINE, GEO:
                                   * 0 where it has one layer */
@@ -218,16 +218,16 @@ static inline int saga_fuse_net(int tier)
 /* Both return the Q format of a tier's features; of its fused features. */
 static inline int saga_feature_q(const saga_model *m, int tier)
 {
-    return m->head_q[tier == SAGA_TIER_COARSE ? SAGA_HEAD_COARSE
-                                               : SAGA_HEAD_FINE];
+    return m->out_q[tier == SAGA_TIER_COARSE ? SAGA_OUT_COARSE
+                                               : SAGA_OUT_FINE];
 }
 
 static inline int saga_fused_q(const saga_model *m, int tier)
 {
     if (!m->width[saga_fuse_net(tier)])
         return saga_feature_q(m, tier);
-    return m->head_q[tier == SAGA_TIER_COARSE ? SAGA_HEAD_FUSE_C
-                                               : SAGA_HEAD_FUSE_F];
+    return m->out_q[tier == SAGA_TIER_COARSE ? SAGA_OUT_FUSE_C
+                                               : SAGA_OUT_FUSE_F];
 }
 
 /* Tells whether a round of a tier writes: only if someone may still read.
@@ -266,15 +266,15 @@ static inline uint32_t saga_n_channels(const saga_model *m, int kind)
     return kind == SAGA_KIND_COARSE ? 4u + m->features : 4u;
 }
 
-/* The rows of a network's outputs that are a head's: first .. first + n - 1. A
- * head whose tool is off, or whose network does not exist, has n = 0. */
+/* The rows of a network that are an output's: first .. first + n - 1. An output
+ * whose tool is off, or whose network does not exist, has n = 0. */
 typedef struct saga_rows {
     uint8_t net, first, n;
     uint8_t most_q;         /* a finer format is of no use to what reads it */
 } saga_rows;
 
-/* Finds the rows of every head but SIGMA, which three networks give. */
-void saga_model_rows(saga_rows rows[SAGA_N_HEADS], const saga_model *m);
+/* Finds the rows of every output but SIGMA, which three networks give. */
+void saga_model_rows(saga_rows rows[SAGA_N_OUTS], const saga_model *m);
 
 /* Returns the Q format of a row of a network's outputs. */
 int saga_output_q(const saga_model *m, int net, uint32_t row);

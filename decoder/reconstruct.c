@@ -7,36 +7,37 @@
 
 void saga_prim_format_of(saga_prim_format *f, const saga_model *m)
 {
-    const uint8_t *const q = m->head_q;
-    saga_rows rows[SAGA_N_HEADS];
+    const uint8_t *const q = m->out_q;
+    saga_rows rows[SAGA_N_OUTS];
     int i;
 
     saga_model_rows(rows, m);
-    f->q_quat = q[SAGA_HEAD_QUAT];
-    f->q_slope = q[SAGA_HEAD_SLOPE];
-    f->q_opacity = q[SAGA_HEAD_OPACITY];
+    f->q_quat = q[SAGA_OUT_QUAT];
+    f->q_slope = q[SAGA_OUT_SLOPE];
+    f->q_opacity = q[SAGA_OUT_OPACITY];
     for (i = 0; i < 3; i++)
-        f->q_motion[i] = q[SAGA_HEAD_MOTION1 + i];
+        f->q_motion[i] = q[SAGA_OUT_MOTION1 + i];
     f->motion_order = (uint8_t)saga_motion_order(m);
-    f->has_slope = rows[SAGA_HEAD_SLOPE].n != 0;
-    f->has_width = rows[SAGA_HEAD_WIDTH].n != 0;
+    f->has_slope = rows[SAGA_OUT_SLOPE].n != 0;
+    f->has_width = rows[SAGA_OUT_WIDTH].n != 0;
     f->tools = m->tools;
 }
 
-/* mu_t = t + support_t * head, |support_t * head| <= 2^16 * 2^15. */
+/* mu_t = t + support_t * out, |support_t * out| <= 2^16 * 2^15. */
 static int32_t centre_time(int32_t t, int32_t support_t, int16_t out, int q)
 {
     return fx_clamp64(t + fx_rshift64((int64_t)support_t * out, q),
                       SAGA_CENTRE_T_MIN, SAGA_CENTRE_T_END - 1);
 }
 
-/* A log2 size in Q10, from a head relative to the coarse cell's half-size. */
+/* A log2 size in Q10, from an output relative to the coarse cell's
+ * half-size. */
 static int16_t log2_size_q10(int16_t out, int q, int log2_half)
 {
     return fx_sat16(fx_requant32(out, q, 10) + log2_half * 1024);
 }
 
-/* The values of a head at `to`: zeros for rows that do not exist. */
+/* The values of an output at `to`: zeros for rows that do not exist. */
 static void take(int16_t *to, uint32_t n, const int16_t *out, saga_rows rows)
 {
     uint32_t i;
@@ -47,35 +48,35 @@ static void take(int16_t *to, uint32_t n, const int16_t *out, saga_rows rows)
 
 /* Rows of F_geo become a primitive. */
 static void set_geometry(saga_primitive *p, const saga_model *m,
-                         const saga_rows rows[SAGA_N_HEADS],
+                         const saga_rows rows[SAGA_N_OUTS],
                          const int16_t *out, const saga_position *position,
                          const saga_coarse *cell)
 {
-    const uint8_t *const q = m->head_q;
+    const uint8_t *const q = m->out_q;
     int i;
 
     for (i = 0; i < 3; i++) {
         p->x[i] = position->x[i];
         p->log2_scale_q10[i] = log2_size_q10(
-            out[rows[SAGA_HEAD_SCALE].first + i], q[SAGA_HEAD_SCALE],
+            out[rows[SAGA_OUT_SCALE].first + i], q[SAGA_OUT_SCALE],
             SAGA_LOG2_HALF_X - cell->depth_x);
-        take(p->motion + 3 * i, 3, out, rows[SAGA_HEAD_MOTION1 + i]);
+        take(p->motion + 3 * i, 3, out, rows[SAGA_OUT_MOTION1 + i]);
     }
-    take(&p->opacity, 1, out, rows[SAGA_HEAD_OPACITY]);
-    take(p->quat, 4, out, rows[SAGA_HEAD_QUAT]);
-    take(p->slope, 4, out, rows[SAGA_HEAD_SLOPE]);
+    take(&p->opacity, 1, out, rows[SAGA_OUT_OPACITY]);
+    take(p->quat, 4, out, rows[SAGA_OUT_QUAT]);
+    take(p->slope, 4, out, rows[SAGA_OUT_SLOPE]);
     /* The network says how far a rotation is from none, (1, 0, 0, 0). */
-    p->quat[0] = fx_sat16(p->quat[0] + (1 << q[SAGA_HEAD_QUAT]));
+    p->quat[0] = fx_sat16(p->quat[0] + (1 << q[SAGA_OUT_QUAT]));
     /* Without a row of its own the life's middle is where the anchor is. */
     p->t_centre = position->t;
-    if (rows[SAGA_HEAD_TIME].n)
+    if (rows[SAGA_OUT_TIME].n)
         p->t_centre = centre_time(position->t, position->support[3],
-                                  out[rows[SAGA_HEAD_TIME].first],
-                                  q[SAGA_HEAD_TIME]);
+                                  out[rows[SAGA_OUT_TIME].first],
+                                  q[SAGA_OUT_TIME]);
     p->log2_width_q10 = 0;
-    if (rows[SAGA_HEAD_WIDTH].n)
+    if (rows[SAGA_OUT_WIDTH].n)
         p->log2_width_q10 = log2_size_q10(
-            out[rows[SAGA_HEAD_WIDTH].first], q[SAGA_HEAD_WIDTH],
+            out[rows[SAGA_OUT_WIDTH].first], q[SAGA_OUT_WIDTH],
             SAGA_LOG2_HALF_T - cell->depth_t);
 }
 
@@ -107,7 +108,7 @@ static void get_colour(uint16_t colour_q15[3], const saga_scaffold *sc,
 
     for (i = 0; i < 3; i++)
         colour_q15[i] = colour_of(out[i],
-                                  sc->model->head_q[SAGA_HEAD_COLOUR]);
+                                  sc->model->out_q[SAGA_OUT_COLOUR]);
 }
 
 /* Primitives that run through the networks together. */
@@ -151,7 +152,7 @@ static void set_colours(int16_t *colours, uint32_t stride,
 }
 
 static void set_geometries(saga_primitive *prims, const saga_scaffold *sc,
-                           const run *r, const saga_rows rows[SAGA_N_HEADS])
+                           const run *r, const saga_rows rows[SAGA_N_OUTS])
 {
     uint32_t i, k;
 
@@ -193,7 +194,7 @@ void saga_reconstruct(const saga_scaffold *sc, saga_primitive *prims,
     const uint32_t most = saga_net_points(
         sc->net.nets, 1u << SAGA_NET_GEO | 1u << SAGA_NET_COLOUR_BASE |
                   1u << SAGA_NET_COLOUR);
-    saga_rows rows[SAGA_N_HEADS];
+    saga_rows rows[SAGA_N_OUTS];
     uint32_t fine = 0;
     run r;
 

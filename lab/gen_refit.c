@@ -91,7 +91,7 @@ static void set_places(saga_scene *s, const ref_file *in)
     for (size_t i = 0; i < (size_t)s->n.coarse * s->model.features; i++)
         s->coarse_feature[i] = (float)ldexp(
             in->value[SAGA_STEP_FEATURE][i],
-            -s->model.head_q[SAGA_HEAD_COARSE]);
+            -s->model.out_q[SAGA_OUT_COARSE]);
 }
 
 /* Returns a primitive's offset. Rounding may have put it outside its suffix
@@ -119,7 +119,7 @@ static void set_twin(saga_twin *w, const ref_file *in)
             w->fine_feature[i * f + k] = (float)ldexp(
                 in->sc.fine_feature[i * f + k] *
                     saga_fine_unit(in->params)[k],
-                -3 - in->h.model.head_q[SAGA_HEAD_FINE]);
+                -3 - in->h.model.out_q[SAGA_OUT_FINE]);
         for (size_t k = 0; k < 4; k++) {
             const float unit = k < 3 ? 8388608 : 65536;
 

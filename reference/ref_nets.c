@@ -40,7 +40,7 @@ static bool take_layer(ref_nets *n, int net, int i, const saga_layer *l,
     return true;
 }
 
-/* Returns the bits by which the network's output k is finer than its head. */
+/* Returns the bits by which the network's output k is finer than its format. */
 static int finer_output(const saga_nets *shapes,
                         const saga_net_symbols *symbols, int net, uint32_t k)
 {

@@ -109,7 +109,7 @@ double ref_table_unit(const ref_scene *s, int table, uint32_t i)
 {
     return table == REF_TABLE_CONTEXT ? REF_Q14
          : table == REF_TABLE_FINE ? s->nets.out_unit[SAGA_NET_FINE][i]
-         : ldexp(1, -s->model->head_q[SAGA_HEAD_COARSE]);
+         : ldexp(1, -s->model->out_q[SAGA_OUT_COARSE]);
 }
 
 static double distance(const ref_scene *s, int table, const ref_block *b,

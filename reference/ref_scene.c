@@ -52,8 +52,8 @@ void ref_scene_fine(ref_scene *s)
         fine_anchor(s, rank);
 }
 
-/* The head's value i, 0 where it has no such row. */
-static double head(const double *out, const saga_rows *rows, int i)
+/* An output's value i, 0 where it has no such row. */
+static double value(const double *out, const saga_rows *rows, int i)
 {
     return i < rows->n ? out[rows->first + i] : 0;
 }
@@ -62,29 +62,29 @@ static void set_primitive(ref_primitive *p, const saga_model *m,
                           const double *out, const ref_block *b,
                           const saga_coarse *c)
 {
-    saga_rows rows[SAGA_N_HEADS];
+    saga_rows rows[SAGA_N_OUTS];
 
     saga_model_rows(rows, m);
     for (int i = 0; i < 3; i++) {
         p->mean[i] = b->x[i];
         p->support[i] = b->support[i];
-        p->log2_scale[i] = ref_saturate(head(out, &rows[SAGA_HEAD_SCALE], i) +
+        p->log2_scale[i] = ref_saturate(value(out, &rows[SAGA_OUT_SCALE], i) +
                                         ref_log2_half_size(c, i), 1 / 1024.0);
         for (int k = 0; k < 3; k++)
-            p->motion[3 * k + i] = head(out, &rows[SAGA_HEAD_MOTION1 + k], i);
+            p->motion[3 * k + i] = value(out, &rows[SAGA_OUT_MOTION1 + k], i);
     }
     for (int i = 0; i < 4; i++) {
-        p->quat[i] = head(out, &rows[SAGA_HEAD_QUAT], i);
-        p->slope[i] = head(out, &rows[SAGA_HEAD_SLOPE], i);
+        p->quat[i] = value(out, &rows[SAGA_OUT_QUAT], i);
+        p->slope[i] = value(out, &rows[SAGA_OUT_SLOPE], i);
     }
     p->quat[0] = ref_saturate(p->quat[0] + 1,
-                              ldexp(1, -m->head_q[SAGA_HEAD_QUAT]));
-    p->opacity = head(out, &rows[SAGA_HEAD_OPACITY], 0);
+                              ldexp(1, -m->out_q[SAGA_OUT_QUAT]));
+    p->opacity = value(out, &rows[SAGA_OUT_OPACITY], 0);
     p->t_centre = ref_clamp(b->x[3] + b->support[3] *
-                            head(out, &rows[SAGA_HEAD_TIME], 0),
+                            value(out, &rows[SAGA_OUT_TIME], 0),
                             SAGA_CENTRE_T_MIN, SAGA_CENTRE_T_END - 1) / 65536;
-    p->log2_width = rows[SAGA_HEAD_WIDTH].n
-        ? ref_saturate(head(out, &rows[SAGA_HEAD_WIDTH], 0) +
+    p->log2_width = rows[SAGA_OUT_WIDTH].n
+        ? ref_saturate(value(out, &rows[SAGA_OUT_WIDTH], 0) +
                        ref_log2_half_size(c, 3), 1 / 1024.0) - 16 : INFINITY;
 }
 
@@ -182,7 +182,7 @@ double ref_scene_colour(const ref_scene *s, size_t i, int16_t colour)
 double ref_step_unit(const ref_scene *s, int step)
 {
     return step == SAGA_STEP_FEATURE
-        ? ldexp(1, -s->model->head_q[SAGA_HEAD_COARSE]) : REF_Q14;
+        ? ldexp(1, -s->model->out_q[SAGA_OUT_COARSE]) : REF_Q14;
 }
 
 static void reset_anchors(ref_scene *s)

@@ -41,7 +41,7 @@ static void compare_symbols(session *s, const part *p, int is_alone)
     enum { ST = SAGA_VERIFY_SYMBOLS };
     const ref_file *const f = &p->file;
     const double q14 = 1 / 16384.0;
-    const double q = ldexp(1, -f->h.model.head_q[SAGA_HEAD_COARSE]);
+    const double q = ldexp(1, -f->h.model.out_q[SAGA_OUT_COARSE]);
     const column feature = verify_row(s, ST, "predicted feature", "1", q,
                                       is_alone);
     const column offset = verify_row(s, ST, "predicted offset", "half-size",
@@ -67,7 +67,7 @@ static void compare_scaffold(session *s, const part *p, int is_alone)
     enum { ST = SAGA_VERIFY_SCAFFOLD };
     const saga_scaffold *const sc = &p->file.sc;
     const ref_scene *const scene = &p->scene;
-    const double q = ldexp(1, -sc->model->head_q[SAGA_HEAD_FINE]);
+    const double q = ldexp(1, -sc->model->out_q[SAGA_OUT_FINE]);
     const uint32_t f = sc->model->features;
     const double *const unit = scene->nets.out_unit[SAGA_NET_FINE];
     const column feature = verify_row(s, ST, "fine feature", "1", q, is_alone);

@@ -38,7 +38,7 @@ for cc in gcc clang; do
         ports/*) see="-ffreestanding -I$tmp/include" ;;
         trainer/cli/*) see="-D_XOPEN_SOURCE=700 -Icommon -I$tmp/include -I$tmp/reference $(rooms "$h")" ;;
         trainer/*) see="-D_XOPEN_SOURCE=700 -Icommon -I$tmp/include $(rooms "$h")" ;;
-        reference/*) see="-D_XOPEN_SOURCE=700 -Icommon -Idecoder -Itrainer/base -Itrainer/code" ;;
+        reference/*) see="-D_XOPEN_SOURCE=700 -Icommon -Idecoder -Itrainer/basics -Itrainer/code" ;;
         *) see="-D_XOPEN_SOURCE=700 -Icommon -Idecoder $trainer -Ireference -Itests/support -Ilab -Ibench" ;;
         esac
         n=$((n + 1))

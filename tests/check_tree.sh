@@ -5,7 +5,7 @@
 #   includes    common sees common; decoder sees common and decoder; a room of
 #               the trainer sees common, saga.h and the rooms that the Makefile
 #               gives it, its cli verify.h and mask.h; reference sees common,
-#               decoder and the trainer's base and code; tools and ports see
+#               decoder and the trainer's basics and code; tools and ports see
 #               saga.h; common and decoder use no system header but the
 #               freestanding ones; no path in an #include
 #   rooms       a room of the trainer sees only rooms below it, and the table
@@ -89,7 +89,7 @@ END {
     for (i in s) free[s[i] ".h"] = 1
     may["common"] = " common "
     may["decoder"] = " common decoder "
-    may["reference"] = " common decoder reference trainer/base " \
+    may["reference"] = " common decoder reference trainer/basics " \
         "trainer/code "
     may["tools"] = " tools "
     may["ports"] = " ports "

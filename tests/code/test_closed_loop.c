@@ -70,7 +70,7 @@ static void quantise(gen_stream *g, const saga_encoder *e, const wanted *w)
 static void assert_near(const gen_stream *g, const wanted *w)
 {
     const saga_model *const m = &g->header.model;
-    const int q = m->head_q[SAGA_HEAD_COARSE];
+    const int q = m->out_q[SAGA_OUT_COARSE];
     const double step = m->step_q16[SAGA_STEP_FEATURE] / 65536.0;
     uint32_t i;
 

@@ -316,7 +316,7 @@ static void redraw(gen_stream *g, uint64_t *r)
 
             if (net >= SAGA_NET_E_COARSE && net <= SAGA_NET_E_PRIM)
                 scale = constant_entropy(l, &shape, i,
-                                         m->head_q[SAGA_HEAD_SIGMA]);
+                                         m->out_q[SAGA_OUT_SIGMA]);
             else
                 draw_layer(l, &shape, i, r);
         }

@@ -287,7 +287,7 @@ static void expect(bank *k, const watched *w, const place *p, int kind,
 
         assert_int_equal(used->mu[i], out[i]);
         assert_int_equal(used->scale[i], fx_clamp64(
-            fx_rshift64(v, m->head_q[SAGA_HEAD_SIGMA]) + 22, 0, 63));
+            fx_rshift64(v, m->out_q[SAGA_OUT_SIGMA]) + 22, 0, 63));
     }
     k->n_reads++;
 }
@@ -390,7 +390,7 @@ static void follow_coarse(bank *k, const watched *w, uint32_t rank)
     for (i = 0; i < m->features; i++)
         feature[i] = dequantise(s, 4 + i, m->step_q16[SAGA_STEP_FEATURE]);
     move(&p, centre);
-    keep(k, w, &p, SAGA_KIND_COARSE, feature, m->head_q[SAGA_HEAD_COARSE]);
+    keep(k, w, &p, SAGA_KIND_COARSE, feature, m->out_q[SAGA_OUT_COARSE]);
 }
 
 static void follow_fine(bank *k, const watched *w, uint32_t rank)
@@ -418,7 +418,7 @@ static void follow_fine(bank *k, const watched *w, uint32_t rank)
         p.size_q10[i] -= (int32_t)(1024 * bits);
     expect(k, w, &p, SAGA_KIND_FINE,
            w->sc.coarse_feature + (size_t)parent * m->features,
-           m->head_q[SAGA_HEAD_COARSE], s);
+           m->out_q[SAGA_OUT_COARSE], s);
     for (i = 0; i < 4; i++) {
         context[i] = dequantise(s, i, m->step_q16[SAGA_STEP_FINE]);
         o[i] = fx_sat16(o[i] + context[i]);
@@ -472,7 +472,7 @@ static void follow_prims(bank *k, const watched *w)
                 w->sc.fine_feature[(size_t)rank * m->features + i], finer[i]);
         for (i = 0; i < n; i++)
             expect(k, w, &p, SAGA_KIND_PRIM, feature,
-                   m->head_q[SAGA_HEAD_FINE], &w->spy.prim[at + i]);
+                   m->out_q[SAGA_OUT_FINE], &w->spy.prim[at + i]);
         at += n;
     }
 }

@@ -21,8 +21,8 @@ static void make_plain(gen_stream *g, uint64_t seed)
                             .picture = 1, .no_fuse = 3 };
 
     gen_stream_make(g, &o);
-    g->header.model.head_q[SAGA_HEAD_COARSE] = 10;
-    g->header.model.head_q[SAGA_HEAD_FINE] = 9;
+    g->header.model.out_q[SAGA_OUT_COARSE] = 10;
+    g->header.model.out_q[SAGA_OUT_FINE] = 9;
     for (int i = 0; i < SAGA_MAX_NET_LAYERS; i++) {
         free(g->nets.layer[SAGA_NET_FINE][i].finer);
         g->nets.layer[SAGA_NET_FINE][i].finer = NULL;
@@ -54,8 +54,8 @@ static void add_identity(gen_stream *g, int tier)
     uint32_t k;
 
     m->q_in[net] = (uint8_t)saga_feature_q(m, tier);
-    m->head_q[tier == SAGA_TIER_COARSE ? SAGA_HEAD_FUSE_C
-                                         : SAGA_HEAD_FUSE_F] = m->q_in[net];
+    m->out_q[tier == SAGA_TIER_COARSE ? SAGA_OUT_FUSE_C
+                                         : SAGA_OUT_FUSE_F] = m->q_in[net];
     m->width[net] = (uint8_t)(2 * f);
     saga_model_net(&s, m, net);
     make_layer(&l[0], &s, 0);
@@ -166,8 +166,8 @@ TEST(formats_of_the_absent_should_be_ignored)
 
         make_plain(&g, testing_seed(1) + i);
         one = play(&g);
-        m->head_q[SAGA_HEAD_FUSE_C] = 0;
-        m->head_q[SAGA_HEAD_FUSE_F] = SAGA_MAX_HEAD_Q;
+        m->out_q[SAGA_OUT_FUSE_C] = 0;
+        m->out_q[SAGA_OUT_FUSE_F] = SAGA_MAX_OUT_Q;
         m->q_in[SAGA_NET_FUSE_C] = 1;
         m->q_in[SAGA_NET_FUSE_F] = 15;
         m->int8[SAGA_NET_FUSE_C] ^= 1;

@@ -333,7 +333,7 @@ TEST(features_should_be_rounded_as_they_are_coded)
     for (i = 0; i < n; i++)
         f.r.constants.mean[SAGA_KIND_COARSE][4 + i] =
             (real)ldexp(7 + 0.4 * (i % 2 ? 1 : -1),
-                        -f.s.model.head_q[SAGA_HEAD_COARSE]);
+                        -f.s.model.out_q[SAGA_OUT_COARSE]);
     n *= f.s.n.coarse;
     coded = malloc(n * sizeof *coded);
     rounded = malloc(n * sizeof *rounded);
@@ -344,7 +344,7 @@ TEST(features_should_be_rounded_as_they_are_coded)
 
         coded[i] = f.s.coarse_feature[i] =
             (real)ldexp(7 + off * step + (i % 5 > 1 ? 0.2 : -0.2),
-                        -f.s.model.head_q[SAGA_HEAD_COARSE]);
+                        -f.s.model.out_q[SAGA_OUT_COARSE]);
     }
     {
         const saga_rate_input x = { &f.s, &f.w, coded };

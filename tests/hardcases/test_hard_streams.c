@@ -194,7 +194,7 @@ TEST(zero_symbols_should_be_one_grey_ball)
             assert_int_equal(d.prim[0].quat[1 + k], 0);
             assert_int_equal(d.prim[0].motion[k], 0);
         }
-        assert_int_equal(d.prim[0].quat[0], 1 << m->head_q[SAGA_HEAD_QUAT]);
+        assert_int_equal(d.prim[0].quat[0], 1 << m->out_q[SAGA_OUT_QUAT]);
         assert_int_equal(d.prim[0].opacity, 0);
         assert_int_equal(d.prim[0].t_centre,
                          clamp(clamp(32768 + 2 * o[0], 0, 65535) + 2 * o[1],
@@ -326,7 +326,7 @@ TEST(saturated_networks_should_give_their_signs)
 
     for (i = 0; i < N_STREAMS; i++) {
         const saga_model *m;
-        saga_rows rows[SAGA_N_HEADS];
+        saga_rows rows[SAGA_N_OUTS];
         gen_stream g;
         given_view v;
         decoded d;
@@ -343,29 +343,29 @@ TEST(saturated_networks_should_give_their_signs)
 
             while (p - fine->first_prim >= fine->n_prim)
                 fine++;
-            row = rows[SAGA_HEAD_OPACITY].first;
+            row = rows[SAGA_OUT_OPACITY].first;
             assert_int_equal(prim->opacity, row & 1 ? -32767 : 32767);
             for (k = 0; k < 3; k++) {
-                row = rows[SAGA_HEAD_SCALE].first + (uint32_t)k;
+                row = rows[SAGA_OUT_SCALE].first + (uint32_t)k;
                 assert_int_equal(
                     prim->log2_scale_q10[k],
-                    log2_of(row, m->head_q[SAGA_HEAD_SCALE],
+                    log2_of(row, m->out_q[SAGA_OUT_SCALE],
                             23 - d.file.sc.coarse[fine->parent].depth_x));
-                row = rows[SAGA_HEAD_SUPPORT].first + (uint32_t)k;
+                row = rows[SAGA_OUT_SUPPORT].first + (uint32_t)k;
                 assert_true(fine->local[k] == 0 ||
                             fine->local[k] == 23 << 10 ||
-                            m->head_q[SAGA_HEAD_SUPPORT] > 10);
+                            m->out_q[SAGA_OUT_SUPPORT] > 10);
             }
             for (k = 0; k < 4; k++) {
-                row = rows[SAGA_HEAD_QUAT].first + (uint32_t)k;
+                row = rows[SAGA_OUT_QUAT].first + (uint32_t)k;
                 assert_int_equal(
                     prim->quat[k],
                     clamp((row & 1 ? -32767 : 32767) +
-                          (k ? 0 : 1 << m->head_q[SAGA_HEAD_QUAT]),
+                          (k ? 0 : 1 << m->out_q[SAGA_OUT_QUAT]),
                           -32767, 32767));
             }
-            row = rows[SAGA_HEAD_MOTION1].first;
-            if (rows[SAGA_HEAD_MOTION1].n)
+            row = rows[SAGA_OUT_MOTION1].first;
+            if (rows[SAGA_OUT_MOTION1].n)
                 assert_int_equal(prim->motion[0], row & 1 ? -32767 : 32767);
         }
         assert_true(see(&v, 32768, SAGA_VERIFY_ANIMATION) >= 62);

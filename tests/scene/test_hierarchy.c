@@ -106,8 +106,8 @@ static void model_make(saga_model *m, uint32_t tools)
     m->tier[SAGA_TIER_FINE].max_children = 10;
     for (i = 0; i < SAGA_N_STEPS; i++)
         m->step_q16[i] = 256u << 16;
-    for (i = 0; i < SAGA_N_HEADS; i++)
-        m->head_q[i] = 11;
+    for (i = 0; i < SAGA_N_OUTS; i++)
+        m->out_q[i] = 11;
     for (i = 0; i < SAGA_N_NETS; i++) {
         m->width[i] = 4;
         m->q_in[i] = 12;

@@ -271,7 +271,7 @@ TEST(twin_gradients_should_match_differences_without_fuse)
 TEST(motion_should_end_where_its_format_does)
 {
     const int last = 2;
-    saga_rows rows[SAGA_N_HEADS];
+    saga_rows rows[SAGA_N_OUTS];
     saga_error error = { "" };
     saga_scene s, d;
     saga_twin w;
@@ -282,7 +282,7 @@ TEST(motion_should_end_where_its_format_does)
     assert_true(saga_twin_init(&w, &s, &error));
     saga_model_rows(rows, &s.model);
     for (sign = -1; sign <= 1; sign += 2) {
-        const uint32_t row = rows[SAGA_HEAD_MOTION1].first + 1u;
+        const uint32_t row = rows[SAGA_OUT_MOTION1].first + 1u;
         const real *const d_out = w.batch[SAGA_NET_GEO].d_out;
 
         s.net[SAGA_NET_GEO].b[last][row] = 300 * sign;

@@ -10,7 +10,7 @@
 #include "splat_scene.h"
 #include "testing.h"
 
-/* Box units per unit of scene_random; Q formats of the heads. */
+/* Box units per unit of scene_random; Q formats of the outputs. */
 #define UNIT 2097152.0
 enum { Q_QUAT = 12, Q_MOTION = 12, Q_OPACITY = 10, LIST = 4096 };
 

@@ -214,13 +214,13 @@ static void to_no_fuse_q_0(saga_header *h)
 static void to_no_fuse_q_21(saga_header *h)
 {
     h->model.width[SAGA_NET_FUSE_C] = 0;
-    h->model.head_q[SAGA_HEAD_FUSE_C] = 21;
+    h->model.out_q[SAGA_OUT_FUSE_C] = 21;
 }
 
 static void to_octaves_9(saga_header *h) { h->model.octaves = 9; }
 static void to_groups_17(saga_header *h) { h->model.tier[0].n_groups = 17; }
 static void to_window_33(saga_header *h) { h->model.tier[1].window = 33; }
-static void to_quat_15(saga_header *h) { h->model.head_q[SAGA_HEAD_QUAT] = 15; }
+static void to_quat_15(saga_header *h) { h->model.out_q[SAGA_OUT_QUAT] = 15; }
 static void to_cameras_0(saga_header *h) { h->n_cameras = 0; }
 static void to_step_15(saga_header *h) { h->model.step_q16[0] = 15u << 16; }
 static void to_prim_less(saga_header *h) { h->max.prim--; }

@@ -76,15 +76,15 @@ saga_prim_format gen_given_format(uint32_t tools)
 
 static void make_model(saga_model *m, uint32_t tools)
 {
-    static const uint8_t q[SAGA_N_HEADS] = {
-        [SAGA_HEAD_COARSE] = Q_FEATURE, [SAGA_HEAD_SIGMA] = 8,
-        [SAGA_HEAD_FINE] = Q_FEATURE, [SAGA_HEAD_SUPPORT] = Q_SUPPORT,
-        [SAGA_HEAD_OPACITY] = GIVEN_Q_OPACITY, [SAGA_HEAD_SCALE] = Q_SCALE,
-        [SAGA_HEAD_QUAT] = GIVEN_Q_QUAT, [SAGA_HEAD_SLOPE] = GIVEN_Q_QUAT,
-        [SAGA_HEAD_TIME] = Q_TIME, [SAGA_HEAD_WIDTH] = Q_SCALE,
-        [SAGA_HEAD_MOTION1] = GIVEN_Q_MOTION,
-        [SAGA_HEAD_MOTION2] = GIVEN_Q_MOTION,
-        [SAGA_HEAD_MOTION3] = GIVEN_Q_MOTION, [SAGA_HEAD_COLOUR] = Q_COLOUR
+    static const uint8_t q[SAGA_N_OUTS] = {
+        [SAGA_OUT_COARSE] = Q_FEATURE, [SAGA_OUT_SIGMA] = 8,
+        [SAGA_OUT_FINE] = Q_FEATURE, [SAGA_OUT_SUPPORT] = Q_SUPPORT,
+        [SAGA_OUT_OPACITY] = GIVEN_Q_OPACITY, [SAGA_OUT_SCALE] = Q_SCALE,
+        [SAGA_OUT_QUAT] = GIVEN_Q_QUAT, [SAGA_OUT_SLOPE] = GIVEN_Q_QUAT,
+        [SAGA_OUT_TIME] = Q_TIME, [SAGA_OUT_WIDTH] = Q_SCALE,
+        [SAGA_OUT_MOTION1] = GIVEN_Q_MOTION,
+        [SAGA_OUT_MOTION2] = GIVEN_Q_MOTION,
+        [SAGA_OUT_MOTION3] = GIVEN_Q_MOTION, [SAGA_OUT_COLOUR] = Q_COLOUR
     };
     int i;
 
@@ -96,7 +96,7 @@ static void make_model(saga_model *m, uint32_t tools)
                                   .max_children = 16, .softmax_q8 = 1 };
     for (i = 0; i < SAGA_N_STEPS; i++)
         m->step_q16[i] = STEP << 16;
-    memcpy(m->head_q, q, sizeof q);
+    memcpy(m->out_q, q, sizeof q);
     for (i = 0; i < SAGA_NET_QUERY; i++) {
         m->width[i] = 1;
         m->q_in[i] = Q_FEATURE;
@@ -140,20 +140,20 @@ static void pass_all(saga_layer_symbols *l, uint32_t n_in, uint32_t n,
 
 static void make_geo(saga_layer_symbols *l, uint32_t n_in, const saga_model *m)
 {
-    static const struct { uint8_t head, at, shift; } head[] = {
-        { SAGA_HEAD_OPACITY, AT_OPACITY, 0 }, { SAGA_HEAD_SCALE, AT_SCALE, 0 },
-        { SAGA_HEAD_QUAT, AT_QUAT, 4 }, { SAGA_HEAD_SLOPE, AT_SLOPE, 4 },
-        { SAGA_HEAD_TIME, AT_TIME, 0 }, { SAGA_HEAD_WIDTH, AT_WIDTH, 0 },
-        { SAGA_HEAD_MOTION1, AT_MOTION, 0 },
-        { SAGA_HEAD_MOTION2, AT_MOTION + 3, 0 },
-        { SAGA_HEAD_MOTION3, AT_MOTION + 6, 0 }
+    static const struct { uint8_t out, at, shift; } out[] = {
+        { SAGA_OUT_OPACITY, AT_OPACITY, 0 }, { SAGA_OUT_SCALE, AT_SCALE, 0 },
+        { SAGA_OUT_QUAT, AT_QUAT, 4 }, { SAGA_OUT_SLOPE, AT_SLOPE, 4 },
+        { SAGA_OUT_TIME, AT_TIME, 0 }, { SAGA_OUT_WIDTH, AT_WIDTH, 0 },
+        { SAGA_OUT_MOTION1, AT_MOTION, 0 },
+        { SAGA_OUT_MOTION2, AT_MOTION + 3, 0 },
+        { SAGA_OUT_MOTION3, AT_MOTION + 6, 0 }
     };
-    saga_rows rows[SAGA_N_HEADS];
+    saga_rows rows[SAGA_N_OUTS];
     size_t i;
 
     saga_model_rows(rows, m);
-    for (i = 0; i < sizeof head / sizeof *head; i++)
-        pass(l, n_in, rows[head[i].head], head[i].at, head[i].shift);
+    for (i = 0; i < sizeof out / sizeof *out; i++)
+        pass(l, n_in, rows[out[i].out], out[i].at, out[i].shift);
 }
 
 /* Deviations of 64 steps, predictions of 0. */
@@ -344,7 +344,7 @@ static int log2_of(int32_t x)
     return n;
 }
 
-/* The fine anchor's time takes what lies in the segment, the head the rest. */
+/* The fine anchor's time takes what lies in the segment, F_geo the rest. */
 static int32_t make_time(int32_t *fine, int32_t t_centre)
 {
     const int32_t in = t_centre < 0 ? 0 : t_centre > 65504 ? 65504 : t_centre;

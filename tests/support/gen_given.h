@@ -10,7 +10,7 @@
 #include "gen_stream.h"
 #include "primitive.h"
 
-/* Formats of the heads below. Features are multiples of 16, so values of
+/* Formats of the outputs below. Features are multiples of 16, so values of
  * opacity, t_centre / 2, log2_scale_q10 / 2, log2_width_q10 / 2 and motion are
  * too; quaternions and slopes are any whole numbers that the format holds:
  * quat[0] in -1023..3071, the others and slopes within +-2047. */

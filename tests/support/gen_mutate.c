@@ -630,7 +630,7 @@ static void damage_model(saga_model *m, uint64_t *r)
     case 1: m->sources[pick(r, 3)] = (uint8_t)(v & 15u); break;
     case 2: m->lambda_t_q8 = (uint16_t)v; break;
     case 3: m->step_q16[pick(r, SAGA_N_STEPS)] = v; break;
-    case 4: m->head_q[pick(r, SAGA_N_HEADS)] = (uint8_t)(v % 22); break;
+    case 4: m->out_q[pick(r, SAGA_N_OUTS)] = (uint8_t)(v % 22); break;
     case 5: m->q_in[pick(r, SAGA_N_NETS)] = (uint8_t)(v % 17); break;
     case 6: m->width[pick(r, SAGA_N_NETS)] = (uint8_t)v; break;
     case 7: damage_memory(m, r); break;

@@ -121,11 +121,11 @@ static void make_model(saga_model *m, uint64_t *r, const gen_options *o)
         m->step_q16[i] = (uint32_t)gen_range(r, 16 << 16, 400 << 16);
     if (one_in(r, 8))
         m->step_q16[gen_range(r, 0, SAGA_N_STEPS - 1)] = 0xffffffffu;
-    for (i = 0; i < SAGA_N_HEADS; i++)
-        m->head_q[i] = (uint8_t)gen_range(r, 6, 14);
+    for (i = 0; i < SAGA_N_OUTS; i++)
+        m->out_q[i] = (uint8_t)gen_range(r, 6, 14);
     if (!o->picture && one_in(r, 4))
-        m->head_q[gen_range(r, 0, SAGA_HEAD_QUAT - 1)] =
-            (uint8_t)gen_range(r, 0, SAGA_MAX_HEAD_Q);
+        m->out_q[gen_range(r, 0, SAGA_OUT_QUAT - 1)] =
+            (uint8_t)gen_range(r, 0, SAGA_MAX_OUT_Q);
     for (i = 0; i < SAGA_NET_QUERY; i++)
         make_described(m, r, o, i);
     m->width[SAGA_NET_COLOUR] = (uint8_t)gen_range(r, 1, 32);
@@ -151,9 +151,9 @@ static void model_for_picture(saga_model *m)
     m->lambda_t_q8 = 256;
     for (i = 0; i < SAGA_N_STEPS; i++)
         m->step_q16[i] = 256u << 16;
-    for (i = 0; i < SAGA_N_HEADS; i++)
-        m->head_q[i] = 11;
-    m->head_q[SAGA_HEAD_QUAT] = 14;
+    for (i = 0; i < SAGA_N_OUTS; i++)
+        m->out_q[i] = 11;
+    m->out_q[SAGA_OUT_QUAT] = 14;
     for (i = 0; i < SAGA_N_NETS; i++)
         m->q_in[i] = (uint8_t)(saga_is_described(m, i) ? 12 : 0);
     m->width[SAGA_NET_GEO] = m->width[SAGA_NET_FINE] = 32;
@@ -190,7 +190,7 @@ static int is_of(saga_rows r, uint32_t row)
 static target target_of(const saga_model *m, int net, uint32_t row)
 {
     const target plain = { 0, 2000 };
-    saga_rows rows[SAGA_N_HEADS];
+    saga_rows rows[SAGA_N_OUTS];
     target t = plain;
 
     saga_model_rows(rows, m);
@@ -198,15 +198,15 @@ static target target_of(const saga_model *m, int net, uint32_t row)
         const double one = 1 << 11;
 
         t.spread = 0.6 * one;
-        if (is_of(rows[SAGA_HEAD_OPACITY], row))
+        if (is_of(rows[SAGA_OUT_OPACITY], row))
             t.mean = 3 * one;
-        else if (is_of(rows[SAGA_HEAD_SCALE], row))
+        else if (is_of(rows[SAGA_OUT_SCALE], row))
             t.mean = -3.5 * one;
-        else if (is_of(rows[SAGA_HEAD_QUAT], row))
+        else if (is_of(rows[SAGA_OUT_QUAT], row))
             t.spread = 8000;
-        else if (is_of(rows[SAGA_HEAD_WIDTH], row))
+        else if (is_of(rows[SAGA_OUT_WIDTH], row))
             t.mean = 0.5 * one;
-        else if (row >= rows[SAGA_HEAD_MOTION1].first)
+        else if (row >= rows[SAGA_OUT_MOTION1].first)
             t.spread = 0.4 * one;
     } else if (net == SAGA_NET_FINE && row >= m->features) {
         t.mean = -1.5 * (1 << 11);

@@ -45,8 +45,8 @@ static inline void rate_scene_model(saga_model *m)
     m->step_q16[SAGA_STEP_FEATURE] = 64u << 16;
     m->step_q16[SAGA_STEP_FINE] = 300u << 16;
     m->step_q16[SAGA_STEP_PRIM] = 128u << 16;
-    m->head_q[SAGA_HEAD_COARSE] = 10;
-    m->head_q[SAGA_HEAD_HYPER] = m->head_q[SAGA_HEAD_SIGMA] = 10;
+    m->out_q[SAGA_OUT_COARSE] = 10;
+    m->out_q[SAGA_OUT_HYPER] = m->out_q[SAGA_OUT_SIGMA] = 10;
     for (i = 0; i < SAGA_N_NETS; i++) {
         m->width[i] = 8;
         m->q_in[i] = 10;

@@ -164,7 +164,7 @@ TEST(train_should_estimate_what_is_written)
             keep_all(t);
         if (variant == 1)
             make_rare(t, ldexp(t->scene.model.step_q16[SAGA_STEP_FEATURE],
-                               -16 - t->scene.model.head_q[SAGA_HEAD_COARSE]));
+                               -16 - t->scene.model.out_q[SAGA_OUT_COARSE]));
         r = tiny_finish(t);
         for (size_t i = 0; i < sizeof coded / sizeof coded[0]; i++)
             assert_true(agrees(saga_component_name(saga_component_of(
@@ -499,7 +499,7 @@ TEST(scene_should_be_near_the_integer_path)
 TEST(motion_should_be_cut_where_training_cut_it)
 {
     saga_train_options o = tiny_defaults();
-    saga_rows rows[SAGA_N_HEADS];
+    saga_rows rows[SAGA_N_OUTS];
     saga_error error = { "" };
     saga_train *t;
     saga_net *geo;
@@ -507,11 +507,11 @@ TEST(motion_should_be_cut_where_training_cut_it)
     o.lambda = 22;
     t = train_until(&o, SAGA_TRAIN_RENDER);
     saga_model_rows(rows, &t->scene.model);
-    assert_true(rows[SAGA_HEAD_MOTION1].n);
+    assert_true(rows[SAGA_OUT_MOTION1].n);
     geo = &t->scene.net[SAGA_NET_GEO];
-    geo->b[geo->n_layers - 1][rows[SAGA_HEAD_MOTION1].first] = 500;
+    geo->b[geo->n_layers - 1][rows[SAGA_OUT_MOTION1].first] = 500;
     assert_int_equal(saga_train_run(t, &error), SAGA_DONE);
-    assert_int_equal(t->decoded.model.head_q[SAGA_HEAD_MOTION1], 8);
+    assert_int_equal(t->decoded.model.out_q[SAGA_OUT_MOTION1], 8);
     for (uint32_t i = 0; i < t->decoded.n.prim; i++)
         assert_true(t->decoded_twin.attr.motion[9 * i] == R(32767) / 256);
     saga_train_free(t);

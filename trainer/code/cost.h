@@ -40,7 +40,7 @@ void saga_cost_init(saga_cost *c, saga_coder *inner);
  * 0..63. */
 double saga_cost_residual(int32_t q, uint32_t scale);
 
-/* The Q that the trainer gives the sigma head, and constants of log2 sigma:
+/* The Q that the trainer gives the sigma output, and constants of log2 sigma:
  * what saga_prob_index takes. */
 enum { SAGA_COST_SIGMA_Q = 10 };
 

@@ -411,7 +411,7 @@ static double target_of(const loop *l, saga_at at, uint32_t i)
                                    i);
     case SAGA_SYM_FEATURE:
         return ldexp((double)l->t->feature[(size_t)at.index * m->features + i],
-                     m->head_q[SAGA_HEAD_COARSE]);
+                     m->out_q[SAGA_OUT_COARSE]);
     case SAGA_SYM_FINE_OFFSET:
         saga_position_cell(&cell, &l->sc->coarse[l->sc->fine[at.index].parent]);
         return 16384 * (cell_offset(&cell, l->t->fine_x + 4 * (size_t)at.index,
@@ -535,7 +535,7 @@ static void copy_decoded(const saga_decoded *d, const saga_scaffold *sc)
                    sc->coarse[i].t);
     for (i = 0; i < sc->n.coarse * m->features; i++)
         d->feature[i] = (real)ldexp(sc->coarse_feature[i],
-                                     -m->head_q[SAGA_HEAD_COARSE]);
+                                     -m->out_q[SAGA_OUT_COARSE]);
     for (i = 0; i < sc->n.fine; i++) {
         copy_place(d->fine_x + 4 * (size_t)i, sc->fine[i].x, sc->fine[i].t);
         for (k = 0; k < sc->fine[i].n_prim; k++) {

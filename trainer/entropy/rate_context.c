@@ -220,7 +220,7 @@ int saga_rate_step_of(int kind, size_t channel)
 int saga_rate_value_q(const saga_model *m, int kind, size_t channel)
 {
     return saga_rate_step_of(kind, channel) == SAGA_STEP_FEATURE
-        ? m->head_q[SAGA_HEAD_COARSE] : 14;
+        ? m->out_q[SAGA_OUT_COARSE] : 14;
 }
 
 int saga_rate_mu_q(const saga_model *m, int kind, size_t channel)

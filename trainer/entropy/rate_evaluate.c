@@ -99,7 +99,7 @@ static void hyper_forward(const job *j, saga_range of)
                     j->s->model.q_in[SAGA_NET_HYPER]);
     saga_net_chunk_forward(&p, of.begin / CHUNK);
     saga_rate_clamp(b->out + of.begin * j->f, n * j->f,
-                    j->s->model.head_q[SAGA_HEAD_HYPER]);
+                    j->s->model.out_q[SAGA_OUT_HYPER]);
 }
 
 static void parent_forward(real *in, const job *j, saga_range of)
@@ -279,7 +279,7 @@ static void hyper_backward(const job *j, const real *d_in, saga_range of,
 
     copy_columns(b->d_out, j->f, d_in, j->dim, j->f, of);
     saga_rate_through(b->d_out + at, b->out + at, (of.end - of.begin) * j->f,
-                      j->s->model.head_q[SAGA_HEAD_HYPER]);
+                      j->s->model.out_q[SAGA_OUT_HYPER]);
     saga_net_block_backward(&p, block);
 }
 

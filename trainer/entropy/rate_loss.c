@@ -317,7 +317,7 @@ static double code_value(double *y, const saga_model *m, int kind, size_t c,
     const double step = m->step_q16[saga_rate_step_of(kind, c)] / 65536.0;
     const double x = floor((ldexp(*y, q) - mu_lsb) / step + 0.5);
     const double symbol = fmin(fmax(x, -SAGA_MAX_RESIDUAL), SAGA_MAX_RESIDUAL);
-    /* The trainer gives the sigma head this format: the same scale as
+    /* The trainer gives the sigma output this format: the same scale as
      * decoded. */
     const int16_t sigma = (int16_t)lrint(
         ldexp((double)log2_sigma, SAGA_COST_SIGMA_Q));

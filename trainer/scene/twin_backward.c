@@ -149,20 +149,20 @@ void saga_twin_colour_backward(saga_twin *w, saga_scene *d,
 
 /* --- Attributes ---------------------------------------------------------- */
 
-/* Gradients of an attribute's reals from `part` on go to a head's rows of
+/* Gradients of an attribute's reals from `part` on go to an output's rows of
  * F_geo. */
-static void give_head(const saga_twin_stage *t, int attr, size_t part,
-                      saga_rows head, saga_range of)
+static void give_rows(const saga_twin_stage *t, int attr, size_t part,
+                      saga_rows rows, saga_range of)
 {
     const saga_attribute *const a = &saga_attributes[attr];
     const saga_twin_batch *const geo = &t->w->batch[SAGA_NET_GEO];
 
     for (size_t i = of.begin; i < of.end; i++) {
-        const size_t at = saga_twin_out_at(t->s, SAGA_NET_GEO, i) + head.first;
+        const size_t at = saga_twin_out_at(t->s, SAGA_NET_GEO, i) + rows.first;
         const real *const d = t->w->d_attr.of[attr] + (size_t)a->width * i +
                               part;
 
-        for (size_t k = 0; k < head.n; k++)
+        for (size_t k = 0; k < rows.n; k++)
             geo->d_out[at + k] = a->unit == SAGA_UNIT_SUPPORT
                 ? saga_inward(d[k], geo->out[at + k], -SAGA_TWIN_MOST_MOTION,
                               SAGA_TWIN_MOST_MOTION) : d[k];
@@ -175,7 +175,7 @@ static void places_backward(const saga_twin_stage *t, size_t i)
 {
     saga_twin *const w = t->w;
     const size_t at = saga_twin_out_at(t->s, SAGA_NET_GEO, i) +
-                      t->rows[SAGA_HEAD_TIME].first;
+                      t->rows[SAGA_OUT_TIME].first;
     const size_t fine = t->s->prim_fine[i];
     const real *const support = w->support + 4 * fine;
     real *const d_log2 = w->d_log2_support + 4 * fine;
@@ -207,7 +207,7 @@ static void attributes_chunk(void *user, size_t chunk)
     const saga_twin_stage *const t = user;
     const saga_range of = families(t->s, chunk);
 
-    saga_twin_each_head(t, of, give_head);
+    saga_twin_each_out(t, of, give_rows);
     for (size_t i = of.begin; i < of.end; i++)
         places_backward(t, i);
 }
@@ -280,13 +280,13 @@ static void fine_outputs(const saga_twin_stage *t, size_t i)
     const size_t f = t->s->model.features;
     size_t k;
 
-    memcpy(d_out + t->rows[SAGA_HEAD_FINE].first, w->d_fine_feature + i * f,
+    memcpy(d_out + t->rows[SAGA_OUT_FINE].first, w->d_fine_feature + i * f,
            f * sizeof *d_out);
     for (k = 0; k < 4; k++) {
         const real l = w->log2_support[4 * i + k];
         const int inside = l < 0 && l > saga_twin_least_support(k);
 
-        d_out[t->rows[SAGA_HEAD_SUPPORT].first + k] =
+        d_out[t->rows[SAGA_OUT_SUPPORT].first + k] =
             inside ? w->d_log2_support[4 * i + k] : 0;
     }
 }

@@ -79,10 +79,10 @@ static void take_fine(const saga_twin_stage *t, size_t i)
     const saga_coarse *const c = &s->coarse[s->fine[i].parent];
     const real *const out = w->batch[SAGA_NET_FINE].out +
                             saga_twin_out_at(s, SAGA_NET_FINE, i);
-    const real *const raw = out + t->rows[SAGA_HEAD_SUPPORT].first;
+    const real *const raw = out + t->rows[SAGA_OUT_SUPPORT].first;
     int k;
 
-    memcpy(w->fine_feature + i * f, out + t->rows[SAGA_HEAD_FINE].first,
+    memcpy(w->fine_feature + i * f, out + t->rows[SAGA_OUT_FINE].first,
            f * sizeof *out);
     for (k = 0; k < 4; k++) {
         const real lo = saga_twin_least_support((size_t)k), hi = 0;
@@ -141,9 +141,9 @@ static real level_of(const saga_attribute *a, const saga_coarse *cell)
     }
 }
 
-/* A head's rows of F_geo become an attribute's reals from `part` on. */
-static void take_head(const saga_twin_stage *t, int attr, size_t part,
-                      saga_rows head, saga_range of)
+/* An output's rows of F_geo become an attribute's reals from `part` on. */
+static void take_rows(const saga_twin_stage *t, int attr, size_t part,
+                      saga_rows rows, saga_range of)
 {
     const saga_attribute *const a = &saga_attributes[attr];
     const saga_scene *const s = t->s;
@@ -153,10 +153,10 @@ static void take_head(const saga_twin_stage *t, int attr, size_t part,
         const saga_fine *const fine = &s->fine[s->prim_fine[i]];
         const real level = level_of(a, &s->coarse[fine->parent]);
         const real *const out = all + saga_twin_out_at(s, SAGA_NET_GEO, i) +
-                                head.first;
+                                rows.first;
         real *const to = t->w->attr.of[attr] + (size_t)a->width * i + part;
 
-        for (size_t k = 0; k < head.n; k++)
+        for (size_t k = 0; k < rows.n; k++)
             /* Beyond its format's end a motion no longer grows, but may come
              * back. */
             to[k] = a->unit == SAGA_UNIT_SUPPORT
@@ -173,7 +173,7 @@ static void set_places(const saga_twin_stage *t, saga_range of)
 {
     saga_twin *const w = t->w;
     saga_splat_params *const a = &w->attr;
-    const size_t row = t->rows[SAGA_HEAD_TIME].first;
+    const size_t row = t->rows[SAGA_OUT_TIME].first;
 
     for (size_t i = of.begin; i < of.end; i++) {
         const real *const x = t->s->prim_x + 4 * i;
@@ -208,7 +208,7 @@ static void geometry_chunk(void *user, size_t chunk)
            (of.end - of.begin) * dim * sizeof(real));
     run(w, t->s, SAGA_NET_GEO, chunk);
     run(w, t->s, SAGA_NET_COLOUR_BASE, chunk);
-    saga_twin_each_head(t, of, take_head);
+    saga_twin_each_out(t, of, take_rows);
     set_places(t, of);
 }
 

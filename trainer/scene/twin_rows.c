@@ -11,15 +11,15 @@ size_t saga_twin_rows(const saga_twin *w, int net)
          : net >= SAGA_NET_FUSE_F ? w->n.prim : 0;
 }
 
-void saga_twin_attribute_rows(saga_rows rows[SAGA_N_HEADS], const saga_scene *s)
+void saga_twin_attribute_rows(saga_rows rows[SAGA_N_OUTS], const saga_scene *s)
 {
     saga_model_rows(rows, &s->model);
     /* A base stands still: its rows of time are there and say nothing. */
     for (int a = 0; s->still && a < SAGA_N_ATTRS; a++) {
         const saga_attribute *const k = &saga_attributes[a];
 
-        for (int h = 0; k->is_temporal && h < k->n_heads; h++)
-            rows[k->head + h].n = 0;
+        for (int h = 0; k->is_temporal && h < k->n_outs; h++)
+            rows[k->out + h].n = 0;
     }
 }
 
@@ -50,17 +50,17 @@ void saga_twin_do_rows(void (*chunk)(void *, size_t), saga_twin_stage *t,
     saga_parallel(&all);
 }
 
-void saga_twin_each_head(const saga_twin_stage *t, saga_range of,
-                         saga_twin_head_fn *one)
+void saga_twin_each_out(const saga_twin_stage *t, saga_range of,
+                        saga_twin_out_fn *one)
 {
     for (int a = 0; a < SAGA_N_ATTRS; a++) {
         const saga_attribute *const k = &saga_attributes[a];
 
-        for (int h = 0; saga_attr_is_output(k) && h < k->n_heads; h++) {
-            const saga_rows head = t->rows[k->head + h];
+        for (int h = 0; saga_attr_is_output(k) && h < k->n_outs; h++) {
+            const saga_rows rows = t->rows[k->out + h];
 
-            if (head.n && head.net == SAGA_NET_GEO)
-                one(t, a, (size_t)(h * k->width / k->n_heads), head, of);
+            if (rows.n && rows.net == SAGA_NET_GEO)
+                one(t, a, (size_t)(h * k->width / k->n_outs), rows, of);
         }
     }
 }

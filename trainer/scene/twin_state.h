@@ -24,17 +24,17 @@ typedef struct saga_twin_stage {
     const real *feature;         /* coarse */
     const real *centre;          /* of the camera */
     real weight;                 /* of the anchors' loss */
-    saga_rows rows[SAGA_N_HEADS];
+    saga_rows rows[SAGA_N_OUTS];
     const int *nets;             /* (n_nets) that the rows go through; those */
     int n_nets;                  /* without layers are left out */
 } saga_twin_stage;
 
-typedef void saga_twin_head_fn(const saga_twin_stage *t, int attr, size_t part,
-                               saga_rows head, saga_range of);
+typedef void saga_twin_out_fn(const saga_twin_stage *t, int attr, size_t part,
+                              saga_rows rows, saga_range of);
 
 #define saga_twin_cost SAGA_REAL_NAME(saga_twin_cost)
 #define saga_twin_do_rows SAGA_REAL_NAME(saga_twin_do_rows)
-#define saga_twin_each_head SAGA_REAL_NAME(saga_twin_each_head)
+#define saga_twin_each_out SAGA_REAL_NAME(saga_twin_each_out)
 #define saga_twin_pass SAGA_REAL_NAME(saga_twin_pass)
 #define saga_twin_attribute_rows SAGA_REAL_NAME(saga_twin_attribute_rows)
 #define saga_twin_fine_forward SAGA_REAL_NAME(saga_twin_fine_forward)
@@ -44,7 +44,7 @@ typedef void saga_twin_head_fn(const saga_twin_stage *t, int attr, size_t part,
 enum { SAGA_TWIN_ROW_NS = 40 };
 
 /* Tells which rows of the networks' outputs become attributes. */
-void saga_twin_attribute_rows(saga_rows rows[SAGA_N_HEADS],
+void saga_twin_attribute_rows(saga_rows rows[SAGA_N_OUTS],
                               const saga_scene *s);
 /* Returns what a thread takes for a row, in nanoseconds; *most becomes the
  * number of threads that all networks have scratch for. */
@@ -52,10 +52,10 @@ double saga_twin_cost(const saga_twin_stage *t, size_t *most);
 /* Does n rows of a stage, in chunks. */
 void saga_twin_do_rows(void (*chunk)(void *, size_t), saga_twin_stage *t,
                        size_t n);
-/* Has `one` done for every head of F_geo that is part of an attribute: reals
- * `part` to part + head.n - 1 of it, of some primitives. */
-void saga_twin_each_head(const saga_twin_stage *t, saga_range of,
-                         saga_twin_head_fn *one);
+/* Has `one` done for every output of F_geo that is part of an attribute: reals
+ * `part` to part + rows.n - 1 of it, of some primitives. */
+void saga_twin_each_out(const saga_twin_stage *t, saga_range of,
+                        saga_twin_out_fn *one);
 /* Returns a pass of a network over its batch. */
 saga_net_pass saga_twin_pass(saga_twin *w, const saga_scene *s, int net);
 /* twin_forward.c: sets features and supports of the fine anchors. */

@@ -15,8 +15,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* The order is that of the members below, of what is saved, and of the heads
- * that give them (SAGA_HEAD_*). */
+/* The order is that of the members below, of what is saved, and of the outputs
+ * that give them (SAGA_OUT_*). */
 enum {
     SAGA_ATTR_MEAN, SAGA_ATTR_OPACITY, SAGA_ATTR_LOG2_SCALE, SAGA_ATTR_QUAT,
     SAGA_ATTR_SLOPE, SAGA_ATTR_T_CENTRE, SAGA_ATTR_LOG2_WIDTH,
@@ -68,7 +68,7 @@ typedef struct saga_attribute {
     saga_attr_unit unit;
     uint32_t tools;         /* SAGA_TOOL_*: any of them has it; 0: all have */
     bool is_temporal;       /* what stands still has none */
-    int head, n_heads;      /* SAGA_HEAD_*: networks give it in as many heads,
+    int out, n_outs;        /* SAGA_OUT_*: networks give it in n_outs outputs,
                              * one after the other; 0: none does */
     double zero;            /* an output of 0 stands for it; */
     double first;           /* in the first component for so much more */
@@ -83,7 +83,7 @@ typedef struct saga_attribute {
  * own position in time, which they only move. */
 static inline bool saga_attr_is_output(const saga_attribute *a)
 {
-    return a->n_heads > 0 && a->unit != SAGA_UNIT_TIME;
+    return a->n_outs > 0 && a->unit != SAGA_UNIT_TIME;
 }
 
 #define saga_attributes SAGA_REAL_NAME(saga_attributes)

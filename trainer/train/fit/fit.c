@@ -109,7 +109,7 @@ void saga_fit_cut_short(saga_fit *f)
 double saga_fit_feature_step(const saga_scene *s)
 {
     return ldexp(s->model.step_q16[SAGA_STEP_FEATURE] / 65536.0,
-                 -s->model.head_q[SAGA_HEAD_COARSE]);
+                 -s->model.out_q[SAGA_OUT_COARSE]);
 }
 
 static saga_rate_input rate_input(saga_fit *f, real *feature)

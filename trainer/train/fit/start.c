@@ -34,12 +34,12 @@ static const char what[] = "the start of the fit";
 static size_t n_outputs(int attr, const saga_model *m)
 {
     const saga_attribute *const a = &saga_attributes[attr];
-    saga_rows rows[SAGA_N_HEADS];
+    saga_rows rows[SAGA_N_OUTS];
     size_t n = 0;
 
     saga_model_rows(rows, m);
-    for (int h = 0; saga_attr_is_output(a) && h < a->n_heads; h++)
-        n += rows[a->head + h].n;
+    for (int h = 0; saga_attr_is_output(a) && h < a->n_outs; h++)
+        n += rows[a->out + h].n;
     return n;
 }
 

@@ -80,19 +80,19 @@ static void set_geometry(const saga_start *x, saga_fit *f)
     saga_net *const net = &f->scene->net[SAGA_NET_GEO];
     const size_t n = carried(net, x->f);
     const size_t n_rows = (size_t)net->dim[net->n_layers];
-    saga_rows rows[SAGA_N_HEADS];
+    saga_rows rows[SAGA_N_OUTS];
 
     saga_model_rows(rows, &f->scene->model);
     carry(net, n);
-    /* Rows of heads that nothing is wanted of, as the temporal centre's, are
+    /* Rows of outputs that nothing is wanted of, as the temporal centre's, are
      * 0. */
     for (size_t i = 0; i < n_rows; i++)
         set_row(net, i, NULL, 0, 0);
     for (int a = 0; a < SAGA_N_ATTRS; a++) {
-        const saga_rows *const head = &rows[saga_attributes[a].head];
+        const saga_rows *const to = &rows[saga_attributes[a].out];
 
-        for (size_t k = 0; k < x->width[a] && head->net == SAGA_NET_GEO; k++)
-            set_row(net, head->first + k, x->basis[x->at[a] + k], n,
+        for (size_t k = 0; k < x->width[a] && to->net == SAGA_NET_GEO; k++)
+            set_row(net, to->first + k, x->basis[x->at[a] + k], n,
                     x->mean[x->at[a] + k]);
     }
 }

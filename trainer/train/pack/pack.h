@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * A fitted scene becomes a file here: formats of the heads from the measured
+ * A fitted scene becomes a file here: formats of the outputs from the measured
  * ranges, quantised networks, the closed loop, bytes.
  */
 #ifndef SAGA_PACK_H

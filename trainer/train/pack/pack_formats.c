@@ -202,29 +202,29 @@ void saga_pack_entropy_formats(saga_model *m, const saga_rate_choice *c)
         fmax(most_taken(c, SAGA_NET_WRITE),
              fmax(most_given(c, SAGA_NET_SLOT),
                   most_given(c, SAGA_NET_WRITE_BASE))), 12);
-    m->head_q[SAGA_HEAD_HYPER] = saga_pack_q(most_given(c, SAGA_NET_HYPER), 12);
-    m->head_q[SAGA_HEAD_SIGMA] = SAGA_COST_SIGMA_Q;
+    m->out_q[SAGA_OUT_HYPER] = saga_pack_q(most_given(c, SAGA_NET_HYPER), 12);
+    m->out_q[SAGA_OUT_SIGMA] = SAGA_COST_SIGMA_Q;
 }
 
-/* Sets the heads of all networks but the entropy networks: as fine as what they
- * give allows, motion's where it is cut at the coarsest. (1, 0, 0, 0) is added
- * to a quaternion. */
-static void head_formats(saga_model *m, const saga_pack_input *in)
+/* Sets the formats of all networks' outputs but the entropy networks': as fine
+ * as what they give allows, motion's where it is cut at the coarsest.
+ * (1, 0, 0, 0) is added to a quaternion. */
+static void out_formats(saga_model *m, const saga_pack_input *in)
 {
     const saga_scene *const s = &in->choice->scene;
-    saga_rows rows[SAGA_N_HEADS];
-    int head;
+    saga_rows rows[SAGA_N_OUTS];
+    int out;
 
     saga_model_rows(rows, m);
-    for (head = SAGA_HEAD_FUSE_C; head < SAGA_N_HEADS; head++) {
-        const saga_rows *const r = &rows[head];
-        const bool moves = head >= SAGA_HEAD_MOTION1 &&
-                           head <= SAGA_HEAD_MOTION3;
+    for (out = SAGA_OUT_FUSE_C; out < SAGA_N_OUTS; out++) {
+        const saga_rows *const r = &rows[out];
+        const bool moves = out >= SAGA_OUT_MOTION1 &&
+                           out <= SAGA_OUT_MOTION3;
 
         /* A format finer than most_q is of no use to who reads it. */
         if (r->n)
-            m->head_q[head] = (uint8_t)fx_max(saga_pack_q(
-                (head == SAGA_HEAD_QUAT ? 1 : 0) + in->room *
+            m->out_q[out] = (uint8_t)fx_max(saga_pack_q(
+                (out == SAGA_OUT_QUAT ? 1 : 0) + in->room *
                 saga_pack_most_out(s, in->twin, r->net, r->first, r->n),
                 r->most_q),
                 moves ? SAGA_TWIN_MOTION_Q : 0);
@@ -234,16 +234,16 @@ static void head_formats(saga_model *m, const saga_pack_input *in)
 void saga_pack_measure_formats(saga_model *m, const saga_pack_input *in)
 {
     const saga_scene *const s = &in->choice->scene;
-    uint8_t *const q = m->head_q;
+    uint8_t *const q = m->out_q;
     int net;
 
     /* The default of those that nothing below measures. */
     for (net = 0; net < SAGA_N_NETS; net++)
         m->q_in[net] = 12;
     /* Features have been trained for multiples of this format's steps. */
-    q[SAGA_HEAD_COARSE] = s->model.head_q[SAGA_HEAD_COARSE];
+    q[SAGA_OUT_COARSE] = s->model.out_q[SAGA_OUT_COARSE];
     saga_pack_entropy_formats(m, in->choice);
-    head_formats(m, in);
+    out_formats(m, in);
     m->q_in[SAGA_NET_COLOUR] = saga_pack_q(in->room *
         saga_pack_most_before_colour(s, in->twin, 0,
                                      m->width[SAGA_NET_COLOUR]), 14);
@@ -253,8 +253,8 @@ void saga_pack_measure_formats(saga_model *m, const saga_pack_input *in)
         in->room * most_feature(s, in->feature), SAGA_EMBEDDING_Q);
     /* Who reads another network takes what that gives, in its format. */
     m->q_in[SAGA_NET_FINE] = m->width[SAGA_NET_FUSE_C]
-        ? q[SAGA_HEAD_FUSE_C] : m->q_in[SAGA_NET_FUSE_C];
-    m->q_in[SAGA_NET_FUSE_F] = q[SAGA_HEAD_FINE];
+        ? q[SAGA_OUT_FUSE_C] : m->q_in[SAGA_NET_FUSE_C];
+    m->q_in[SAGA_NET_FUSE_F] = q[SAGA_OUT_FINE];
     m->q_in[SAGA_NET_GEO] = m->q_in[SAGA_NET_COLOUR_BASE] =
         (uint8_t)saga_fused_q(m, SAGA_TIER_FINE);
 }

@@ -64,8 +64,8 @@ static int row_formats(uint8_t *q, uint8_t *finer, const saga_packing *p,
     int common;
     uint32_t k;
 
-    /* A format for the whole layer first: of an output it is the head's, of
-     * hidden units what the largest of them needs. */
+    /* A format for the whole layer first: the last one has the output's, hidden
+     * ones what the largest of their units needs. */
     if (i + 1 == s->net[net].n_layers)
         output_formats(q, p->model, net, n);
     else

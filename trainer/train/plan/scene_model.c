@@ -85,7 +85,7 @@ void saga_plan_entropy_model(saga_model *m, const saga_ablation *a,
         m->q_in[i] = 10;
     }
     m->width[SAGA_NET_HYPER] = p->entropy_width;
-    m->head_q[SAGA_HEAD_HYPER] = m->head_q[SAGA_HEAD_SIGMA] = 10;
+    m->out_q[SAGA_OUT_HYPER] = m->out_q[SAGA_OUT_SIGMA] = 10;
     if (has_bank(a, p, most_slots))
         set_bank(m, a, most_slots);
 }
@@ -159,7 +159,7 @@ void saga_plan_model(saga_model *m, const saga_model_terms *terms,
         (32768u >> m->tier[SAGA_TIER_COARSE].suffix_bits) << 16;
     /* Supports in Q14. */
     m->step_q16[SAGA_STEP_PRIM] = (uint32_t)(p->prim_step * 16384) << 16;
-    m->head_q[SAGA_HEAD_COARSE] = 10;
+    m->out_q[SAGA_OUT_COARSE] = 10;
     set_networks(m, terms);
     /* A bank begins anew in each layer, which its twin does not. */
     saga_plan_entropy_model(m, terms->ablation, p, o->n_layers > 1

@@ -4,7 +4,7 @@
  * the capture.
  */
 #include "alloc.h"
-#include "train_head.h"
+#include "train_header.h"
 
 /* Packs what is there: the finished segments, and the one in training if its
  * fit has begun. A base alone is no segment. */
@@ -39,11 +39,12 @@ static bool alloc_tones(saga_train *t, saga_error *error)
 
 /* Reads a training without its pictures' pixels: it can be packed, no more. h
  * must outlive it. */
-static bool load_blind(saga_train *t, saga_train_head *h, saga_capture *capture,
-                       saga_checkpoint *c, saga_error *error)
+static bool load_blind(saga_train *t, saga_train_header *h,
+                       saga_capture *capture, saga_checkpoint *c,
+                       saga_error *error)
 {
-    saga_train_head_walk(h, c);
-    if (c->failed || !saga_train_head_options(&t->o, h)) {
+    saga_train_header_walk(h, c);
+    if (c->failed || !saga_train_header_options(&t->o, h)) {
         c->failed = true;
         return false;
     }
@@ -66,7 +67,7 @@ bool saga_train_peek(uint8_t **bytes, size_t *nbytes, const char *checkpoint,
     saga_capture capture = { 0 };
     saga_checkpoint c;
     saga_train *t;
-    saga_train_head h;
+    saga_train_header h;
     bool ok;
 
     *bytes = NULL;

@@ -6,7 +6,7 @@
  * file can be packed of one without its capture (saga_train_peek).
  */
 #include "encode_save.h"
-#include "train_head.h"
+#include "train_header.h"
 
 #include <string.h>
 
@@ -59,14 +59,14 @@ static void write_finished(saga_train *t, saga_checkpoint *c)
 bool saga_train_save(saga_train *t, saga_error *error)
 {
     saga_checkpoint c;
-    saga_train_head h;
+    saga_train_header h;
 
     if (!saga_checkpoint_create(&c, t->o.checkpoint, error))
         return false;
-    /* The head says what it was begun with, and comes first, so that a reader
-     * can refuse it before it looks at the rest; cameras come before all that
-     * needs them. */
-    saga_train_head_fill(&h, t);
+    /* The header says what it was begun with, and comes first, so that a
+     * reader can refuse it before it looks at the rest; cameras come before
+     * all that needs them. */
+    saga_train_header_fill(&h, t);
     saga_checkpoint_walk(&c, &h, sizeof h);
     saga_pictures_save(&t->pictures, &c);
     /* In the first turn nothing is finished. */
@@ -82,11 +82,11 @@ bool saga_train_save_networks(saga_train *t, const char *path,
                               saga_error *error)
 {
     saga_checkpoint c;
-    saga_train_head h;
+    saga_train_header h;
 
     if (!saga_checkpoint_create(&c, path, error))
         return false;
-    saga_train_head_fill(&h, t);
+    saga_train_header_fill(&h, t);
     /* The turn that whoever reads it begins with. Neither cameras nor a
      * training in progress follow. */
     h.turn = t->base.n_prim ? 2 : 1;
@@ -97,12 +97,12 @@ bool saga_train_save_networks(saga_train *t, const char *path,
 
 /* --- Reading -------------------------------------------------------------- */
 
-static bool fits(const saga_train *t, const saga_train_head *h,
+static bool fits(const saga_train *t, const saga_train_header *h,
                  saga_error *error)
 {
     const char *const file = t->o.checkpoint;
 
-    if (!saga_train_head_segments(t, h, file, error))
+    if (!saga_train_header_segments(t, h, file, error))
         return false;
     /* Before the options, some of which are planned from the capture where
      * nobody gave them. */
@@ -110,7 +110,7 @@ static bool fits(const saga_train *t, const saga_train_head *h,
         return saga_fail(error, file, "give the capture it was begun with, or "
                          "delete it",
                          "was begun with other pictures or cameras");
-    return saga_train_head_fits(t, h, file, error);
+    return saga_train_header_fits(t, h, file, error);
 }
 
 static bool load_fit(saga_train *t, saga_checkpoint *c, saga_error *error)
@@ -122,9 +122,9 @@ static bool load_fit(saga_train *t, saga_checkpoint *c, saga_error *error)
 }
 
 /* Takes over what a trial found when the training began. */
-static bool adopt_iterations(saga_train *t, const saga_train_head *h)
+static bool adopt_iterations(saga_train *t, const saga_train_header *h)
 {
-    if (!saga_train_head_iterations(h))
+    if (!saga_train_header_iterations(h))
         return false;
     t->o.n_warm = (int)h->warm;
     t->o.n_render = (int)h->render;
@@ -158,7 +158,7 @@ static bool read_finished(saga_train *t, saga_checkpoint *c,
 }
 
 /* Takes over the primitives that the warm-up came to. */
-static bool adopt_primitives(saga_train *t, const saga_train_head *h)
+static bool adopt_primitives(saga_train *t, const saga_train_header *h)
 {
     const saga_level_caps *const caps = &saga_caps[t->o.level];
 
@@ -172,13 +172,13 @@ static bool adopt_primitives(saga_train *t, const saga_train_head *h)
     return true;
 }
 
-static bool adopt(saga_train *t, const saga_train_head *h)
+static bool adopt(saga_train *t, const saga_train_header *h)
 {
     return (!(t->o.minutes > 0) || adopt_iterations(t, h)) &&
            (!t->o.free_count || adopt_primitives(t, h));
 }
 
-static void load_base(saga_train *t, const saga_train_head *h)
+static void load_base(saga_train *t, const saga_train_header *h)
 {
     t->base = (saga_train_base){
         (saga_train_no_base)h->base_why, (uint32_t)h->base_still,
@@ -189,10 +189,10 @@ static void load_base(saga_train *t, const saga_train_head *h)
 
 /* The first segment to be trained, and which is in training, are the
  * checkpoint's. */
-static bool load_turn(saga_train *t, const saga_train_head *h,
+static bool load_turn(saga_train *t, const saga_train_header *h,
                       saga_checkpoint *c, saga_error *error)
 {
-    if (!saga_train_head_turns(h)) {
+    if (!saga_train_header_turns(h)) {
         c->failed = true;
         return false;
     }
@@ -218,7 +218,7 @@ static bool load_turn(saga_train *t, const saga_train_head *h,
 }
 
 /* Reads all behind the cameras. */
-bool saga_train_load_state(saga_train *t, const saga_train_head *h,
+bool saga_train_load_state(saga_train *t, const saga_train_header *h,
                            saga_checkpoint *c, saga_error *error)
 {
     if (!load_turn(t, h, c, error))
@@ -246,7 +246,7 @@ static bool skip_pictures(saga_checkpoint *c, saga_error *error)
 
 static bool load(saga_train *t, saga_checkpoint *c, saga_error *error)
 {
-    saga_train_head h;
+    saga_train_header h;
 
     saga_checkpoint_walk(c, &h, sizeof h);
     /* Before options are compared: what a trial or the warm-up has found is no
@@ -272,15 +272,15 @@ bool saga_train_load(saga_train *t, saga_error *error)
 
 static bool load_networks(saga_train *t, saga_checkpoint *c, saga_error *error)
 {
-    saga_train_head h;
+    saga_train_header h;
 
     saga_checkpoint_walk(c, &h, sizeof h);
     /* A file of networks begins behind the turns that made them. */
     c->failed = c->failed || h.turn != (h.base_prim ? 2 : 1) ||
                 !adopt(t, &h);
     return !c->failed &&
-           saga_train_head_segments(t, &h, t->o.networks, error) &&
-           saga_train_head_fits(t, &h, t->o.networks, error) &&
+           saga_train_header_segments(t, &h, t->o.networks, error) &&
+           saga_train_header_fits(t, &h, t->o.networks, error) &&
            load_turn(t, &h, c, error);
 }
 

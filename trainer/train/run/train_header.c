@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: MIT */
-#include "train_head.h"
+#include "train_header.h"
 
 #include <limits.h>
 #include <stdio.h>
 #include <string.h>
 
-void saga_train_head_fill(saga_train_head *h, const saga_train *t)
+void saga_train_header_fill(saga_train_header *h, const saga_train *t)
 {
     /* Strings are compared and written as all of their bytes: the rest is 0. */
     memset(h, 0, sizeof *h);
@@ -81,8 +81,8 @@ static bool same_motion(const char *file, uint64_t had, uint64_t has,
                      names[has]);
 }
 
-static bool same_ablation(const char *file, const saga_train_head *h,
-                          const saga_train_head *now, saga_error *error)
+static bool same_ablation(const char *file, const saga_train_header *h,
+                          const saga_train_header *now, saga_error *error)
 {
     return memcmp(h->ablate, now->ablate, sizeof h->ablate) == 0 ||
            saga_fail(error, file, "give the options it was begun "
@@ -92,13 +92,13 @@ static bool same_ablation(const char *file, const saga_train_head *h,
 }
 
 /* All but the pictures. */
-bool saga_train_head_fits(const saga_train *t, const saga_train_head *h,
-                          const char *file, saga_error *error)
+bool saga_train_header_fits(const saga_train *t, const saga_train_header *h,
+                            const char *file, saga_error *error)
 {
-    saga_train_head now;
+    saga_train_header now;
 
     /* Lambda as it was asked for; what was found is chosen_lambda. */
-    saga_train_head_fill(&now, t);
+    saga_train_header_fill(&now, t);
     if (h->lambda < now.lambda || h->lambda > now.lambda)
         return saga_fail(error, file, "give the options it was begun with, or "
                          "delete it", "was begun with --lambda %g, not %g",
@@ -118,8 +118,9 @@ bool saga_train_head_fits(const saga_train *t, const saga_train_head *h,
            same_ablation(file, h, &now, error);
 }
 
-bool saga_train_head_segments(const saga_train *t, const saga_train_head *h,
-                              const char *file, saga_error *error)
+bool saga_train_header_segments(const saga_train *t,
+                                const saga_train_header *h, const char *file,
+                                saga_error *error)
 {
     return same(file, "a number of segments of", h->segments,
                 (uint64_t)t->o.n_segments, error);
@@ -127,13 +128,13 @@ bool saga_train_head_segments(const saga_train *t, const saga_train_head *h,
 
 /* --- What a checkpoint was begun with ------------------------------------- */
 
-bool saga_train_head_iterations(const saga_train_head *h)
+bool saga_train_header_iterations(const saga_train_header *h)
 {
     return h->warm - 1 < INT_MAX / 2 && h->render - 1 < INT_MAX / 2;
 }
 
 /* Tells whether first segment, turn and base's size are possible. */
-bool saga_train_head_turns(const saga_train_head *h)
+bool saga_train_header_turns(const saga_train_header *h)
 {
     const uint64_t most = saga_caps[SAGA_N_PROFILES - 1].n_prim;
 
@@ -144,23 +145,23 @@ bool saga_train_head_turns(const saga_train_head *h)
            h->base_prim <= most && h->base_kept <= most;
 }
 
-void saga_train_head_walk(saga_train_head *h, saga_checkpoint *c)
+void saga_train_header_walk(saga_train_header *h, saga_checkpoint *c)
 {
     saga_checkpoint_walk(c, h, sizeof *h);
     c->failed = c->failed || h->segments > SAGA_MAX_SEGMENTS ||
-                !saga_train_head_turns(h) ||
+                !saga_train_header_turns(h) ||
                 h->primitives > UINT32_MAX || h->coarse > UINT32_MAX ||
-                h->fine > UINT32_MAX || !saga_train_head_iterations(h);
+                h->fine > UINT32_MAX || !saga_train_header_iterations(h);
 }
 
-static bool read_head(saga_train_head *h, const char *checkpoint,
+static bool read_header(saga_train_header *h, const char *checkpoint,
                       saga_error *error)
 {
     saga_checkpoint c;
 
     if (!saga_checkpoint_open(&c, checkpoint, error))
         return false;
-    saga_train_head_walk(h, &c);
+    saga_train_header_walk(h, &c);
     /* The rest is not wanted here. */
     saga_take(&c.rest, saga_left(&c.rest));
     return saga_checkpoint_close(&c, true, error);
@@ -168,9 +169,9 @@ static bool read_head(saga_train_head *h, const char *checkpoint,
 
 int saga_train_stopped_in(const char *checkpoint, saga_error *error)
 {
-    saga_train_head h;
+    saga_train_header h;
 
-    return read_head(&h, checkpoint, error)
+    return read_header(&h, checkpoint, error)
         ? saga_train_segment_at((int)h.first, (int)h.turn, h.base_prim > 0)
         : -1;
 }
@@ -178,9 +179,9 @@ int saga_train_stopped_in(const char *checkpoint, saga_error *error)
 bool saga_train_adopt(saga_train_options *o, const char *checkpoint,
                       saga_error *error)
 {
-    saga_train_head h;
+    saga_train_header h;
 
-    if (!read_head(&h, checkpoint, error))
+    if (!read_header(&h, checkpoint, error))
         return false;
     if (o->n_primitives == 0)
         o->n_primitives = (uint32_t)h.primitives;
@@ -190,7 +191,8 @@ bool saga_train_adopt(saga_train_options *o, const char *checkpoint,
 }
 
 /* The options that a checkpoint's training was begun with, or came to. */
-bool saga_train_head_options(saga_train_options *o, const saga_train_head *h)
+bool saga_train_header_options(saga_train_options *o,
+                               const saga_train_header *h)
 {
     /* Nothing has compared these with options: they must not lead beyond
      * arrays. */

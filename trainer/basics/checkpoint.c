@@ -8,16 +8,16 @@ enum { VERSION = 12 };
 
 static const char anew[] = "delete it and start anew";
 
-typedef struct { char magic[16]; uint64_t version, real_nbytes; } head;
+typedef struct { char magic[16]; uint64_t version, real_nbytes; } header;
 
-static head head_of_this(void)
+static header header_of_this(void)
 {
-    return (head){ "saga-checkpoint", VERSION, sizeof(real) };
+    return (header){ "saga-checkpoint", VERSION, sizeof(real) };
 }
 
 bool saga_checkpoint_is(const uint8_t *bytes, size_t nbytes)
 {
-    const head mine = head_of_this();
+    const header mine = header_of_this();
 
     return nbytes >= sizeof mine.magic &&
            memcmp(bytes, mine.magic, sizeof mine.magic) == 0;
@@ -35,7 +35,7 @@ uint64_t saga_digest(uint64_t sum, const void *data, size_t nbytes)
 bool saga_checkpoint_create(saga_checkpoint *c, const char *path,
                             saga_error *error)
 {
-    head h = head_of_this();
+    header h = header_of_this();
 
     *c = (saga_checkpoint){ .path = path, .sum = SAGA_DIGEST_START };
     if (!saga_output_open(&c->out, path, error))
@@ -44,10 +44,10 @@ bool saga_checkpoint_create(saga_checkpoint *c, const char *path,
     return true;
 }
 
-/* Compares the head, and the digest at the end. */
+/* Compares the header, and the digest at the end. */
 static bool check(const saga_bytes *b, const char *path, saga_error *error)
 {
-    const head mine = head_of_this();
+    const header mine = header_of_this();
     uint64_t sum;
 
     if (b->nbytes < sizeof mine + sizeof sum)
@@ -71,8 +71,8 @@ bool saga_checkpoint_open(saga_checkpoint *c, const char *path,
         saga_bytes_free(&c->bytes);
         return false;
     }
-    /* The bytes that are walked over lie between the head and the digest. */
-    c->rest.next = c->bytes.data + sizeof(head);
+    /* The bytes that are walked over lie between the header and the digest. */
+    c->rest.next = c->bytes.data + sizeof(header);
     c->rest.end = c->bytes.data + c->bytes.nbytes - sizeof c->sum;
     return true;
 }
