@@ -7,7 +7,8 @@
 #ifndef SAGA_CPU_H
 #define SAGA_CPU_H
 
-/* In ascending order: a machine that has one has those before it. */
+/* In ascending order: a machine that has one has those before it, and whoever
+ * chooses a version takes the last one that it knows, by >=. */
 typedef enum saga_cpu {
     SAGA_CPU_PLAIN,          /* C, compiled for what the compiler was told */
     SAGA_CPU_X4,             /* 128 bits: SSE4.1, NEON, WebAssembly's */

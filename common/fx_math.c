@@ -121,7 +121,7 @@ void saga_sin_turn16_each(int16_t *sine_q15, const uint16_t *phase,
                           uint32_t n, saga_cpu cpu)
 {
 #ifdef SAGA_SINE_MAY_AVX2
-    if (cpu == SAGA_CPU_AVX2) {
+    if (cpu >= SAGA_CPU_AVX2) {
         saga_sin_turn16_each__avx2(sine_q15, phase, n);
         return;
     }

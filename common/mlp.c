@@ -219,7 +219,7 @@ void saga_mlp_layer(int16_t *y, const saga_layer *layer, const int16_t *x,
 
 #ifdef SAGA_MLP_TILE
 #ifdef SAGA_MLP_MAY_AVX2
-    row = layer->cpu == SAGA_CPU_AVX2 ? saga_mlp_tiles__avx2(y, layer, x, n)
+    row = layer->cpu >= SAGA_CPU_AVX2 ? saga_mlp_tiles__avx2(y, layer, x, n)
                                       : run_tiles(y, layer, x, n);
 #else
     row = run_tiles(y, layer, x, n);

@@ -173,20 +173,20 @@ static void blend_wild(uint32_t *t, uint32_t side, const saga_patch *p)
 static void blend_small(uint32_t *t, uint32_t side, const saga_patch *p,
                         saga_cpu cpu)
 {
-    switch (cpu) {
 #ifdef SAGA_MAY_AVX2
-    case SAGA_CPU_AVX2:
+    if (cpu >= SAGA_CPU_AVX2) {
         saga_blend__avx2(t, side, p);
-        break;
+        return;
+    }
 #endif
 #ifdef SAGA_MAY_X4
-    case SAGA_CPU_X4:
+    if (cpu >= SAGA_CPU_X4) {
         saga_blend__x4(t, side, p);
-        break;
-#endif
-    default:
-        blend_tame(t, side, p);
+        return;
     }
+#endif
+    (void)cpu;
+    blend_tame(t, side, p);
 }
 
 void saga_blend(uint32_t *t, uint32_t side, const saga_patch *p, saga_cpu cpu)

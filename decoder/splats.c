@@ -26,11 +26,11 @@ uint32_t saga_splats(saga_splat *s, const saga_primitive *p, uint32_t n,
 {
     /* A run that does not fill its vectors, the last one, goes one by one. */
 #ifdef SAGA_MAY_AVX2
-    if (cpu == SAGA_CPU_AVX2 && n % 4 == 0)
+    if (cpu >= SAGA_CPU_AVX2 && n % 4 == 0)
         return saga_splats__avx2(s, p, n, look);
 #endif
 #ifdef SAGA_MAY_NEON
-    if (cpu == SAGA_CPU_X4 && n % 2 == 0)
+    if (cpu >= SAGA_CPU_X4 && n % 2 == 0)
         return saga_splats__neon(s, p, n, look);
 #endif
     (void)cpu;
