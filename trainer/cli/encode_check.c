@@ -186,7 +186,7 @@ static bool compare_view(saga_encode_session *s, saga_film *film, int segment,
     int frame;
 
     t->has_float = has_float(s, segment);
-    for (int i = 0; ok && (frame = saga_train_sample(&s->capture, view,
+    for (int i = 0; ok && (frame = saga_capture_sample(&s->capture, view,
                                                      i)) >= 0; i++) {
         double psnr;
 
@@ -210,7 +210,7 @@ static bool compare_cut(saga_encode_session *s, saga_encode_cut *c, int segment,
     bool ok = open_look(&l, s, &c->film, segment, view);
     int frame;
 
-    for (int i = 0; ok && (frame = saga_train_sample(&s->capture, view,
+    for (int i = 0; ok && (frame = saga_capture_sample(&s->capture, view,
                                                      i)) >= 0; i++) {
         double psnr;
 

@@ -34,3 +34,29 @@ double saga_capture_forgive(const saga_capture *capture, int view, int frame,
     }
     return mask ? (double)n_counting / (double)n : 1.0;
 }
+
+/* Most pictures of all training or held-out views that stand for them. */
+enum { MAX_PICTURES = 60 };
+
+static int views_like(const saga_capture *c, bool held_out)
+{
+    int n = 0;
+
+    for (int i = 0; i < c->n_views; i++)
+        n += c->views[i].held_out == held_out;
+    return n;
+}
+
+int saga_capture_sample(const saga_capture *c, int view, int index)
+{
+    const int views = views_like(c, c->views[view].held_out);
+    int n = MAX_PICTURES / views;
+
+    if (c->views[view].n_missing == c->n_frames)
+        return -1;
+    /* Each view shows one frame at least, even if that makes more pictures than
+     * MAX_PICTURES. */
+    n = n < 1 ? 1 : n > c->n_frames ? c->n_frames : n;
+    return index < n ? saga_capture_near(
+        c, view, (int)((int64_t)index * c->n_frames / n)) : -1;
+}

@@ -171,6 +171,12 @@ static inline bool saga_capture_has(const saga_capture *capture, int view,
     return !v->missing || !v->missing[frame];
 }
 
+/* Returns the frames of a view that stand for all in measurements: number
+ * `index` of those, evenly spread over the capture, -1 past the last. Of all
+ * training views, and of all held-out ones, they are at most some 60 pictures,
+ * the same ones always, so that measurements can be compared. */
+int saga_capture_sample(const saga_capture *capture, int view, int index);
+
 /* Returns the frame nearest to one that the view has a picture of; the earlier
  * of two. */
 static inline int saga_capture_near(const saga_capture *capture, int view,

@@ -10,33 +10,6 @@
 #include <math.h>
 #include <string.h>
 
-enum { MAX_PICTURES = 60 };      /* of training or held-out views */
-
-/* --- Samples ------------------------------------------------------------- */
-
-static int views_like(const saga_capture *c, bool held_out)
-{
-    int n = 0;
-
-    for (int i = 0; i < c->n_views; i++)
-        n += c->views[i].held_out == held_out;
-    return n;
-}
-
-int saga_train_sample(const saga_capture *c, int view, int index)
-{
-    const int views = views_like(c, c->views[view].held_out);
-    int n = MAX_PICTURES / views;
-
-    if (c->views[view].n_missing == c->n_frames)
-        return -1;
-    /* Each view shows one frame at least, even if that makes more pictures than
-     * MAX_PICTURES. */
-    n = n < 1 ? 1 : n > c->n_frames ? c->n_frames : n;
-    return index < n ? saga_capture_near(
-        c, view, (int)((int64_t)index * c->n_frames / n)) : -1;
-}
-
 /* A function gives the PSNR of one picture. */
 typedef bool measure_fn(void *user, double *psnr, saga_sample picture,
                         saga_error *error);
@@ -54,7 +27,7 @@ static bool measure(saga_train_quality *q, const saga_capture *c,
         const int set = c->views[v].held_out;
         int frame, i;
 
-        for (i = 0; (frame = saga_train_sample(c, v, i)) >= 0; i++) {
+        for (i = 0; (frame = saga_capture_sample(c, v, i)) >= 0; i++) {
             const saga_sample picture = { v, frame, 0 };
             double psnr;
 

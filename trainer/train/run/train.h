@@ -198,11 +198,6 @@ const uint8_t *saga_train_bytes(const saga_train *train, size_t *n);
 bool saga_train_draw(saga_train *train, float *image, int view, int frame,
                      saga_error *error);
 
-/* Returns the frames of view the qualities are measured on: number `index` of
- * the ones spread over the capture, -1 past the last. The same for every
- * measurement, so that others compare with theirs. */
-int saga_train_sample(const saga_capture *capture, int view, int index);
-
 const char *saga_train_stage_name(saga_train_stage stage);
 
 #endif

@@ -7,6 +7,7 @@
 
 #include "alloc.h"
 #include "hierarchy.h"
+#include "layers.h"
 #include "targets.h"
 
 #include <math.h>
@@ -41,6 +42,10 @@ static bool build(saga_train *t, uint32_t *source,
 {
     float *const score = scores_of(pool, n, error);
     const saga_hierarchy_pool all = { pool, score, n };
+    const saga_layers_terms layers = {
+        saga_train_in_base(t) ? 1 : (uint32_t)t->o.n_layers, &t->pictures,
+        saga_flat_params(t->flat), n
+    };
     saga_hierarchy_options o;
     saga_model model;
     bool ok;
@@ -55,7 +60,8 @@ static bool build(saga_train *t, uint32_t *source,
     o.max_coarse = of_segment(t, t->o.n_coarse);
     o.max_fine = of_segment(t, t->o.n_fine);
     o.seed = t->o.seed;
-    ok = score && saga_train_build_layers(t, source, &all, &o, error);
+    ok = score && saga_layers_build(&t->scene, source, &layers, &all, &o,
+                                    error);
     free(score);
     return ok;
 }

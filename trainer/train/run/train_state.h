@@ -123,14 +123,6 @@ void saga_train_settle_price(saga_train *t);
 /* Builds the hierarchy and the fit; t->dynamic is decided. */
 bool saga_train_begin_fit(saga_train *t, saga_error *error);
 
-/* layers.c: builds the scene of the layers that options ask for, from the pool
- * of n, whose budgets and model are o's; source as saga_hierarchy_build's
- * prim_origin. */
-bool saga_train_build_layers(saga_train *t, uint32_t *source,
-                             const saga_hierarchy_pool *pool,
-                             const saga_hierarchy_options *o,
-                             saga_error *error);
-
 /* teach.c */
 /* Finds out whether the segment has teachers, and places their cameras; its
  * pictures and the base are there. */

@@ -4,7 +4,7 @@
  * to the training pictures, are dealt to them, and each becomes a hierarchy of
  * its own. The scene has all of these, one behind the other. A base has one.
  */
-#include "train_state.h"
+#include "layers.h"
 
 #include "alloc.h"
 
@@ -17,41 +17,40 @@ static const char what[] = "the layers";
 
 /* Adds what each primitive adds to a picture: blending weights over pixels. */
 static bool add_light(real *light, saga_splat_params *d, saga_canvas *c,
-                      const saga_train *t, saga_sample picture,
+                      const saga_layers_terms *t, saga_sample picture,
                       saga_error *error)
 {
-    const saga_splat_params flat = saga_flat_params(t->flat);
-    const saga_shot *const v = &t->capture->views[picture.view];
+    const saga_shot *const v = &t->pictures->capture->views[picture.view];
     const size_t n = 3 * (size_t)v->width * (size_t)v->height;
     saga_splat_stats stats = { NULL, light, NULL };
 
-    saga_pictures_aim(c, &t->pictures, picture);
+    saga_pictures_aim(c, t->pictures, picture);
     /* Blending weights do not depend on the loss, only the gradients do, and
      * nobody reads those. */
     memset(c->d_image, 0, n * sizeof *c->d_image);
-    return saga_splat_forward(c, &flat, saga_flat_count(t->flat), error) &&
-           saga_splat_backward(d, &stats, c, &flat, error);
+    return saga_splat_forward(c, &t->flat, t->n, error) &&
+           saga_splat_backward(d, &stats, c, &t->flat, error);
 }
 
 /* Sets the light of the warm-up's primitives, (n), in the training pictures
  * that qualities are measured on. */
-static bool measure_light(real *light, const saga_train *t, saga_error *error)
+static bool measure_light(real *light, const saga_layers_terms *t,
+                          saga_error *error)
 {
-    const saga_splat_params flat = saga_flat_params(t->flat);
+    const saga_capture *const capture = t->pictures->capture;
     saga_splat_params d;             /* room for what nobody asks for */
     saga_canvas c;
-    bool ok = saga_params_gather(&d, &flat, NULL, saga_flat_count(t->flat),
-                                error);
+    bool ok = saga_params_gather(&d, &t->flat, NULL, t->n, error);
 
-    if (!saga_pictures_canvas(&c, &t->pictures, error))
+    if (!saga_pictures_canvas(&c, t->pictures, error))
         ok = false;
-    for (int v = 0; ok && v < t->capture->n_views; v++) {
+    for (int v = 0; ok && v < capture->n_views; v++) {
         int frame, i;
 
         /* Frames until the view has no further sample; none of a held-out
          * view. */
-        for (i = 0; ok && !t->capture->views[v].held_out &&
-                    (frame = saga_train_sample(t->capture, v, i)) >= 0; i++)
+        for (i = 0; ok && !capture->views[v].held_out &&
+                    (frame = saga_capture_sample(capture, v, i)) >= 0; i++)
             ok = add_light(light, &d, &c, t, (saga_sample){ v, frame, 0 },
                            error);
     }
@@ -79,8 +78,8 @@ static int compare(const void *a, const void *b)
 }
 
 /* Sets the indices of the pool, by light. */
-static bool sort_by_light(uint32_t *index, uint32_t n, const saga_train *t,
-                          saga_error *error)
+static bool sort_by_light(uint32_t *index, uint32_t n,
+                          const saga_layers_terms *t, saga_error *error)
 {
     real *const light = saga_calloc(n, sizeof *light, what, error);
     lit *const list = saga_alloc(n, sizeof *list, what, error);
@@ -231,24 +230,30 @@ static bool merge(saga_scene *s, uint32_t *source, const built *b,
     return true;
 }
 
-static bool build_all(saga_train *t, uint32_t *source, uint32_t *index,
-                      const saga_hierarchy_pool *pool,
-                      const saga_hierarchy_options *o, saga_error *error)
+/* All that the layers are built from. */
+typedef struct {
+    const saga_layers_terms *terms;
+    const saga_hierarchy_pool *pool;
+    const saga_hierarchy_options *options;
+} job;
+
+static bool build_all(saga_scene *s, uint32_t *source, uint32_t *index,
+                      const job *j, saga_error *error)
 {
-    const uint32_t n_layers = (uint32_t)t->o.n_layers;
+    const uint32_t n_layers = j->terms->n_layers, n = j->pool->n;
     built b[SAGA_MAX_LAYERS] = { { .source = NULL } };
-    bool ok = sort_by_light(index, pool->n, t, error);
+    bool ok = sort_by_light(index, n, j->terms, error);
     uint32_t k;
 
     for (k = 0; k < n_layers && ok; k++) {
-        const uint32_t first = n_first(pool->n, k, n_layers);
+        const uint32_t first = n_first(n, k, n_layers);
 
         /* Layer k are the primitives between two sums: the next brightest. */
         ok = build_one(&b[k], index + first,
-                       n_first(pool->n, k + 1, n_layers) - first, pool, o,
-                       error);
+                       n_first(n, k + 1, n_layers) - first, j->pool,
+                       j->options, error);
     }
-    ok = ok && merge(&t->scene, source, b, n_layers, o, error);
+    ok = ok && merge(s, source, b, n_layers, j->options, error);
     for (k = 0; k < n_layers; k++) {
         saga_scene_free(&b[k].scene);
         free(b[k].source);
@@ -256,18 +261,19 @@ static bool build_all(saga_train *t, uint32_t *source, uint32_t *index,
     return ok;
 }
 
-bool saga_train_build_layers(saga_train *t, uint32_t *source,
-                             const saga_hierarchy_pool *pool,
-                             const saga_hierarchy_options *o,
-                             saga_error *error)
+bool saga_layers_build(saga_scene *s, uint32_t *source,
+                       const saga_layers_terms *terms,
+                       const saga_hierarchy_pool *pool,
+                       const saga_hierarchy_options *o, saga_error *error)
 {
+    const job j = { terms, pool, o };
     uint32_t *index;
     bool ok;
 
-    if (t->o.n_layers == 1 || saga_train_in_base(t))
-        return saga_hierarchy_build(&t->scene, source, pool, o, error);
+    if (terms->n_layers == 1)
+        return saga_hierarchy_build(s, source, pool, o, error);
     index = saga_alloc(pool->n, sizeof *index, what, error);
-    ok = index && build_all(t, source, index, pool, o, error);
+    ok = index && build_all(s, source, index, &j, error);
     free(index);
     return ok;
 }
