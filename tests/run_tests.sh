@@ -246,6 +246,7 @@ many() {
     check exchange python3 tests/cli/check_exchange.py
     check web python3 tests/cli/check_web.py
     check player python3 tests/cli/check_player.py
+    check stream python3 tests/cli/check_stream.py
     check firmware tests/check_firmware.sh
     vectors gcc
     programs gcc CC=gcc

@@ -186,7 +186,8 @@ function showNumbers() {
         ['drawn by', drawn.gpu ? 'graphics processor' : 'decoder, exact'],
         ['shown', rateText()],
         ['segment', `${drawn.segment + 1} of ${viewer.segments.length}, ` +
-            `decoded in ${times.segment.toFixed(0)} ms`],
+            `decoded in ${times.segment.toFixed(0)} ms` +
+            (drawn.ahead ? ', ahead' : '')],
         ['fetched', bytesText(drawn.fetched) +
             (drawn.size ? ` of ${bytesText(drawn.size)}` : '')],
         ['decoder', viewer.usesSimd ? 'WebAssembly, SIMD' : 'WebAssembly'],

@@ -3,7 +3,9 @@ import type { SagaCamera, SagaInfo } from './saga.js';
 import type { Viewer } from './viewer.js';
 
 /** <saga-player src autoplay loop camera poster controls draw="exact">.
- * Events: loadeddata, play, pause, ended, timeupdate, camerachange; error, whose
+ * Events: loadeddata, play, pause, ended, timeupdate, ratechange, camerachange;
+ * waiting and playing where a segment is late and has come; progress, whose
+ * detail is { segment, got, nbytes }, segment -1 for the head; error, whose
  * detail is a sentence. */
 export class SagaPlayer extends HTMLElement {
     /** What is below the element: paths, sizes, the last picture's numbers. */

@@ -9,8 +9,9 @@
 // loop; camera, of the rig, from 0; poster, a picture until the first one is
 // drawn; controls, the bar; draw="exact", the decoder's own pixels.
 //
-// Events: loadeddata, play, pause, ended, timeupdate, camerachange, error. It is
-// as large as its style says, 16:9 of the width otherwise. What stands in it with
+// Events: loadeddata, play, pause, waiting, playing, progress, ended,
+// timeupdate, ratechange, camerachange, error. It is as large as its style says,
+// 16:9 of the width otherwise. What stands in it with
 // slot="buttons" is added to the bar. player.d.ts has properties and methods.
 
 import { addControls, moveByKey } from './controls.js';
@@ -18,6 +19,7 @@ import { heightOf, widthOf } from './camera.js';
 import { Viewer } from './viewer.js';
 
 const REST_MS = 2500; // of the pointer, until the bar goes
+const RATES = [0.25, 0.5, 1, 1.5, 2]; // of time, in the bar
 
 const icon = (id, label, paths) => `<button class="icon" id="${id}"
     title="${label}" aria-label="${label}"><svg viewBox="0 0 24 24"
@@ -46,8 +48,8 @@ canvas:focus-visible { outline: 2px solid var(--accent); outline-offset: -2px; }
 #line { position: relative; flex: 1; min-width: 60px; display: grid; }
 #parts { position: absolute; inset: 0 8px; display: flex; align-items: center;
     gap: 2px; }
-#parts span { height: 4px; border-radius: 2px; background: #fff4; }
-#parts .kept { background: #fff9; }
+#parts span { height: 4px; border-radius: 2px;
+    background: linear-gradient(90deg, #fff9 var(--got, 0%), #fff4 0); }
 #time { position: relative; width: 100%; height: 28px; margin: 0;
     background: none; appearance: none; cursor: pointer; }
 #time::-webkit-slider-runnable-track, #time::-moz-range-track {
@@ -91,6 +93,9 @@ select, ::slotted(select) { max-width: 10em; padding: 4px 9px; font: inherit;
     max="0" step="any" value="0" aria-label="time"></div>
   <output id="clock">0.00 / 0.00 s</output>
   <select id="camera" title="Camera (1 to 9)" aria-label="camera"></select>
+  <select id="rate" title="Speed" aria-label="speed">${RATES.map((rate) =>
+        `<option value="${rate}"${rate === 1 ? ' selected' : ''}>${rate}&times;
+        </option>`).join('')}</select>
   ${icon('reset', 'Back to the camera (R)',
         '<path class="stroke" d="M5 5v5h5M5.5 10a7.5 7.5 0 1 1-1 5"/>')}
   <slot name="buttons"></slot>
@@ -150,6 +155,17 @@ export class SagaPlayer extends HTMLElement {
         viewer.addEventListener('change', () => this.showState());
         viewer.addEventListener('drawn', () => this.showDrawn());
         viewer.addEventListener('ended', () => this.emit('ended'));
+        viewer.addEventListener('waiting', () => {
+            this.tell('loading');
+            this.emit('waiting');
+        });
+        viewer.addEventListener('resumed', () => {
+            this.tell('');
+            if (viewer.playing)
+                this.emit('playing');
+        });
+        viewer.addEventListener('progress',
+            ({ detail }) => this.showProgress(detail));
         viewer.addEventListener('failed', ({ detail }) => {
             this.tell(detail);
             this.emit('error', detail);
@@ -158,6 +174,9 @@ export class SagaPlayer extends HTMLElement {
         on('time', 'input', () => viewer.seek(Number(this.$('time').value)));
         on('camera', 'change', () => viewer.selectCamera(
             Number(this.$('camera').value)));
+        on('rate', 'change', () => {
+            this.playbackRate = this.$('rate').value;
+        });
         on('reset', 'click', () => viewer.selectCamera(viewer.camera));
         on('full', 'click', () => this.toggleFull());
         this.addEventListener('keydown', (event) => this.onKey(event));
@@ -260,9 +279,26 @@ export class SagaPlayer extends HTMLElement {
 
     showDrawn() {
         this.$('poster').hidden = true;
-        [...this.$('parts').children].forEach((part, i) =>
-            part.classList.toggle('kept',
-                this.viewer.drawn.kept.includes(i)));
+        [...this.$('parts').children].forEach((part, i) => {
+            if (this.viewer.drawn.kept.includes(i))
+                part.style.setProperty('--got', '100%');
+            else if (part.style.getPropertyValue('--got') === '100%')
+                part.style.removeProperty('--got'); // forgotten
+        });
+    }
+
+    // How much has come of what is waited for, and of its part of the bar.
+    showProgress({ segment, got, nbytes }) {
+        const { viewer } = this;
+        const percent = `${Math.round(100 * got / nbytes)}%`;
+
+        if (nbytes > 0 && segment >= 0)
+            this.$('parts').children[segment].style
+                .setProperty('--got', percent);
+        if (nbytes > 0 && (!viewer.info || viewer.waiting) &&
+            (segment < 0 || segment === viewer.asked))
+            this.tell(`loading ${percent}`);
+        this.emit('progress', { segment, got, nbytes });
     }
 
     // The bar is there while something is done, and while nothing plays.
@@ -347,7 +383,11 @@ export class SagaPlayer extends HTMLElement {
     }
 
     get playbackRate() { return this.viewer.rate; }
-    set playbackRate(rate) { this.viewer.rate = Math.max(0, Number(rate) || 0); }
+    set playbackRate(rate) {
+        this.viewer.rate = Math.max(0, Number(rate) || 0);
+        this.$('rate').value = this.viewer.rate; // nothing where it is no choice
+        this.emit('ratechange');
+    }
 
     get src() { return this.getAttribute('src') || ''; }
     set src(address) { this.setAttribute('src', address); }

@@ -143,6 +143,18 @@ export class SagaFile {
     /** The bytes of a segment, fetched once; call it ahead of time too. */
     fetchSegment(number: number): Promise<Uint8Array>;
 
+    /** What it was opened from: the file's first bytes. */
+    readonly head: Uint8Array;
+
+    /** Decodes a segment, unless it is decoded. */
+    decode(number: number): Promise<void>;
+
+    /** The decoder with its segment, for `adopt` of an instance opened from the
+     * same head, in a worker for example: decoding ahead of time. ms: what it
+     * took. */
+    block(): Uint8Array;
+    adopt(number: number, block: Uint8Array, ms?: number): void;
+
     /** The picture at the time num / den, in frames; both are integers. */
     draw(camera: SagaCamera, num: number, den?: number): Promise<SagaPicture>;
 

@@ -83,6 +83,7 @@ export class HttpSource {
         this.size = NaN;
         this.fetched = 0;
         this.whole = null;
+        this.onProgress = () => {}; // { offset, got, nbytes } of a read
     }
 
     async read(offset, nbytes) {
@@ -101,9 +102,8 @@ export class HttpSource {
 
         if (response.status === 416)
             return new Uint8Array(0);
-        const bytes = new Uint8Array(await this.bodyOf(response));
+        const bytes = await this.bodyOf(response, offset);
 
-        this.fetched += bytes.length;
         if (response.status === 206) {
             const range = response.headers.get('Content-Range') || '';
 
@@ -146,14 +146,48 @@ export class HttpSource {
             .then(() => true, () => false);
     }
 
-    async bodyOf(response) {
+    async bodyOf(response, offset) {
+        const nbytes = Number(response.headers.get('Content-Length')) || NaN;
+        const parts = [];
+        let got = 0;
+
         try {
-            return await response.arrayBuffer();
+            for await (const part of chunksOf(response.body)) {
+                parts.push(part);
+                got += part.length;
+                this.fetched += part.length;
+                this.onProgress({ offset, got, nbytes });
+            }
+            return joined(parts, got);
         } catch (error) {
             throw new SagaError(`${this.name}: the transfer broke off ` +
                 `(${error.message}); try again`);
         }
     }
+}
+
+// Not every browser can iterate a stream.
+async function *chunksOf(stream) {
+    const reader = stream.getReader();
+
+    for (;;) {
+        const { done, value } = await reader.read();
+
+        if (done)
+            return;
+        yield value;
+    }
+}
+
+function joined(parts, nbytes) {
+    const all = new Uint8Array(nbytes);
+    let at = 0;
+
+    for (const part of parts) {
+        all.set(part, at);
+        at += part.length;
+    }
+    return all;
 }
 
 // --- The module ------------------------------------------------------------
@@ -204,6 +238,7 @@ export class SagaFile {
         this.seconds = seconds;
         this.clock = clock;        // what the decoder looks at while it works
         this.segment = -1;         // the decoded one
+        this.head = null;          // the bytes that were opened
         this.coded = new Map();    // number -> promise of a segment's bytes
         this.here = new Set();     // numbers of those that have come
         this.times = { segment: 0, view: 0, draw: 0 }; // ms, of the last ones
@@ -259,6 +294,7 @@ export class SagaFile {
         if (bytes.length < this.info.headNbytes)
             bytes = await this.readOn(bytes, this.info.headNbytes);
         this.write(this.wasm.saga_web_head(bytes.length), bytes);
+        this.head = bytes;
         this.check(this.wasm.saga_web_probe(), 'its header is refused');
         this.startClock();
         this.check(this.wasm.saga_web_open(), 'its networks are refused');
@@ -301,11 +337,8 @@ export class SagaFile {
     async readOn(bytes, nbytes) {
         const more = await this.source.read(bytes.length,
             nbytes - bytes.length);
-        const all = new Uint8Array(bytes.length + more.length);
 
-        all.set(bytes);
-        all.set(more, bytes.length);
-        return all;
+        return joined([bytes, more], bytes.length + more.length);
     }
 
     tellInfo() {
@@ -386,6 +419,22 @@ export class SagaFile {
         this.check(status, `segment ${number} is refused`);
         this.segment = number;
         this.times.segment = performance.now() - start;
+    }
+
+    // A copy of the decoder with the segment in it, for `adopt` of another
+    // instance that was opened from the same `head`: a worker may decode ahead
+    // of time.
+    block() {
+        return this.bytes(this.wasm.saga_web_work() >>> 0,
+            this.info.workNbytes).slice();
+    }
+
+    adopt(number, block, ms = 0) {
+        this.segment = -1;
+        this.write(this.wasm.saga_web_work() >>> 0, block);
+        this.check(this.wasm.saga_web_adopt(), `segment ${number} is refused`);
+        this.segment = number;
+        this.times.segment = ms;
     }
 
     // Decodes a segment; where it has layers, its first bytes may do: the

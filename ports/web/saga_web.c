@@ -83,6 +83,12 @@ EXPORT(saga_web_input) uint8_t *saga_web_input(uint32_t nbytes);
 EXPORT(saga_web_decode)
 int32_t saga_web_decode(uint32_t first_frame, uint32_t nbytes);
 
+/* The work block, of as many bytes as saga_web_info tells. What another
+ * instance decoded that was opened with the same head may be written there
+ * instead of saga_web_decode; then saga_web_adopt. NULL: nothing is open. */
+EXPORT(saga_web_work) uint8_t *saga_web_work(void);
+EXPORT(saga_web_adopt) int32_t saga_web_adopt(void);
+
 /* saga_view of the camera at saga_web_camera, then its picture, told at
  * saga_web_picture. */
 EXPORT(saga_web_view) int32_t saga_web_view(int32_t t);
@@ -278,7 +284,6 @@ uint8_t *saga_web_input(uint32_t nbytes)
 
 int32_t saga_web_decode(uint32_t first_frame, uint32_t nbytes)
 {
-    saga_report report;
     saga_segment seg;
     saga_status s = saga_find(&seg, web.head, web.head_nbytes, first_frame, 1);
 
@@ -286,7 +291,22 @@ int32_t saga_web_decode(uint32_t first_frame, uint32_t nbytes)
         return s;
     s = web.dec ? saga_decode(web.dec, &seg, web.input, nbytes, &watch)
                 : SAGA_ERR_STATE;
-    if (s == SAGA_OK && saga_tell(&report, web.dec) == SAGA_OK)
+    return s ? s : saga_web_adopt();
+}
+
+uint8_t *saga_web_work(void)
+{
+    return web.dec ? web.work : NULL;
+}
+
+int32_t saga_web_adopt(void)
+{
+    saga_report report;
+    const saga_status s = web.dec ? saga_tell(&report, web.dec)
+                                  : SAGA_ERR_STATE;
+
+    web.view.width = 0;
+    if (s == SAGA_OK)
         web.picture.n_primitives = report.n_primitives;
     return s;
 }

@@ -16,8 +16,10 @@ export interface KeyCamera {
 
 /** A canvas that shows a file: decoded in a worker, drawn by the graphics
  * processor or, with exact, by the decoder. Events: `opened`, `change`, `drawn`,
- * `ended`, and `failed`, whose detail is a sentence. Until a file is open, what
- * would change its camera or time does nothing; setScale holds. */
+ * `ended`; `waiting` and `resumed` where a segment is late; `progress`, with
+ * { segment, got, nbytes }; and `failed`, whose detail is a sentence. Until a
+ * file is open, what would change its camera or time does nothing; setScale
+ * holds. */
 export class Viewer extends EventTarget {
     constructor(canvas: HTMLCanvasElement, options?: {
         exact?: boolean;
@@ -33,6 +35,8 @@ export class Viewer extends EventTarget {
     /** In frames. */
     readonly frame: number;
     readonly playing: boolean;
+    /** A segment is late; the clock stands. */
+    readonly waiting: boolean;
     /** Whether the camera is none of the rig's any more. */
     readonly moved: boolean;
     /** Of an exact picture, relative to the camera's. */
@@ -59,6 +63,8 @@ export class Viewer extends EventTarget {
         den: number;
         values: Int32Array;
         segment: number;
+        /** Whether it was decoded ahead of time. */
+        ahead: boolean;
         times: { segment: number; view: number; draw: number };
         fetched: number;
         size: number;

@@ -13,8 +13,13 @@
 // Until a file is open there is no camera and no time: what would change them
 // does nothing. setScale holds for every file.
 //
+// While it plays, the next segments are fetched, and the next one is decoded by
+// another worker. Where one is late the clock stands.
+//
 // Events: `opened`, `change` (camera, time or playing), `drawn` (viewer.drawn
-// has the picture's numbers), `failed` (detail: a sentence).
+// has the picture's numbers), `waiting` and `resumed` (a segment is late, and
+// is there), `progress` (detail: { segment, got, nbytes } of a transfer),
+// `failed` (detail: a sentence).
 
 import * as cam from './camera.js';
 import { GpuScreen, PlainScreen } from './gpu.js';
@@ -23,6 +28,8 @@ import { keyAt } from './path.js';
 
 const TIME_DEN = 256; // moments between two frames, while it plays
 const REST_MS = 150;  // without a change: the picture rests
+const WAIT_MS = 200;  // until who waits for a segment is told
+const AHEAD_SECONDS = 10, AHEAD_SEGMENTS = 16; // fetched, at most
 
 export class Viewer extends EventTarget {
     // exact: true for the decoder's own picture, which a browser without WebGL2
@@ -61,7 +68,10 @@ export class Viewer extends EventTarget {
         this.stale = false;     // and another one is wanted
         this.spare = null;      // a buffer for the next picture
         this.drawn = null;
-        this.pending = null;    // segment asked for ahead of time
+        this.asked = -1;        // segment of the picture that is being drawn
+        this.looked = null;     // from where segments are asked for
+        clearTimeout(this.late);
+        this.waiting = false;
     }
 
     emit(type, detail) {
@@ -82,6 +92,8 @@ export class Viewer extends EventTarget {
             this.worker.onmessage = ({ data }) => {
                 if (data.drawn)
                     this.show(data.drawn);
+                else if (data.progress)
+                    this.emit('progress', data.progress);
                 else if (data.opened)
                     resolve(this.begin(data.opened));
                 else
@@ -111,6 +123,7 @@ export class Viewer extends EventTarget {
     fail(sentence) {
         this.playing = false;
         this.busy = false;
+        this.endWait();
         this.emit('failed', sentence);
         return new Error(sentence);
     }
@@ -340,13 +353,18 @@ export class Viewer extends EventTarget {
         if (!this.playing)
             return;
         this.since = now;
-        if (this.path)
-            this.tickPath(passed);
-        else
-            this.tickTime(passed * this.info.fps * this.rate);
-        this.fetchAhead();
+        if (!this.isLate())
+            this.advance(passed);
+        this.lookAhead();
         this.changed();
         requestAnimationFrame((next) => this.tick(next));
+    }
+
+    advance(seconds) {
+        if (this.path)
+            this.tickPath(seconds);
+        else
+            this.tickTime(seconds * this.info.fps * this.rate);
     }
 
     tickTime(frames) {
@@ -369,15 +387,52 @@ export class Viewer extends EventTarget {
             this.pause();
     }
 
-    // The segment after the one that is played.
-    fetchAhead() {
-        const next = this.segments.findIndex(
-            (s) => s.firstFrame > this.frame);
+    // --- Segments
 
-        if (next > 0 && next !== this.pending) {
-            this.pending = next;
-            this.worker.postMessage({ fetch: next });
+    segmentAt(frame) {
+        return this.segments.findLastIndex((s) => s.firstFrame <= frame);
+    }
+
+    // The worker is told what comes as soon as another segment is played.
+    lookAhead() {
+        const { segments, info, loop } = this;
+        const at = this.segmentAt(this.frame);
+        const list = [at];
+        let frames = 0;
+
+        if (segments.length < 2 || this.looked === at)
+            return;
+        this.looked = at;
+        for (let i = at + 1; frames < AHEAD_SECONDS * info.fps &&
+            list.length < Math.min(segments.length, AHEAD_SEGMENTS) &&
+            (loop || i < segments.length); i++) {
+            const next = i % segments.length;
+
+            list.push(next);
+            frames += segments[next].nFrames;
         }
+        this.worker.postMessage({ ahead: list });
+    }
+
+    // Whether the picture that is asked for needs another segment than the last.
+    isLate() {
+        return this.busy && this.asked !== this.drawn?.segment;
+    }
+
+    beginWait() {
+        clearTimeout(this.late);
+        this.late = setTimeout(() => {
+            this.waiting = true;
+            this.emit('waiting');
+        }, WAIT_MS);
+    }
+
+    endWait() {
+        clearTimeout(this.late);
+        if (!this.waiting)
+            return;
+        this.waiting = false;
+        this.emit('resumed');
     }
 
     // --- Pictures
@@ -400,6 +455,9 @@ export class Viewer extends EventTarget {
         this.busy = true;
         this.stale = false;
         this.spare = null;
+        this.asked = this.segmentAt(this.frame);
+        if (this.isLate() && !this.waiting)
+            this.beginWait();
         this.worker.postMessage({ draw: { values,
             num: Math.round(this.frame * den), den, gpu: !this.exact,
             crc: this.wantCrc, buffer } }, buffer ? [buffer] : []);
@@ -413,6 +471,7 @@ export class Viewer extends EventTarget {
         this.spare = drawn.bytes.buffer;
         this.drawn = { ...drawn, bytes: null };
         this.busy = false;
+        this.endWait();
         this.keepPace();
         this.emit('drawn');
         if (this.stale)

@@ -1,26 +1,118 @@
 // SPDX-License-Identifier: MIT
 //
 // A worker that has one file open and draws it, so that the page stays
-// responsive. It answers every message but `fetch` once, in their order:
+// responsive. It answers every message but `ahead` once, in their order:
 //
 //     { open: address or File, simd, seconds } -> { opened } or { failed }
 //     { draw: { values, num, den, gpu, crc, buffer } } -> { drawn } or
 //         { failed }: with gpu splats, else pixels; buffer is used again
-//     { fetch: segment }                  ahead of time
+//     { ahead: segments }: the one that is shown, and those that come then;
+//         they are fetched in this order, the second is decoded elsewhere
+//
+// and tells now and then { progress: { segment, got, nbytes } }, in bytes; of
+// the head, or of a file that its server gives whole, segment is -1.
 
-import { SagaFile, hasSimd, loadModule } from './saga.js';
+import { HttpSource, SagaFile, hasSimd, loadModule } from './saga.js';
+
+const TELL_MS = 50;
 
 let file = null;
+let next = null;       // Next of this file
+let plan = [];         // the last `ahead`
+let ahead = false;     // whether what is decoded was decoded ahead of time
+
+// The next segment, decoded by a worker of this worker (ahead.js) while this
+// one draws.
+class Next {
+    constructor({ head, seconds }, module) {
+        this.worker = new Worker(new URL('ahead.js', import.meta.url),
+            { type: 'module' });
+        this.worker.postMessage({ head, seconds, module });
+        this.made = new Map(); // number -> promise of { block, ms }, or of {}
+        this.resolvers = [];   // of what is being decoded, in order
+        this.worker.onmessage = ({ data }) => this.resolvers.shift()(data);
+        this.worker.onerror = () => {
+            this.prepare = () => {};
+            this.resolvers.forEach((resolve) => resolve({}));
+        };
+    }
+
+    // Two are kept: when a segment begins to be played, the one after it may be
+    // asked for before its own first picture is.
+    prepare(number, bytes) {
+        if (this.made.has(number))
+            return;
+        this.made.set(number,
+            new Promise((resolve) => this.resolvers.push(resolve)));
+        this.worker.postMessage({ number, bytes });
+        if (this.made.size > 2)
+            this.made.delete(this.made.keys().next().value);
+    }
+
+    // The prepared one, once.
+    async take(number) {
+        const made = this.made.get(number);
+
+        this.made.delete(number);
+        return made || {};
+    }
+}
+
+// An address becomes a source that tells how far it is.
+function watched(source) {
+    if (typeof source !== 'string')
+        return source;
+    const http = new HttpSource(source);
+    let told = -Infinity;
+
+    http.onProgress = ({ offset, got, nbytes }) => {
+        const now = performance.now();
+
+        if (now - told < TELL_MS && got !== nbytes)
+            return;
+        told = now;
+        postMessage({ progress: { got, nbytes, segment: file?.segments?.
+            findIndex((s) => s.offset === offset) ?? -1 } });
+    };
+    return http;
+}
 
 async function open({ open: source, simd = hasSimd(), seconds }) {
     file = null;
     const module = await loadModule({ simd });
 
-    file = await SagaFile.open(source, { module, seconds });
+    file = await SagaFile.open(watched(source), { module, seconds });
+    next = file.segments.length > 1 && globalThis.Worker
+        ? new Next(file, module) : null;
     const { info, rig, segments } = file;
     const { name, size } = file.source;
 
     return { opened: { info, rig, segments, name, size, simd } };
+}
+
+async function lookAhead(numbers) {
+    plan = numbers;
+    for (const [i, number] of numbers.entries()) {
+        const bytes = await file.fetchSegment(number);
+
+        if (plan !== numbers)
+            return;
+        if (i === 1)
+            next?.prepare(number, bytes);
+    }
+}
+
+// Takes the segment of a time from where it was decoded ahead.
+async function changeSegment(num, den) {
+    const { number } = file.find(num, den);
+
+    if (number === file.segment)
+        return;
+    const { block, ms } = next ? await next.take(number) : {};
+
+    ahead = Boolean(block);
+    if (ahead)
+        file.adopt(number, block, ms);
 }
 
 // bytes in buffer, if that is large enough for what is not much smaller.
@@ -35,6 +127,7 @@ function copyTo(buffer, bytes) {
 }
 
 async function draw({ values, num, den, gpu, crc, buffer }) {
+    await changeSegment(num, den);
     const made = gpu ? await file.splats({ values }, num, den)
         : await file.draw({ values }, num, den);
     const { width, height, nPrimitives, nSplats, tools, background } = made;
@@ -43,7 +136,7 @@ async function draw({ values, num, den, gpu, crc, buffer }) {
         width, height, nPrimitives, nSplats, tools, background, gpu,
         bytes: copyTo(buffer, gpu ? made.bytes : made.rgba),
         crc: crc && !gpu ? file.crc() : null, num, den, values,
-        segment: file.segment, times: { ...file.times },
+        segment: file.segment, ahead, times: { ...file.times },
         fetched: file.source.fetched, size: file.source.size,
         kept: [...file.here],
     } };
@@ -63,8 +156,9 @@ async function answer(message) {
 let last = Promise.resolve();
 
 onmessage = ({ data }) => {
-    if (data.fetch !== undefined) {
-        file?.fetchSegment(data.fetch).catch(() => {});
+    if (data.ahead) {
+        if (file)
+            lookAhead(data.ahead).catch(() => {}); // drawing it tells
         return;
     }
     last = last.then(() => answer(data)).then((reply) =>

@@ -354,7 +354,7 @@ def check_names(tab):
                 node["name"]["value"])
     want = {"button": ["Play (space)", "Back to the camera (R)",
                        "Full screen (F)"], "slider": ["time"],
-            "combobox": ["camera"]}
+            "combobox": ["camera", "speed"]}
     for role, names in want.items():
         if named.get(role) != names:
             complain("of the role", role, "there are", named.get(role))

@@ -166,7 +166,9 @@ class Browser:
 class FileServer(http.server.ThreadingHTTPServer):
     """Serves {path: bytes} on a port of its own; `served` lists (path, first
     byte, number of bytes) of what was sent. ranges=False: whole files
-    only. share=True: pages of other servers may read them."""
+    only. share=True: pages of other servers may read them. What is called
+    .saga comes after `delay` seconds and with `rate` bytes a second, if
+    that is set, one answer after the other."""
 
     TYPES = {".html": "text/html", ".js": "text/javascript",
              ".css": "text/css", ".wasm": "application/wasm"}
@@ -176,6 +178,8 @@ class FileServer(http.server.ThreadingHTTPServer):
         self.files = files
         self.ranges = ranges
         self.share = share
+        self.delay, self.rate = 0, None
+        self.free, self.line = 0, threading.Lock()
         self.served = []
         self.url = "http://127.0.0.1:%d/" % self.server_port
         threading.Thread(target=self.serve_forever, daemon=True).start()
@@ -216,7 +220,25 @@ class FileHandler(http.server.BaseHTTPRequestHandler):
             self.send_header("Access-Control-Allow-Origin", "*")
             self.send_header("Access-Control-Expose-Headers", "Content-Range")
         self.end_headers()
-        self.wfile.write(part)
+        if path.endswith(".saga") and self.server.rate:
+            self.write_slowly(part, self.server.rate)
+        else:
+            self.wfile.write(part)
+
+    def write_slowly(self, data, rate):
+        """One answer after the other; a sleep too long is made up for."""
+        server, step = self.server, 1024
+        with server.line:
+            begin = max(time.monotonic(), server.free) + server.delay
+            server.free = begin + len(data) / rate
+        try:
+            for at in range(0, len(data), step):
+                part = data[at:at + step]
+                due = begin + (at + len(part)) / rate
+                time.sleep(max(0, due - time.monotonic()))
+                self.wfile.write(part)
+        except ConnectionError:
+            pass # the page has gone on
 
     def log_message(self, *args):
         pass
