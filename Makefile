@@ -311,7 +311,10 @@ WEB_FILES := $(addprefix $(WEB)/,$(notdir $(sort $(wildcard \
 # `npm pack` wants these beside it.
 WEB_PACK := $(patsubst ports/web/%,$(WEB)/%,$(sort $(wildcard ports/web/*.ts \
     ports/web/*.json ports/web/*.md)))
-web: $(WEB_FILES) $(WEB_PACK)
+# Packages for engines use build/web.
+ENGINE_FILES := $(patsubst ports/%,$(BUILD)/%,$(sort $(wildcard \
+    ports/three/* ports/playcanvas/*)))
+web: $(WEB_FILES) $(WEB_PACK) $(ENGINE_FILES)
 
 $(OBJ)/wasm/%.o: %.c $(BUILD)/flags $(SAGA_H)
 	@mkdir -p $(@D)
@@ -326,6 +329,10 @@ $(WEB)/saga_simd.wasm: $(WASM_SRC:%.c=$(OBJ)/wasm_simd/%.o)
 $(WEB)/%.wasm: $(BUILD)/sources
 	@mkdir -p $(@D)
 	$(WASM_LD) $(WASM_LDFLAGS) $(filter %.o,$^) -o $@
+
+$(ENGINE_FILES): $(BUILD)/%: ports/%
+	@mkdir -p $(@D)
+	@cp $< $@
 
 $(WEB)/%: ports/web/%
 	@mkdir -p $(@D)

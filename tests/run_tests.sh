@@ -247,6 +247,7 @@ many() {
     check web python3 tests/cli/check_web.py
     check player python3 tests/cli/check_player.py
     check stream python3 tests/cli/check_stream.py
+    check engines python3 tests/cli/check_engines.py
     check firmware tests/check_firmware.sh
     vectors gcc
     programs gcc CC=gcc

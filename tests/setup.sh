@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: MIT
 #
 # setup.sh [test|all|lint|plot]: installs what the tests need and this Debian
-# lacks ("test": also the browser and the boards of `make test`; "all": that,
-# and every cross compiler of `make test-all`; "lint": also what `make lint`
+# lacks ("test": also the browser, npm and the boards of `make test`; "all":
+# that, and every cross compiler of `make test-all`; "lint": also what `make lint`
 # runs; "plot": also what draws plots). Where it cannot install, it prints the
 # command to be run and fails. SAGA_NO_SETUP=1 skips it.
 set -eu
@@ -30,6 +30,11 @@ all)
     ;;
 lint) packages="$packages clang-tidy" ;;
 plot) packages="$packages gnuplot-nox valgrind" ;;
+esac
+
+# What `npm pack` gets is an engine to be tested with.
+case ${1:-} in
+test | all) command -v npm >/dev/null || packages="$packages npm" ;;
 esac
 
 # The sanitizers' library carries clang's version in its name.

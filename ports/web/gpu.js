@@ -15,7 +15,30 @@
 // what is faint.
 
 const SPLAT_NBYTES = 44; // saga_splat of saga.h
-const STEEP = 64; // the tool by which splats fall off faster than Gaussians
+// The tool by which splats fall off faster than Gaussians.
+export const STEEP = 64;
+
+// A splat's shape, for every shader of ours. f: g, n, h of its conic; its peak
+// is exp2(3 - q0); d: pixels from its mean, y down.
+export const SHAPE_GLSL = `
+vec2 saga_corner(vec3 f, float q0, bool is_steep, vec2 corner) {
+    float rest = 11.0 - q0;
+    // s + s^2 / 2 = rest
+    float reach = is_steep ? sqrt(1.0 + 2.0 * rest) - 1.0 : rest;
+    vec2 vw = sqrt(reach) * corner;
+    // v = g dx - n dy, w = h dy; g and h of 0 are less than half a unit, Q28
+    vec2 gh = max(f.xz, vec2(exp2(-29.0)));
+    float dy = vw.y / gh.y;
+    return vec2((vw.x + f.y * dy) / gh.x, dy);
+}
+
+float saga_alpha(vec3 f, float q0, bool is_steep, vec2 d) {
+    vec2 vw = vec2(f.x * d.x - f.y * d.y, f.z * d.y);
+    float s = dot(vw, vw);
+    float q = q0 + s + (is_steep ? 0.5 * s * s : 0.0);
+    return q >= 11.0 ? 0.0 : min(exp2(3.0 - q), 64880.0 / 65536.0);
+}
+`;
 
 const SPLAT_VERTEX = `#version 300 es
 precision highp float;
@@ -30,22 +53,15 @@ flat out vec2 mean;
 flat out vec3 chol;
 flat out vec4 splat;
 
+${SHAPE_GLSL}
 void main() {
-    // g and h of 0, in Q28, are less than half a unit.
-    vec3 f = max(vec3(chol_q28), vec3(0.5, -1e10, 0.5)) * exp2(-28.0);
     float q0 = float(q0_q20) * exp2(-20.0);
-    float rest = 11.0 - q0;
-    // s + s^2 / 2 = rest
-    float reach = is_steep ? sqrt(1.0 + 2.0 * rest) - 1.0 : rest;
-    vec2 vw = sqrt(reach) *
-        (vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0);
-    // v = g dx - n dy, w = h dy
-    float dy = vw.y / f.z;
-    float dx = (vw.x + f.y * dy) / f.x;
     mean = vec2(mean_q8) / 256.0;
     chol = vec3(chol_q28) * exp2(-28.0);
     splat = vec4(vec3(colour_q15) / 32768.0, q0);
-    gl_Position = vec4((mean + vec2(dx, dy)) / size * 2.0 - 1.0, 0.0, 1.0);
+    vec2 d = saga_corner(chol, q0, is_steep,
+        vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0);
+    gl_Position = vec4((mean + d) / size * 2.0 - 1.0, 0.0, 1.0);
 }`;
 
 const SPLAT_FRAGMENT = `#version 300 es
@@ -56,15 +72,12 @@ flat in vec3 chol;
 flat in vec4 splat;
 out vec4 mixed;
 
+${SHAPE_GLSL}
 void main() {
     // The first row is the picture's top one.
-    vec2 d = gl_FragCoord.xy - mean;
-    vec2 vw = vec2(chol.x * d.x - chol.y * d.y, chol.z * d.y);
-    float s = dot(vw, vw);
-    float q = splat.a + s + (is_steep ? 0.5 * s * s : 0.0);
-    if (q >= 11.0)
+    float alpha = saga_alpha(chol, splat.a, is_steep, gl_FragCoord.xy - mean);
+    if (alpha == 0.0)
         discard;
-    float alpha = min(exp2(3.0 - q), 64880.0 / 65536.0);
     mixed = vec4(alpha * splat.rgb, alpha);
 }`;
 

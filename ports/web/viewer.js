@@ -28,22 +28,25 @@ import { keyAt } from './path.js';
 
 const TIME_DEN = 256; // moments between two frames, while it plays
 const REST_MS = 150;  // without a change: the picture rests
+const MOST_MS = 250;  // that the clock goes on at a time
 const WAIT_MS = 200;  // until who waits for a segment is told
 const AHEAD_SECONDS = 10, AHEAD_SEGMENTS = 16; // fetched, at most
 
 export class Viewer extends EventTarget {
     // exact: true for the decoder's own picture, which a browser without WebGL2
     // has anyway. simd: false for the plain decoder; else what the browser has.
-    // seconds: that decoding a segment may take.
-    constructor(canvas, { exact = false, simd, seconds } = {}) {
+    // seconds: that decoding a segment may take. screen: what shows pictures
+    // where that is no canvas (engine.js).
+    constructor(canvas, { exact = false, simd, seconds, screen } = {}) {
         super();
         this.canvas = canvas;
-        this.screen = GpuScreen.open(canvas) || new PlainScreen(canvas);
+        this.screen = screen || GpuScreen.open(canvas) ||
+            new PlainScreen(canvas);
         this.exact = exact || !this.screen.takesSplats;
         this.room = null;       // width and height of the window, if given
         this.pace = new Pace();
         this.rest = 0;          // timer
-        canvas.addEventListener('webglcontextrestored', () => this.changed());
+        canvas?.addEventListener('webglcontextrestored', () => this.changed());
         this.simd = simd;
         this.seconds = seconds;
         this.scale = 1;         // of an exact picture, relative to the camera's
@@ -348,7 +351,8 @@ export class Viewer extends EventTarget {
     }
 
     tick(now) {
-        const passed = Math.max(0, now - this.since) / 1000;
+        // A page that slept goes on where it was.
+        const passed = Math.max(0, Math.min(MOST_MS, now - this.since)) / 1000;
 
         if (!this.playing)
             return;

@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: MIT
+//
+// A .saga film as an object of a three.js scene, drawn by its WebGLRenderer:
+//
+//     const film = await SagaMesh.load('scene.saga');
+//     scene.add(film);
+//     film.placeCamera(camera);
+//     film.view.play();
+//
+// A unit of the object is the capture's. Opaque objects hide it, by the depth of
+// each splat, and it hides them.
+
+import * as THREE from 'three';
+import { EngineView, FLOATS, FRAGMENT_GLSL, VERTEX_GLSL, floatsOf, isSteep }
+    from 'saga-web/engine.js';
+
+const VERTEX = `${VERTEX_GLSL}
+in vec4 place;
+in vec3 chol;
+in vec3 colour;
+
+void main() {
+    gl_Position = saga_place(position.xy, place, chol, colour);
+}`;
+
+const FRAGMENT = `${FRAGMENT_GLSL}
+out vec4 mixed;
+
+void main() {
+    mixed = saga_mixed();
+}`;
+
+function makeMaterial() {
+    const uniforms = { saga_to_clip: new THREE.Matrix4(),
+        saga_size: new THREE.Vector2(1, 1),
+        saga_viewport: new THREE.Vector4(), saga_steep: 0 };
+
+    return new THREE.ShaderMaterial({
+        glslVersion: THREE.GLSL3, vertexShader: VERTEX, fragmentShader: FRAGMENT,
+        uniforms: Object.fromEntries(Object.entries(uniforms).map(
+            ([name, value]) => [name, { value }])),
+        transparent: true, depthWrite: false, side: THREE.DoubleSide,
+        toneMapped: false, blending: THREE.CustomBlending,
+        blendSrc: THREE.OneFactor, blendDst: THREE.OneMinusSrcAlphaFactor,
+    });
+}
+
+// An instance a splat: four corners, and what floatsOf gives.
+function makeGeometry(floats, nSplats) {
+    const geometry = new THREE.InstancedBufferGeometry();
+    const buffer = new THREE.InstancedInterleavedBuffer(floats, FLOATS);
+
+    buffer.setUsage(THREE.StreamDrawUsage);
+    geometry.setAttribute('position', new THREE.BufferAttribute(
+        new Float32Array([-1, -1, 0, 1, -1, 0, -1, 1, 0, 1, 1, 0]), 3));
+    geometry.setIndex([0, 1, 2, 2, 1, 3]);
+    for (const [name, n, at] of [['place', 4, 0], ['chol', 3, 4],
+        ['colour', 3, 7]])
+        geometry.setAttribute(name,
+            new THREE.InterleavedBufferAttribute(buffer, n, at));
+    geometry.instanceCount = nSplats;
+    return geometry;
+}
+
+export class SagaMesh extends THREE.Mesh {
+    // source: an address or a File. options: of the viewer, simd and seconds.
+    static async load(source, options) {
+        const film = new SagaMesh(options);
+
+        await film.view.open(source);
+        return film;
+    }
+
+    constructor(options) {
+        super(makeGeometry(new Float32Array(FLOATS), 0), makeMaterial());
+        this.frustumCulled = false;
+        this.viewport = new THREE.Vector4();
+        this.modelView = new THREE.Matrix4();
+        this.values = null; // the camera that the splats were made for
+        // The clock, and events: see viewer.d.ts.
+        this.view = new EngineView((splats) => this.take(splats), options);
+    }
+
+    take(splats) {
+        const { uniforms } = this.material;
+
+        this.geometry.dispose();
+        this.geometry = makeGeometry(floatsOf(splats), splats.nSplats);
+        uniforms.saga_size.value.set(splats.width, splats.height);
+        uniforms.saga_steep.value = Number(isSteep(splats));
+        this.values = splats.values;
+    }
+
+    onBeforeRender(renderer, scene, camera) {
+        const { uniforms } = this.material;
+        const { x, y, z, w } = renderer.getCurrentViewport(this.viewport);
+        const projection = camera.projectionMatrix.elements;
+        const modelView = this.modelView.multiplyMatrices(
+            camera.matrixWorldInverse, this.matrixWorld).elements;
+
+        this.view.lookFrom(modelView, projection, Math.round(z), Math.round(w));
+        uniforms.saga_viewport.value.set(x, y, z, w);
+        if (this.values)
+            uniforms.saga_to_clip.value.fromArray(
+                this.view.toClip(this.values, modelView, projection));
+        this.material.uniformsNeedUpdate = true;
+    }
+
+    // Puts a PerspectiveCamera where a camera of the rig stands.
+    placeCamera(camera, index = 0) {
+        const { fov, matrix } = this.view.rigPlace(index);
+
+        this.updateWorldMatrix(true, false);
+        new THREE.Matrix4().fromArray(matrix).premultiply(this.matrixWorld)
+            .decompose(camera.position, camera.quaternion, camera.scale);
+        camera.scale.set(1, 1, 1);
+        camera.fov = fov;
+        camera.updateProjectionMatrix();
+        camera.updateMatrixWorld();
+    }
+
+    dispose() {
+        this.view.clear();
+        this.geometry.dispose();
+        this.material.dispose();
+    }
+}

@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: MIT
+//
+// A film inside of a scene that another engine draws: ports/three and
+// ports/playcanvas. The clock, the workers and the file are the viewer's; the
+// camera is the engine's. Matrices are 4x4, by columns, as WebGL has them.
+//
+// The decoder sorts and projects for the camera that it was last asked for.
+// Until the next splats come, `toClip` places these in what the engine's camera
+// sees now, by their depths, so that they stand among the engine's own objects.
+
+import * as cam from './camera.js';
+import { SHAPE_GLSL, STEEP } from './gpu.js';
+import { Viewer } from './viewer.js';
+
+const SPLAT_INTS = 11;     // saga_splat of saga.h
+export const FLOATS = 10;  // what `floatsOf` makes of it
+
+export const isSteep = ({ tools }) => (tools & STEEP) !== 0;
+
+// Splats from back to front, as engines blend: mean in pixels, depth in box
+// units, q0; g, n, h; colour.
+export function floatsOf({ bytes, nSplats }) {
+    const ints = new Int32Array(bytes.buffer, bytes.byteOffset,
+        SPLAT_INTS * nSplats);
+    const floats = new Float32Array(FLOATS * nSplats);
+
+    for (let i = 0; i < nSplats; i++) {
+        const from = SPLAT_INTS * (nSplats - 1 - i);
+        const [x, y, g, n, h, q0, depth, redGreen, blue] =
+            ints.subarray(from, from + 9);
+
+        floats.set([x / 2 ** 8, y / 2 ** 8, depth, q0 / 2 ** 20,
+            g / 2 ** 28, n / 2 ** 28, h / 2 ** 28, (redGreen & 65535) / 32768,
+            (redGreen >>> 16) / 32768, (blue & 65535) / 32768], FLOATS * i);
+    }
+    return floats;
+}
+
+// saga_place and saga_mixed are called by an engine's vertex and fragment
+// shader; the viewport is where it draws, in pixels.
+export const VERTEX_GLSL = `
+uniform mat4 saga_to_clip;
+uniform vec2 saga_size;
+uniform vec4 saga_viewport;
+uniform float saga_steep;
+flat out vec4 saga_mean;  // in the framebuffer; splat pixels a pixel of it
+flat out vec3 saga_chol;
+flat out vec4 saga_splat;
+${SHAPE_GLSL}
+vec4 saga_place(vec2 corner, vec4 place, vec3 chol, vec3 colour) {
+    vec2 d = saga_corner(chol, place.w, saga_steep > 0.5, corner);
+    vec4 clip = saga_to_clip * vec4(place.xy * place.z, place.z, 1.0);
+    saga_mean = vec4((clip.xy / clip.w * 0.5 + 0.5) * saga_viewport.zw +
+        saga_viewport.xy, saga_size / saga_viewport.zw);
+    saga_chol = chol;
+    saga_splat = vec4(colour, place.w);
+    clip.xy += d * vec2(2.0, -2.0) / saga_size * clip.w;
+    return clip;
+}
+`;
+
+export const FRAGMENT_GLSL = `
+uniform float saga_steep;
+flat in vec4 saga_mean;
+flat in vec3 saga_chol;
+flat in vec4 saga_splat;
+${SHAPE_GLSL}
+vec4 saga_mixed() {
+    vec2 d = (gl_FragCoord.xy - saga_mean.xy) * saga_mean.zw * vec2(1.0, -1.0);
+    float alpha = saga_alpha(saga_chol, saga_splat.a, saga_steep > 0.5, d);
+    if (alpha == 0.0)
+        discard;
+    return vec4(alpha * saga_splat.rgb, alpha);
+}
+`;
+
+// a b
+function product(a, b) {
+    return Array.from({ length: 16 }, (_, i) => [0, 1, 2, 3].reduce(
+        (sum, k) => sum + a[4 * k + i % 4] * b[4 * (i >> 2) + k], 0));
+}
+
+export class EngineView extends Viewer {
+    // take: called with every picture's splats, as SagaFile.splats has them,
+    // and with the camera's values.
+    constructor(take, options) {
+        super(null, { ...options,
+            screen: { takesSplats: true, showSplats: take } });
+        this.wanted = null;
+    }
+
+    values() {
+        return this.wanted || super.values();
+    }
+
+    // Asks for what a camera of the engine sees: modelView takes the capture's
+    // units to the camera, turned, moved and scaled alike in all directions.
+    lookFrom(modelView, projection, width, height) {
+        if (!this.info)
+            return;
+        const m = modelView, p = projection;
+        const scale = Math.hypot(m[0], m[1], m[2]);
+        const axis = (i, sign) => [m[i], m[i + 4], m[i + 8]].map(
+            (x) => sign * x / scale);
+        const rows = [axis(0, 1), axis(1, -1), axis(2, -1)];
+        const t = [m[12], -m[13], -m[14]];
+        const eye = [0, 1, 2].map((k) => -rows.reduce(
+            (sum, row, i) => sum + row[k] * t[i], 0) / scale);
+        const lens = Int32Array.from(this.home);
+
+        lens.set([width * p[0] / 2, height * p[5] / 2, width * (1 - p[8]) / 2,
+            height * (1 + p[9]) / 2].map((x) => Math.round(x * 65536)), 12);
+        lens.set([width, height], 17);
+        const values = cam.placed(lens,
+            { rotation: rows.flat(), centre: this.toUnits(eye) });
+
+        if (this.wanted && values.every((x, i) => x === this.wanted[i]))
+            return;
+        this.wanted = values;
+        this.changed();
+    }
+
+    // Of splats that were made for `values`: (x depth, y depth, depth, 1), in
+    // pixels and box units, to what the engine's camera has on its screen.
+    toClip(values, modelView, projection) {
+        const { rotation: r, centre } = cam.poseOf(values);
+        const [fx, fy, cx, cy] = Array.from(values.slice(12, 16),
+            (x) => x / 65536);
+        const eye = this.toMetres(centre);
+        const column = (i) => cam.times(r.slice(3 * i, 3 * i + 3),
+            this.info.unit);
+        const [right, down, forward] = [0, 1, 2].map(column);
+        const ahead = forward.map((f, k) =>
+            f - right[k] * cx / fx - down[k] * cy / fy);
+
+        return product(product(projection, modelView), [
+            ...right.map((x) => x / fx), 0, ...down.map((x) => x / fy), 0,
+            ...ahead, 0, ...eye, 1]);
+    }
+
+    // Where a camera of the rig stands: columns right, up, back and its place
+    // in the capture's units; its vertical field of view in degrees.
+    rigPlace(index) {
+        const { values } = this.rig[index];
+        const { rotation: r, centre } = cam.poseOf(values);
+
+        return { fov: cam.fovOf(values), matrix: [...r.slice(0, 3), 0,
+            ...cam.times(r.slice(3, 6), -1), 0,
+            ...cam.times(r.slice(6, 9), -1), 0, ...this.toMetres(centre), 1] };
+    }
+}

@@ -1,0 +1,259 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""check_engines.py: guarantees, for films in scenes of other engines
+(ports/three) in headless Chromium, where the example page plays the demo,
+  NAME picture   what the engine draws from a camera of the rig, and from one
+                 beside it, has at least 40 dB beside the decoder's own picture
+  NAME depth     a wall before the film hides it all, one behind it nothing, one
+                 in its midst a part
+  NAME late      splats made for another camera are where this one sees them
+  NAME placed    a film that is moved, turned and made larger looks the same from
+                 a camera that is, too
+The engines come from the registry of npm, once for a build folder. Without npm
+or the registry, Chromium or the decoder for it, it says that it was skipped.
+"""
+
+import io
+import os
+import shutil
+import subprocess
+import sys
+import tarfile
+
+sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "support"))
+import browser  # noqa: E402
+from verdict import Verdicts, read  # noqa: E402
+
+os.chdir(os.path.join(os.path.dirname(__file__), "..", ".."))
+BUILD = os.environ.get("BUILD", "build")
+SAGA = os.environ.get("SAGA", BUILD + "/saga")
+WEB = os.path.join(os.path.dirname(SAGA), "web")
+PACKAGES = os.path.join(BUILD, "npm")
+LEAST_DB = 40
+SIZE = 320, 180         # of the demo's cameras
+
+# Engine: version, and which of its files a page needs.
+ENGINES = {
+    "three": ("0.187.0", ("build/three.module.js", "build/three.core.js")),
+}
+
+checks = Verdicts("engines")
+complain, verdict = checks.complain, checks.verdict
+
+
+def fetch(name):
+    """{path: bytes} of a package, or None where it cannot be had."""
+    version, wanted = ENGINES[name]
+    path = os.path.join(PACKAGES, "%s-%s.tgz" % (name, version))
+    if not os.path.exists(path):
+        os.makedirs(PACKAGES, exist_ok=True)
+        done = subprocess.run(
+            ["npm", "pack", "%s@%s" % (name, version), "--silent",
+             "--pack-destination", PACKAGES], stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL, timeout=300)
+        if done.returncode:
+            return None
+    with tarfile.open(fileobj=io.BytesIO(read(path))) as tar:
+        return {"%s/node_modules/%s/%s" % (name, name, w):
+                tar.extractfile("package/" + w).read() for w in wanted}
+
+
+def files_of(name):
+    folder = "ports/%s/" % name
+    files = {"%s/%s" % (name, n): read(folder + n) for n in os.listdir(folder)}
+    files.update({"web/" + n: read(os.path.join(WEB, n))
+                  for n in os.listdir(WEB)})
+    files["demo.saga"] = read("docs/demo.saga")
+    return files
+
+
+# What a page's engine is asked for, of tests alone: `draw()` draws the scene and
+# gives its pixels, rows from the top; `settled()` waits until the film's splats
+# are those of the camera.
+SHARED = """
+window.frame = () => new Promise((resolve) => requestAnimationFrame(resolve));
+window.settled = async () => {
+    do {
+        draw();
+        await frame();
+    } while (view.busy || view.stale || !view.wanted || made() === null ||
+        !view.wanted.every((x, i) => x === made()[i]));
+    draw();
+};
+window.exact = async (values) => {
+    const { SagaFile } = await import('/web/saga.js');
+    const { rgba } = await (window.file ??= await SagaFile.open('/demo.saga'))
+        .draw({ values }, view.frame);
+    return Uint8Array.from(rgba);
+};
+window.beside = (want, got) => {
+    let sum = 0;
+    for (let i = 0; i < want.length; i++)
+        sum += (want[i] - got[i]) ** 2;
+    return want.length === got.length
+        ? 10 * Math.log10(255 * 255 / Math.max(1e-9, sum / want.length * 4 / 3))
+        : 0;
+};
+window.part = (got, [r, g, b]) => {
+    let n = 0;
+    for (let i = 0; i < got.length; i += 4)
+        n += Math.abs(got[i] - r) + Math.abs(got[i + 1] - g) +
+            Math.abs(got[i + 2] - b) < 6;
+    return n / (got.length / 4);
+};
+window.background = () => Array.from(view.home.slice(19, 22),
+    (x) => x / 32768);
+"""
+
+# Each engine's own words for it: wall(depth) stands across the film's cameras.
+WORDS = {"three": """
+window.view = film.view;
+window.made = () => film.values;
+renderer.setAnimationLoop(null);
+view.pause();
+renderer.setPixelRatio(1);
+renderer.setSize(%d, %d);
+camera.aspect = %d / %d;
+scene.remove(box);
+scene.background = new THREE.Color().setRGB(...background(),
+    THREE.SRGBColorSpace);
+window.wall = new THREE.Mesh(new THREE.PlaneGeometry(1000, 1000),
+    new THREE.MeshBasicMaterial({ color: 0xff00ff }));
+window.look = (index, aside) => {
+    film.placeCamera(camera, index);
+    camera.translateX(aside);
+    camera.updateMatrixWorld();
+};
+window.putWall = (depth) => {
+    scene.add(wall);
+    wall.position.copy(camera.position);
+    wall.quaternion.copy(camera.quaternion);
+    wall.translateZ(-depth);
+};
+window.removeWall = () => scene.remove(wall);
+window.place = () => {
+    film.position.set(1, -2, 3);
+    film.rotation.set(0.3, 0.5, -0.2);
+    film.scale.setScalar(2.5);
+};
+window.draw = () => {
+    const { width, height } = renderer.domElement;
+    const gl = renderer.getContext();
+    const rows = new Uint8Array(4 * width * height);
+    const got = new Uint8Array(rows.length);
+
+    renderer.render(scene, camera);
+    gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, rows);
+    for (let y = 0; y < height; y++)
+        got.set(rows.subarray(4 * width * y, 4 * width * (y + 1)),
+            4 * width * (height - 1 - y));
+    return got;
+};
+""" % (2 * SIZE)}
+
+# The film's depth from its cameras, in the capture's units.
+MIDST = """Math.hypot(...view.toMetres(view.focus).map((x, i) =>
+    x - view.rigPlace(0).matrix[12 + i]))"""
+
+
+def check_picture(tab, name):
+    told = []
+    for frame, index, aside in ((0, 0, 0), (13, 4, 0), (7, 2, 0.3)):
+        told.append(tab.run("""(async () => {
+            view.seek(%d);
+            look(%d, %g);
+            await settled();
+            return beside(await exact(view.wanted), draw());
+        })()""" % (frame, index, aside)))
+    if min(told) < LEAST_DB:
+        complain("beside the exact pictures, dB:", told)
+    # The rig's camera is found again in what the engine makes of it.
+    off = tab.run("""(async () => {
+        look(4, 0);
+        await settled();
+        return view.rig[4].values.map((x, i) => Math.abs(x - view.wanted[i]));
+    })()""")
+    if max(list(off.values())[:9]) > 4096 or \
+            max(list(off.values())[9:12]) > 64:
+        complain("camera 4 comes back with an error of", off)
+    verdict("%s picture: %s dB" % (name, ", ".join("%.1f" % t for t in told)))
+
+
+def check_depth(tab, name):
+    tab.run("look(0, 0); settled()")
+    far, near, midst = (tab.run("""(() => {
+        putWall(%s);
+        const got = draw();
+        removeWall();
+        return part(got, [255, 0, 255]);
+    })()""" % depth) for depth in (
+        "20 * " + MIDST, "0.02 * " + MIDST, "0.6 * " + MIDST))
+    if far > 0.02 or near < 0.999 or not 0.05 < midst < 0.95:
+        complain("of the picture, walls hide", far, near, midst)
+    verdict("%s depth: %.2f, %.2f and %.2f hidden" % (name, far, midst, near))
+
+
+def check_late(tab, name):
+    """Splats of camera 4, drawn from a place beside it."""
+    db = tab.run("""(async () => {
+        look(4, 0);
+        await settled();
+        look(4, 0.05);
+        const got = draw(); // its splats are not there yet
+        const still = view.rig[4].values;
+        const place = await exact(view.wanted);
+        return [beside(place, got), beside(await exact(still), got)];
+    })()""")
+    if db[0] < 30 or db[0] < db[1] + 3:
+        complain("beside the new and the old view, dB:", db)
+    verdict("%s late: %.1f dB, %.1f beside the old view" % (name, *db))
+
+
+def check_placed(tab, name):
+    db = tab.run("""(async () => {
+        place();
+        look(3, 0);
+        await settled();
+        return beside(await exact(view.rig[3].values), draw());
+    })()""")
+    if db < LEAST_DB:
+        complain("elsewhere in the scene it has", db, "dB")
+    verdict("%s placed: %.1f dB" % (name, db))
+
+
+def check_engine(name):
+    package = fetch(name)
+    if package is None:
+        print("ok   engines %s skipped: the registry cannot be reached" % name)
+        return
+    server = browser.FileServer({**files_of(name), **package})
+    tab = browser.Browser()
+    try:
+        tab.go(server.url + "%s/%s.html?src=/demo.saga" %
+               (name, name))
+        tab.wait("window.film?.view.drawn && film.view.playing")
+        tab.run(SHARED)
+        tab.run(WORDS[name])
+        check_picture(tab, name)
+        check_depth(tab, name)
+        check_late(tab, name)
+        check_placed(tab, name)
+        checks.complaints.extend(tab.log)
+        verdict(name + " console")
+    finally:
+        tab.close()
+
+
+def main():
+    if not os.path.exists(os.path.join(WEB, "saga.wasm")):
+        print("ok   engines skipped: no clang or no wasm-ld, so no decoder")
+        return 0
+    if not browser.find_chromium() or not shutil.which("npm"):
+        print("ok   engines skipped: chromium or npm is not installed")
+        return 0
+    for name in ENGINES:
+        check_engine(name)
+    return 1 if checks.failed else 0
+
+
+sys.exit(main())
