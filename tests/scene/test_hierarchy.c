@@ -417,129 +417,120 @@ static void check_scene(const saga_scene *s, const uint32_t *source,
 
 /* --- Building ------------------------------------------------------------ */
 
-typedef struct {
+/* The subject of a test: primitives, the model and options for them, and the
+ * scene that was built last. Whoever makes one anew frees what was there. */
+static flat f;
+static struct {
     saga_model model;
     saga_hierarchy_options o;
-} setup;
+} u;
+static saga_scene s;
 
-static void setup_make(setup *u, uint32_t tools, uint32_t max_coarse,
-                       uint32_t max_fine)
+static void given(uint32_t n, uint64_t seed)
 {
-    model_make(&u->model, tools);
-    saga_hierarchy_defaults(&u->o);
-    u->o.model = &u->model;
-    u->o.max_coarse = max_coarse;
-    u->o.max_fine = max_fine;
-    u->o.seed = 1;
+    flat_free(&f);
+    f = flat_make(n, seed);
 }
 
-static bool try_build(saga_scene *s, uint32_t *source, const flat *f,
-                      const setup *u, saga_error *why)
+static void limit(uint32_t tools, uint32_t max_coarse, uint32_t max_fine)
 {
-    const saga_hierarchy_pool pool = { &f->p, f->score, f->n };
+    model_make(&u.model, tools);
+    saga_hierarchy_defaults(&u.o);
+    u.o.model = &u.model;
+    u.o.max_coarse = max_coarse;
+    u.o.max_fine = max_fine;
+    u.o.seed = 1;
+}
 
+static bool try_build(uint32_t *source, saga_error *why)
+{
+    const saga_hierarchy_pool pool = { &f.p, f.score, f.n };
+
+    saga_scene_free(&s);
     why->message[0] = '\0';
-    return saga_hierarchy_build(s, source, &pool, &u->o, why);
+    return saga_hierarchy_build(&s, source, &pool, &u.o, why);
 }
 
-/* Builds, checks and returns a scene. */
-static saga_scene build(const setup *u, const flat *f)
+/* Builds and checks a scene. */
+static void build(void)
 {
-    uint32_t *const source = zeroed(f->n, sizeof *source);
+    uint32_t *const source = zeroed(f.n, sizeof *source);
     saga_error error;
-    saga_scene s;
 
-    if (!try_build(&s, source, f, u, &error))
+    if (!try_build(source, &error))
         fail_msg("%s", error.message);
-    check_scene(&s, source, f, &u->o);
+    check_scene(&s, source, &f, &u.o);
     free(source);
-    return s;
 }
 
 /* why: the sentence without its remedy. */
-static void refuse(const setup *u, const flat *f, const char *why)
+static void refuse(const char *why)
 {
-    uint32_t *const source = zeroed(f->n, sizeof *source);
+    uint32_t *const source = zeroed(f.n, sizeof *source);
     saga_error error;
-    saga_scene s;
 
-    assert_false(try_build(&s, source, f, u, &error));
+    assert_false(try_build(source, &error));
     error.message[strcspn(error.message, ";")] = '\0';
     assert_string_equal(error.message, why);
     free(source);
 }
 
-static uint32_t max_depth_t(const saga_scene *s)
+static uint32_t max_depth_t(void)
 {
     uint32_t depth = 0, i;
 
-    for (i = 0; i < s->n.coarse; i++)
-        if (s->coarse[i].depth_t > depth)
-            depth = s->coarse[i].depth_t;
+    for (i = 0; i < s.n.coarse; i++)
+        if (s.coarse[i].depth_t > depth)
+            depth = s.coarse[i].depth_t;
     return depth;
 }
 
 /* Root mean square distance of primitives from their fine anchors. */
-static double spread(const saga_scene *s)
+static double spread(void)
 {
     double sum = 0;
     uint32_t i;
     int k;
 
-    for (i = 0; i < s->n.prim; i++)
+    for (i = 0; i < s.n.prim; i++)
         for (k = 0; k < 3; k++) {
-            const double d = (double)(s->prim_x[4 * i + (uint32_t)k] -
-                s->fine_x[4 * s->prim_fine[i] + (uint32_t)k]);
+            const double d = (double)(s.prim_x[4 * i + (uint32_t)k] -
+                s.fine_x[4 * s.prim_fine[i] + (uint32_t)k]);
 
             sum += d * d;
         }
-    return sqrt(sum / s->n.prim);
+    return sqrt(sum / s.n.prim);
 }
 
 /* --- Tests --------------------------------------------------------------- */
 
 TEST(hierarchy_should_hold_everything_when_uniform)
 {
-    flat f = flat_make(3000, 1);
-    setup u;
-    saga_scene s;
-
-    setup_make(&u, ALL_TOOLS, 150, 700);
-    s = build(&u, &f);
+    given(3000, 1);
+    limit(ALL_TOOLS, 150, 700);
+    build();
     /* A split adds 15 leaves at most. */
     assert_in_range(s.n.coarse, 150 - 14, 150);
     assert_int_equal(s.n.fine, 700);
-    assert_true(max_depth_t(&s) > 0);
-    saga_scene_free(&s);
-    flat_free(&f);
+    assert_true(max_depth_t() > 0);
 }
 
 /* Leaves stop short of their budget when fine anchors run out. */
 TEST(hierarchy_should_keep_to_the_fine_budget)
 {
-    flat f = flat_make(200, 17);
-    setup u;
-    saga_scene s;
-
-    setup_make(&u, ALL_TOOLS, 200, 30);
-    s = build(&u, &f);
+    given(200, 17);
+    limit(ALL_TOOLS, 200, 30);
+    build();
     assert_int_equal(s.n.fine, 30);
-    saga_scene_free(&s);
-    flat_free(&f);
 }
 
 TEST(hierarchy_should_hold_everything_when_clustered)
 {
-    flat f = flat_make(3000, 2);
-    setup u;
-    saga_scene s;
-
+    given(3000, 2);
     flat_cluster(&f);
-    setup_make(&u, ALL_TOOLS, 400, 1200);
-    s = build(&u, &f);
+    limit(ALL_TOOLS, 400, 1200);
+    build();
     assert_int_equal(s.n.fine, 1200);
-    saga_scene_free(&s);
-    flat_free(&f);
 }
 
 static void model_vary(saga_model *m, uint64_t *seed)
@@ -564,21 +555,18 @@ TEST(hierarchy_should_be_valid_when_limits_vary)
         const uint32_t n = (uint32_t)(1 + uniform(&seed) * 250);
         const uint32_t max_coarse = (uint32_t)(1 + uniform(&seed) * n);
         const uint32_t max_fine = (uint32_t)(1 + uniform(&seed) * n);
-        flat f = flat_make(n, seed + round);
         uint32_t *const source = zeroed(n, sizeof *source);
-        setup u;
         saga_error error;
-        saga_scene s;
 
-        setup_make(&u, 0, max_coarse, max_fine);
+        given(n, seed + round);
+        limit(0, max_coarse, max_fine);
         if (round % 3 == 0)
             u.o.max_coarse = u.o.max_fine = n;
         model_vary(&u.model, &seed);
         if (round & 1u)
             flat_cluster(&f);
-        if (try_build(&s, source, &f, &u, &error)) {
+        if (try_build(source, &error)) {
             check_scene(&s, source, &f, &u.o);
-            saga_scene_free(&s);
             built++;
         } else {
             assert_true(strstr(error.message, "budget") ||
@@ -586,7 +574,6 @@ TEST(hierarchy_should_be_valid_when_limits_vary)
             assert_true(round % 3 || strstr(error.message, "deepest"));
         }
         free(source);
-        flat_free(&f);
     }
     printf("%u of 300 built\n", (unsigned)built);
     assert_true(built > 150);
@@ -594,11 +581,11 @@ TEST(hierarchy_should_be_valid_when_limits_vary)
 
 /* Half of the primitives stand still and are seen all the time; half move
  * along x. */
-static flat moving_scene(int varies)
+static void given_moving(int varies)
 {
-    flat f = flat_make(800, 3);
     uint32_t i, k;
 
+    given(800, 3);
     for (i = 0; i < f.n; i++) {
         f.score[i] = 1;
         f.p.log2_width[i] = 3;
@@ -614,21 +601,20 @@ static flat moving_scene(int varies)
         else
             f.p.t_centre[i] = R(0.4);
     }
-    return f;
 }
 
 /* The number of the still (odd) or moving primitives under a leaf split in
  * time; of the still ones only those in octants where nothing moves. */
-static uint32_t n_split(const saga_scene *s, const uint32_t *source, int still)
+static uint32_t n_split(const uint32_t *source, int still)
 {
     uint32_t n = 0, i;
 
-    for (i = 0; i < s->n.prim; i++) {
-        const real *const x = s->prim_x + 4 * i;
+    for (i = 0; i < s.n.prim; i++) {
+        const real *const x = s.prim_x + 4 * i;
 
         if (still ? (source[i] & 1u) && (x[1] >= 0 || x[2] >= 0)
                   : !(source[i] & 1u))
-            n += s->coarse[s->fine[s->prim_fine[i]].parent].depth_t > 0;
+            n += s.coarse[s.fine[s.prim_fine[i]].parent].depth_t > 0;
     }
     return n;
 }
@@ -636,127 +622,94 @@ static uint32_t n_split(const saga_scene *s, const uint32_t *source, int still)
 TEST(hierarchy_should_split_time_only_where_it_varies)
 {
     uint32_t source[800];
-    setup u;
     saga_error error;
-    saga_scene s;
-    flat f;
 
-    setup_make(&u, ALL_TOOLS, 100, 400);
-    f = moving_scene(1);
-    assert_true(try_build(&s, source, &f, &u, &error));
+    limit(ALL_TOOLS, 100, 400);
+    given_moving(1);
+    assert_true(try_build(source, &error));
     check_scene(&s, source, &f, &u.o);
-    assert_true(n_split(&s, source, 0) > 360);
-    assert_int_equal(n_split(&s, source, 1), 0);
-    saga_scene_free(&s);
-    flat_free(&f);
+    assert_true(n_split(source, 0) > 360);
+    assert_int_equal(n_split(source, 1), 0);
 
-    f = moving_scene(0);
-    s = build(&u, &f);
-    assert_int_equal(max_depth_t(&s), 0);
-    saga_scene_free(&s);
-    flat_free(&f);
+    given_moving(0);
+    build();
+    assert_int_equal(max_depth_t(), 0);
 }
 
 /* A quarter with a time of its own everywhere among what is always seen. */
 TEST(hierarchy_should_not_split_time_for_a_minority)
 {
-    flat f = flat_make(800, 16);
-    setup u;
-    saga_scene s;
     uint32_t i;
 
+    given(800, 16);
     for (i = 0; i < f.n; i++) {
         f.score[i] = 1;
         f.p.log2_width[i] = i % 4 ? 5 : -4;
     }
-    setup_make(&u, ALL_TOOLS, 30, 300);
-    s = build(&u, &f);
-    assert_int_equal(max_depth_t(&s), 0);
-    saga_scene_free(&s);
+    limit(ALL_TOOLS, 30, 300);
+    build();
+    assert_int_equal(max_depth_t(), 0);
     u.o.min_local = 0;
-    s = build(&u, &f);
-    assert_true(max_depth_t(&s) > 0);
-    saga_scene_free(&s);
-    flat_free(&f);
+    build();
+    assert_true(max_depth_t() > 0);
 }
 
 TEST(hierarchy_should_not_split_time_when_model_is_still)
 {
-    flat f = moving_scene(1);
-    setup u;
-    saga_scene s;
-
-    setup_make(&u, SAGA_TOOL_VIEW, 100, 400);
-    s = build(&u, &f);
-    assert_int_equal(max_depth_t(&s), 0);
-    saga_scene_free(&s);
+    given_moving(1);
+    limit(SAGA_TOOL_VIEW, 100, 400);
+    build();
+    assert_int_equal(max_depth_t(), 0);
     /* The fewest arrays there may be. */
     f.p.t_centre = f.p.motion = f.p.log2_width = f.p.support = NULL;
     f.p.slope = f.p.colour = f.p.log2_scale = NULL;
     free(f.score);
     f.score = NULL;
-    s = build(&u, &f);
-    saga_scene_free(&s);
-    flat_free(&f);
+    build();
 }
 
 TEST(hierarchy_should_not_split_time_without_width)
 {
-    flat f = flat_make(500, 4);
-    setup u;
-    saga_scene s;
-
-    setup_make(&u, 1u << SAGA_TOOL_MOTION_SHIFT, 80, 300);
-    s = build(&u, &f);
-    assert_int_equal(max_depth_t(&s), 0);
-    saga_scene_free(&s);
-    flat_free(&f);
+    given(500, 4);
+    limit(1u << SAGA_TOOL_MOTION_SHIFT, 80, 300);
+    build();
+    assert_int_equal(max_depth_t(), 0);
 }
 
 TEST(hierarchy_should_take_degenerate_inputs)
 {
-    flat f = flat_make(1, 5);
-    setup u;
-    saga_scene s;
     uint32_t i;
 
-    setup_make(&u, ALL_TOOLS, 50, 300);
-    s = build(&u, &f);
+    given(1, 5);
+    limit(ALL_TOOLS, 50, 300);
+    build();
     assert_int_equal(s.n.coarse, 1);
     assert_int_equal(s.n.fine, 1);
-    saga_scene_free(&s);
-    flat_free(&f);
 
     /* All at one point, all of no importance: one full leaf. */
-    f = flat_make(160, 6);
+    given(160, 6);
     for (i = 0; i < f.n; i++) {
         memset(f.p.mean + 3 * i, 0, 3 * sizeof *f.p.mean);
         f.p.t_centre[i] = R(0.3);
         f.score[i] = 0;
     }
-    s = build(&u, &f);
+    build();
     assert_int_equal(s.n.coarse, 1);
     assert_int_equal(s.n.fine, 16);
-    saga_scene_free(&s);
-    flat_free(&f);
 
     /* On a plane. */
-    f = flat_make(1000, 7);
+    given(1000, 7);
     for (i = 0; i < f.n; i++)
         f.p.mean[3 * i + 1] = R(0.125);
-    s = build(&u, &f);
-    saga_scene_free(&s);
-    flat_free(&f);
+    build();
 }
 
 /* Two crowds alike in everything but their scores, in one leaf each. */
 TEST(hierarchy_should_give_anchors_to_what_matters)
 {
-    flat f = flat_make(120, 14);
-    setup u;
-    saga_scene s;
     uint32_t i, k;
 
+    given(120, 14);
     for (i = 0; i < f.n; i++) {
         f.score[i] = i & 1u ? 9 : 1;
         for (k = 0; k < 3; k++)
@@ -764,31 +717,26 @@ TEST(hierarchy_should_give_anchors_to_what_matters)
                 i & 1u ? -f.p.mean[3 * (i - 1) + k]
                        : (real)(-0.5 + 0.4 * (double)f.p.mean[3 * i + k]);
     }
-    setup_make(&u, 0, 2, 18);
+    limit(0, 2, 18);
     u.o.beta = 0;
-    s = build(&u, &f);
+    build();
     assert_int_equal(s.n.coarse, 2);
     /* 18 in the ratio of 1 : sqrt(9), within 6..16 (a leaf has 60). */
     assert_int_equal(s.coarse[0].n_fine, 6);
     assert_int_equal(s.coarse[1].n_fine, 12);
-    saga_scene_free(&s);
     u.o.max_fine = 24;
-    s = build(&u, &f);
+    build();
     assert_int_equal(s.coarse[0].n_fine, 8);
     assert_int_equal(s.coarse[1].n_fine, 16);
-    saga_scene_free(&s);
-    flat_free(&f);
 }
 
 /* Five crowds in one leaf and five anchors: one each. Then room for eight
  * where ten crowd: two go elsewhere. */
 TEST(hierarchy_should_find_crowds_with_medoids)
 {
-    flat f = flat_make(50, 15);
-    setup u;
-    saga_scene s;
     uint32_t i, k;
 
+    given(50, 15);
     for (i = 0; i < f.n; i++) {
         const uint32_t crowd = i % 5;
 
@@ -797,20 +745,17 @@ TEST(hierarchy_should_find_crowds_with_medoids)
                 (real)(0.2 + 0.15 * crowd +
                        0.02 * (double)f.p.mean[3 * i + k]);
     }
-    setup_make(&u, 0, 1, 5);
-    s = build(&u, &f);
+    limit(0, 1, 5);
+    build();
     assert_int_equal(s.n.fine, 5);
-    assert_true(spread(&s) < 0.03);
+    assert_true(spread() < 0.03);
     for (i = 0; i < 5; i++)
         assert_int_equal(s.fine[i].n_prim, 10);
-    saga_scene_free(&s);
     u.o.max_fine = 7;
     u.model.tier[SAGA_TIER_FINE].max_children = 8;
-    s = build(&u, &f);
+    build();
     for (i = 0; i < 7; i++)
         assert_in_range(s.fine[i].n_prim, 1, 8);
-    saga_scene_free(&s);
-    flat_free(&f);
 }
 
 /* Corners, and far beyond them in space and time. */
@@ -818,11 +763,9 @@ TEST(hierarchy_should_clamp_what_is_outside)
 {
     static const double values[6] = { -1, 1, -1e30, 1e30, 1.5, 0 };
     static const double times[6] = { 0, 1, -3, 7, 0.5, 1e30 };
-    flat f = flat_make(216, 8);
-    setup u;
-    saga_scene s;
     uint32_t i;
 
+    given(216, 8);
     for (i = 0; i < f.n; i++) {
         f.p.mean[3 * i] = (real)values[i % 6];
         f.p.mean[3 * i + 1] = (real)values[i / 6 % 6];
@@ -832,49 +775,41 @@ TEST(hierarchy_should_clamp_what_is_outside)
         f.p.log2_scale[3 * i] = R(1e30);
         f.p.log2_width[i] = (real)(values[i % 6]);
     }
-    setup_make(&u, ALL_TOOLS, 200, 216);
-    s = build(&u, &f);
-    saga_scene_free(&s);
-    flat_free(&f);
+    limit(ALL_TOOLS, 200, 216);
+    build();
 }
 
 /* Crowds that only the deepest cells, or time, can part. */
 TEST(hierarchy_should_split_further_when_too_many)
 {
-    flat f = flat_make(300, 9);
-    setup u;
-    saga_scene s;
     uint32_t i;
 
-    setup_make(&u, ALL_TOOLS, 20, 300);
+    given(300, 9);
+    limit(ALL_TOOLS, 20, 300);
     for (i = 0; i < f.n; i++)
         memset(f.p.mean + 3 * i, 0, 3 * sizeof *f.p.mean);
     /* Seen all the time, so no choice of time's: it has to be. */
     for (i = 0; i < f.n; i++)
         f.p.log2_width[i] = 10;
-    s = build(&u, &f);
-    assert_true(max_depth_t(&s) > 0);
-    saga_scene_free(&s);
+    build();
+    assert_true(max_depth_t() > 0);
 
-    setup_make(&u, SAGA_TOOL_VIEW, 20, 300);
-    refuse(&u, &f, "primitive 0: too many share its deepest cell");
+    limit(SAGA_TOOL_VIEW, 20, 300);
+    refuse("primitive 0: too many share its deepest cell");
 
     for (i = 0; i < f.n; i++)
         f.p.mean[3 * i] = (real)(0.5 + (i & 1u) * 0x1p-15);
-    s = build(&u, &f);
+    build();
     assert_int_equal(s.n.coarse, 2);
     assert_int_equal(s.coarse[0].depth_x, 16);
-    saga_scene_free(&s);
-    flat_free(&f);
 }
 
 TEST(hierarchy_should_refuse_when_budgets_are_short)
 {
-    flat f = flat_make(1000, 10);
     uint32_t octant[8] = { 0 }, need = 0, i;
     char text[SAGA_MESSAGE_NBYTES];
-    setup u;
 
+    given(1000, 10);
     for (i = 0; i < f.n; i++)
         octant[(f.p.mean[3 * i] >= 0) * 4 + (f.p.mean[3 * i + 1] >= 0) * 2 +
                (f.p.mean[3 * i + 2] >= 0)]++;
@@ -882,48 +817,44 @@ TEST(hierarchy_should_refuse_when_budgets_are_short)
         need += (octant[i] + 9) / 10;
     snprintf(text, sizeof text, "%u fine anchors are needed, the budget is 99",
              (unsigned)need);
-    setup_make(&u, ALL_TOOLS, 6, 1000);
-    refuse(&u, &f, "8 coarse anchors are needed, the budget is 6");
-    setup_make(&u, ALL_TOOLS, 100, 99);
+    limit(ALL_TOOLS, 6, 1000);
+    refuse("8 coarse anchors are needed, the budget is 6");
+    limit(ALL_TOOLS, 100, 99);
     u.o.max_coarse = 8;
-    refuse(&u, &f, text);
-    setup_make(&u, ALL_TOOLS, 0, 99);
-    refuse(&u, &f, "a budget of anchors is 0");
-    setup_make(&u, ALL_TOOLS, 100, 100);
+    refuse(text);
+    limit(ALL_TOOLS, 0, 99);
+    refuse("a budget of anchors is 0");
+    limit(ALL_TOOLS, 100, 100);
     u.o.alpha = -1;
-    refuse(&u, &f, "an option is negative or not finite");
+    refuse("an option is negative or not finite");
     u.o.alpha = 1;
     u.model.features = 0;
-    refuse(&u, &f, "the model is not valid");
+    refuse("the model is not valid");
     model_make(&u.model, 0);
     f.n = 0;
-    refuse(&u, &f, "there is no primitive");
-    flat_free(&f);
+    refuse("there is no primitive");
 }
 
 TEST(hierarchy_should_name_what_is_not_finite)
 {
-    flat f = flat_make(20, 11);
-    setup u;
-
-    setup_make(&u, ALL_TOOLS, 20, 20);
+    given(20, 11);
+    limit(ALL_TOOLS, 20, 20);
     f.p.mean[3 * 17 + 1] = (real)NAN;
-    refuse(&u, &f, "primitive 17: its mean is not finite");
+    refuse("primitive 17: its mean is not finite");
     f.p.mean[3 * 17 + 1] = 0;
     f.p.opacity[3] = (real)INFINITY;
-    refuse(&u, &f, "primitive 3: its opacity is not finite");
+    refuse("primitive 3: its opacity is not finite");
     f.p.opacity[3] = 0;
     f.p.motion[9 * 19 + 8] = -(real)INFINITY;
-    refuse(&u, &f, "primitive 19: its motion is not finite");
+    refuse("primitive 19: its motion is not finite");
     f.p.motion[9 * 19 + 8] = 0;
     f.score[0] = (float)NAN;
-    refuse(&u, &f, "primitive 0: its score is negative or not finite");
+    refuse("primitive 0: its score is negative or not finite");
     f.score[0] = -1;
-    refuse(&u, &f, "primitive 0: its score is negative or not finite");
+    refuse("primitive 0: its score is negative or not finite");
     f.score[0] = 0;
     f.p.quat[79] = (real)NAN;
-    refuse(&u, &f, "primitive 19: its quat is not finite");
-    flat_free(&f);
+    refuse("primitive 19: its quat is not finite");
 }
 
 static void check_same(const saga_scene *a, const saga_scene *b)
@@ -941,54 +872,49 @@ static void check_same(const saga_scene *a, const saga_scene *b)
 
 TEST(hierarchy_should_be_the_same_when_built_again)
 {
-    flat f = flat_make(2000, 12);
     uint32_t source[2][2000];
     saga_error error;
-    saga_scene s[2];
-    setup u;
-    int i;
+    saga_scene first;
 
+    given(2000, 12);
     flat_cluster(&f);
-    setup_make(&u, ALL_TOOLS, 300, 1000);
-    for (i = 0; i < 2; i++)
-        assert_true(try_build(&s[i], source[i], &f, &u, &error));
-    check_same(&s[0], &s[1]);
+    limit(ALL_TOOLS, 300, 1000);
+    assert_true(try_build(source[0], &error));
+    first = s;
+    memset(&s, 0, sizeof s);
+    assert_true(try_build(source[1], &error));
+    check_same(&first, &s);
     assert_memory_equal(source[0], source[1], sizeof source[0]);
-    saga_scene_free(&s[0]);
-    saga_scene_free(&s[1]);
-    flat_free(&f);
+    saga_scene_free(&first);
 }
 
 TEST(hierarchy_should_be_quick_when_large)
 {
-    flat f = flat_make(20000, 13);
-    uint32_t *const source = zeroed(f.n, sizeof *source);
+    enum { N = 20000 };
+    uint32_t *const source = zeroed(N, sizeof *source);
     int round;
 
+    given(N, 13);
     for (round = 0; round < 2; round++) {
-        setup u;
         saga_error error;
-        saga_scene s;
         clock_t begin;
         double seconds;
 
         if (round)
             flat_cluster(&f);
-        setup_make(&u, ALL_TOOLS, 2000, 6400);
+        limit(ALL_TOOLS, 2000, 6400);
         begin = clock();
-        if (!try_build(&s, source, &f, &u, &error))
+        if (!try_build(source, &error))
             fail_msg("%s", error.message);
         seconds = (double)(clock() - begin) / CLOCKS_PER_SEC;
         printf("20000 %s: %.2f s, %u nodes, %u coarse, %u fine, depth in "
                "time %u, rms to anchor %.4f\n",
                round ? "clustered" : "uniform", seconds, (unsigned)s.n_nodes,
                (unsigned)s.n.coarse, (unsigned)s.n.fine,
-               (unsigned)max_depth_t(&s), spread(&s));
+               (unsigned)max_depth_t(), spread());
         /* Ten times what it takes, for sanitizers and slow machines. */
         assert_true(seconds < 10);
         check_scene(&s, source, &f, &u.o);
-        saga_scene_free(&s);
     }
     free(source);
-    flat_free(&f);
 }

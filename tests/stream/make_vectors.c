@@ -155,137 +155,48 @@ static void good_full(void)
 
 /* --- Bad ----------------------------------------------------------------- */
 
-typedef void (*change)(saga_header *h);
+/* A change of a member of the header, or of each byte of an array in it: x
+ * becomes (x & mask) + plus. */
+typedef struct {
+    size_t at, nbytes;
+    uint32_t mask, plus;
+} change;
 
-static void to_base(saga_header *h) { h->model.tools |= SAGA_TOOL_BASE; }
-static void to_hash(saga_header *h) { h->model.tools |= SAGA_TOOL_HASH; }
-static void to_bank(saga_header *h) { h->model.tools |= SAGA_TOOL_BANK; }
-static void to_tool_12(saga_header *h) { h->model.tools |= 1u << 12; }
-static void to_plain(saga_header *h)
+#define CHANGE(member, mask, plus) \
+    { offsetof(saga_header, member), sizeof ((saga_header *)0)->member, \
+      mask, plus }
+#define TO(member, value) CHANGE(member, 0, value)
+#define MORE(member, by) CHANGE(member, UINT32_MAX, by)
+#define WITH(member, bits) CHANGE(member, ~(uint32_t)(bits), bits)
+#define WITHOUT(member, bits) CHANGE(member, ~(uint32_t)(bits), 0)
+
+static void make_change(saga_header *h, change c)
 {
-    h->model.tools |= SAGA_TOOL_PLAIN_WRITE;
+    uint8_t *const p = (uint8_t *)h + c.at;
+    uint32_t wide;
+    uint16_t half;
+    size_t i;
+
+    if (c.nbytes == sizeof wide) {
+        memcpy(&wide, p, sizeof wide);
+        wide = (wide & c.mask) + c.plus;
+        memcpy(p, &wide, sizeof wide);
+    } else if (c.nbytes == sizeof half) {
+        memcpy(&half, p, sizeof half);
+        half = (uint16_t)((half & c.mask) + c.plus);
+        memcpy(p, &half, sizeof half);
+    } else {
+        for (i = 0; i < c.nbytes; i++)
+            p[i] = (uint8_t)((p[i] & c.mask) + c.plus);
+    }
 }
 
-static void to_layers_2(saga_header *h) { h->more_layers = 1; }
-static void to_layers_9(saga_header *h) { h->more_layers = 8; }
-static void to_slots(saga_header *h) { h->model.bank_slots = 64; }
-static void to_slot_width(saga_header *h) { h->model.bank_width = 32; }
-static void to_blocks(saga_header *h) { h->model.bank_blocks = 256; }
-static void to_slots_0(saga_header *h) { h->model.bank_slots = 0; }
-static void to_slots_96(saga_header *h) { h->model.bank_slots = 96; }
-static void to_slots_128(saga_header *h) { h->model.bank_slots = 128; }
-static void to_slots_1024(saga_header *h) { h->model.bank_slots = 1024; }
-static void to_slot_width_0(saga_header *h) { h->model.bank_width = 0; }
-static void to_slot_width_12(saga_header *h) { h->model.bank_width = 12; }
-static void to_slot_width_72(saga_header *h) { h->model.bank_width = 72; }
-static void to_blocks_0(saga_header *h) { h->model.bank_blocks = 0; }
-static void to_query_0(saga_header *h) { h->model.width[SAGA_NET_QUERY] = 0; }
-static void to_query_65(saga_header *h) { h->model.width[SAGA_NET_QUERY] = 65; }
-static void to_hash_levels(saga_header *h) { h->hash_levels = 1; }
-static void to_hash_size(saga_header *h) { h->hash_log2_entries = 10; }
-static void to_level_4(saga_header *h) { h->level = 4; }
-static void to_level_0(saga_header *h) { h->level = 0; }
-static void to_frames_0(saga_header *h) { h->n_frames = 0; }
-static void to_segments_0(saga_header *h) { h->n_segments = 0; }
-static void to_features_4(saga_header *h) { h->model.features = 4; }
-static void to_width_0(saga_header *h) { h->model.width[0] = 0; }
-static void to_fine_width_0(saga_header *h)
-{
-    h->model.width[SAGA_NET_E_FINE] = 0;
-}
-
-static void to_colour_base_0(saga_header *h)
-{
-    h->model.width[SAGA_NET_COLOUR_BASE] = 0;
-}
-
-static void to_fuse_129(saga_header *h)
-{
-    h->model.width[SAGA_NET_FUSE_F] = 129;
-}
-
-/* Networks that are not there are still described. */
-static void to_no_fuse_q_0(saga_header *h)
-{
-    h->model.width[SAGA_NET_FUSE_C] = 0;
-    h->model.q_in[SAGA_NET_FUSE_C] = 0;
-}
-
-static void to_no_fuse_q_21(saga_header *h)
-{
-    h->model.width[SAGA_NET_FUSE_C] = 0;
-    h->model.out_q[SAGA_OUT_FUSE_C] = 21;
-}
-
-static void to_octaves_9(saga_header *h) { h->model.octaves = 9; }
-static void to_groups_17(saga_header *h) { h->model.tier[0].n_groups = 17; }
-static void to_window_33(saga_header *h) { h->model.tier[1].window = 33; }
-static void to_quat_15(saga_header *h) { h->model.out_q[SAGA_OUT_QUAT] = 15; }
-static void to_cameras_0(saga_header *h) { h->n_cameras = 0; }
-static void to_step_15(saga_header *h) { h->model.step_q16[0] = 15u << 16; }
-static void to_prim_less(saga_header *h) { h->max.prim--; }
-
-static void to_feature_residual(saga_header *h)
-{
-    h->model.tools |= SAGA_TOOL_FEATURE_RESIDUAL;
-}
-
-static void to_bank_source(saga_header *h)
-{
-    h->model.sources[0] |= SAGA_SOURCE_BANK;
-}
-
-static void to_unknown_source(saga_header *h)
-{
-    h->model.sources[0] |= SAGA_SOURCES_KNOWN + 1u;
-}
-
-static void to_bank_off(saga_header *h)
-{
-    h->model.tools &= ~(uint32_t)SAGA_TOOL_BANK;
-}
-
-static void to_unread(saga_header *h)
-{
-    int i;
-
-    for (i = 0; i < SAGA_N_KINDS; i++)
-        h->model.sources[i] &= (uint8_t)~SAGA_SOURCE_BANK;
-}
-
-/* More slots than directions a start state of +-1 has. */
-static void to_twins(saga_header *h)
-{
-    h->model.bank_slots = 512;
-    h->model.bank_width = 8;
-}
-
-static void to_coarse_parent(saga_header *h)
-{
-    h->model.sources[SAGA_KIND_COARSE] |= SAGA_SOURCE_PARENT;
-}
-
-/* Weights beyond +-127 in networks that say they have none. */
-static void to_int8(saga_header *h)
-{
-    memset(h->model.int8, 1, sizeof h->model.int8);
-}
-
-static void to_base_coarse_0(saga_header *h) { h->base.coarse = 0; }
-static void to_base_prim_more(saga_header *h) { h->base.prim++; }
-static void to_base_longer(saga_header *h) { h->base_nbytes++; }
-static void to_base_shorter(saga_header *h) { h->base_nbytes--; }
-
-/* Each alone is within level 1. */
-static void to_base_level(saga_header *h)
-{
-    h->base.coarse = saga_caps[1].n_coarse;
-}
-
-static void to_base_too_long(saga_header *h)
-{
-    h->base_nbytes = (1u << 30) + 1;
-}
+/* A header that may not be, by one change or two, and what it is refused as. */
+typedef struct {
+    const char *stem;
+    saga_status status;
+    change by[2];
+} bad_change;
 
 static void bad(const char *stem, const uint8_t *bytes, size_t n,
                 saga_status status)
@@ -371,9 +282,8 @@ static void bad_lengths_of_head(const uint8_t *bytes, size_t n, size_t head)
                "\xff\xff\xff\xff", 4, SAGA_ERR_TRUNCATED);
 }
 
-/* The header with a field changed, signed anew. */
-static void bad_header(const char *stem, const uint8_t *bytes, size_t n,
-                       change f, saga_status status)
+/* The header changed, signed anew. */
+static void bad_header(const bad_change *b, const uint8_t *bytes, size_t n)
 {
     uint8_t *const copy = malloc(n);
     saga_io in = { bytes, NULL, SAGA_MAGIC_NBYTES };
@@ -383,20 +293,15 @@ static void bad_header(const char *stem, const uint8_t *bytes, size_t n,
     memcpy(copy, bytes, n);
     saga_header_io(&in, &h);
     saga_tools_io(&in, &h);
-    f(&h);
+    make_change(&h, b->by[0]);
+    make_change(&h, b->by[1]);
     saga_header_io(&out, &h);
     if (saga_rig_offset(&h) <= in.at)
         saga_tools_io(&out, &h);
     mutate_sign(copy, n);
-    bad(stem, copy, n, status);
+    bad(b->stem, copy, n, b->status);
     free(copy);
 }
-
-typedef struct {
-    const char *stem;
-    change f;
-    saga_status status;
-} bad_change;
 
 /* A file of the stream o, with each of the changes in turn; of the header
  * alone: what is wrong shows before the rest is missed. */
@@ -411,8 +316,7 @@ static void bad_headers(const gen_options *o, const bad_change *headers,
     gen_stream_encode(&g, &bytes, &n);
     n = fx_load32_le(bytes + SAGA_MAGIC_NBYTES);
     for (i = 0; i < n_headers; i++)
-        bad_header(headers[i].stem, bytes, n, headers[i].f,
-                   headers[i].status);
+        bad_header(&headers[i], bytes, n);
     if (g.header.model.tools & SAGA_TOOL_BANK)
         bad("memory_cut_in_networks", bytes, SAGA_HEADER_NBYTES + 7,
             SAGA_ERR_TRUNCATED);
@@ -579,15 +483,17 @@ static void bad_base_owner(const uint8_t *bytes, size_t n, size_t head)
 /* Bases that may not be. */
 static void bad_base(void)
 {
-    static const bad_change headers[] = {
-        { "base_coarse_zero", to_base_coarse_0, SAGA_ERR_DATA },
-        { "base_level", to_base_level, SAGA_ERR_LEVEL },
-        { "base_too_long", to_base_too_long, SAGA_ERR_DATA },
+    const bad_change headers[] = {
+        { "base_coarse_zero", SAGA_ERR_DATA, { TO(base.coarse, 0) } },
+        { "base_level", SAGA_ERR_LEVEL,
+          { TO(base.coarse, saga_caps[1].n_coarse) } },
+        { "base_too_long", SAGA_ERR_DATA, { TO(base_nbytes, (1u << 30) + 1) } },
     };
     static const bad_change whole[] = {
-        { "base_prim_more", to_base_prim_more, SAGA_ERR_DATA },
-        { "base_longer", to_base_longer, SAGA_ERR_DATA },
-        { "base_shorter", to_base_shorter, SAGA_ERR_TRUNCATED },
+        { "base_prim_more", SAGA_ERR_DATA, { MORE(base.prim, 1) } },
+        { "base_longer", SAGA_ERR_DATA, { MORE(base_nbytes, 1) } },
+        { "base_shorter", SAGA_ERR_TRUNCATED,
+          { MORE(base_nbytes, UINT32_MAX) } },
     };
     const gen_options o = { .seed = 7, .level = 1, .n_coarse = 3,
                             .tools_fixed = 1, .base = 1 };
@@ -602,7 +508,7 @@ static void bad_base(void)
     saga_probe(&info, bytes, n);
     head = info.head_nbytes;
     for (i = 0; i < sizeof whole / sizeof *whole; i++)
-        bad_header(whole[i].stem, bytes, n, whole[i].f, whole[i].status);
+        bad_header(&whole[i], bytes, n);
     bad("base_cut", bytes, head - 5, SAGA_ERR_TRUNCATED);
     bad_byte("crc_base", bytes, n, head - 3, SAGA_ERR_DATA);
     bad_base_owner(bytes, n, head);
@@ -700,6 +606,9 @@ static void bad_layers(const gen_options *o)
         { "layers_not_the_segment", { { NBYTES_1, 1 }, { PRIM_0, 0 } },
           SAGA_ERR_DATA },
     };
+    static const bad_change together = {
+        "layers_prim_together", SAGA_ERR_DATA, { MORE(max.prim, UINT32_MAX) }
+    };
     gen_stream g;
     uint8_t *bytes;
     size_t n, i, end;
@@ -709,7 +618,7 @@ static void bad_layers(const gen_options *o)
     for (i = 0; i < sizeof lengths / sizeof *lengths; i++)
         bad_lengths(lengths[i].stem, bytes, n, lengths[i].change,
                     lengths[i].status);
-    bad_header("layers_prim_together", bytes, n, to_prim_less, SAGA_ERR_DATA);
+    bad_header(&together, bytes, n);
     bad_signed("layers_index_huge", bytes, n,
                fx_load32_le(bytes + SAGA_MAGIC_NBYTES) + SAGA_CHUNK_NBYTES + 8,
                "\xff\xff\xff\xff", 4, SAGA_ERR_DATA);
@@ -729,19 +638,24 @@ static void bad_layers(const gen_options *o)
 static void bad_memory(void)
 {
     static const bad_change headers[] = {
-        { "memory_off", to_bank_off, SAGA_ERR_DATA },
-        { "memory_unread", to_unread, SAGA_ERR_DATA },
-        { "memory_slots_zero", to_slots_0, SAGA_ERR_DATA },
-        { "memory_slots_96", to_slots_96, SAGA_ERR_DATA },
-        { "memory_slots_1024", to_slots_1024, SAGA_ERR_DATA },
-        { "memory_slots_level", to_slots_128, SAGA_ERR_LEVEL },
-        { "memory_slots_twins", to_twins, SAGA_ERR_DATA },
-        { "memory_width_zero", to_slot_width_0, SAGA_ERR_DATA },
-        { "memory_width_12", to_slot_width_12, SAGA_ERR_DATA },
-        { "memory_width_72", to_slot_width_72, SAGA_ERR_DATA },
-        { "memory_blocks_zero", to_blocks_0, SAGA_ERR_DATA },
-        { "memory_net_width_zero", to_query_0, SAGA_ERR_DATA },
-        { "memory_net_width_level", to_query_65, SAGA_ERR_LEVEL },
+        { "memory_off", SAGA_ERR_DATA,
+          { WITHOUT(model.tools, SAGA_TOOL_BANK) } },
+        { "memory_unread", SAGA_ERR_DATA,
+          { WITHOUT(model.sources, SAGA_SOURCE_BANK) } },
+        { "memory_slots_zero", SAGA_ERR_DATA, { TO(model.bank_slots, 0) } },
+        { "memory_slots_96", SAGA_ERR_DATA, { TO(model.bank_slots, 96) } },
+        { "memory_slots_1024", SAGA_ERR_DATA, { TO(model.bank_slots, 1024) } },
+        { "memory_slots_level", SAGA_ERR_LEVEL, { TO(model.bank_slots, 128) } },
+        { "memory_slots_twins", SAGA_ERR_DATA,
+          { TO(model.bank_slots, 512), TO(model.bank_width, 8) } },
+        { "memory_width_zero", SAGA_ERR_DATA, { TO(model.bank_width, 0) } },
+        { "memory_width_12", SAGA_ERR_DATA, { TO(model.bank_width, 12) } },
+        { "memory_width_72", SAGA_ERR_DATA, { TO(model.bank_width, 72) } },
+        { "memory_blocks_zero", SAGA_ERR_DATA, { TO(model.bank_blocks, 0) } },
+        { "memory_net_width_zero", SAGA_ERR_DATA,
+          { TO(model.width[SAGA_NET_QUERY], 0) } },
+        { "memory_net_width_level", SAGA_ERR_LEVEL,
+          { TO(model.width[SAGA_NET_QUERY], 65) } },
     };
     const gen_options o = { .seed = 7, .level = 1, .n_coarse = 3,
                             .tools_fixed = 1, .bank = GEN_BANK_ORTHOGONAL,
@@ -755,11 +669,18 @@ static void bad_memory(void)
 static void bad_fuse(void)
 {
     static const bad_change headers[] = {
-        { "width_zero_fine", to_fine_width_0, SAGA_ERR_DATA },
-        { "width_zero_colour_base", to_colour_base_0, SAGA_ERR_DATA },
-        { "width_129", to_fuse_129, SAGA_ERR_DATA },
-        { "no_fuse_q_in_zero", to_no_fuse_q_0, SAGA_ERR_DATA },
-        { "no_fuse_q_too_large", to_no_fuse_q_21, SAGA_ERR_DATA },
+        { "width_zero_fine", SAGA_ERR_DATA,
+          { TO(model.width[SAGA_NET_E_FINE], 0) } },
+        { "width_zero_colour_base", SAGA_ERR_DATA,
+          { TO(model.width[SAGA_NET_COLOUR_BASE], 0) } },
+        { "width_129", SAGA_ERR_DATA,
+          { TO(model.width[SAGA_NET_FUSE_F], 129) } },
+        { "no_fuse_q_in_zero", SAGA_ERR_DATA,
+          { TO(model.width[SAGA_NET_FUSE_C], 0),
+            TO(model.q_in[SAGA_NET_FUSE_C], 0) } },
+        { "no_fuse_q_too_large", SAGA_ERR_DATA,
+          { TO(model.width[SAGA_NET_FUSE_C], 0),
+            TO(model.out_q[SAGA_OUT_FUSE_C], 21) } },
     };
     const gen_options o = { .seed = 7, .level = 1, .n_coarse = 3,
                             .tools_fixed = 1 };
@@ -804,36 +725,45 @@ static void bad_work(void)
 static void bad_all(void)
 {
     static const bad_change headers[] = {
-        { "tool_base", to_base, SAGA_ERR_DATA },
-        { "tool_feature_residual", to_feature_residual, SAGA_ERR_VERSION },
-        { "tool_hash", to_hash, SAGA_ERR_VERSION },
-        { "tool_memory", to_bank, SAGA_ERR_DATA },
-        { "tool_plain_write", to_plain, SAGA_ERR_DATA },
-        { "tool_unknown", to_tool_12, SAGA_ERR_VERSION },
-        { "source_memory", to_bank_source, SAGA_ERR_DATA },
-        { "source_unknown", to_unknown_source, SAGA_ERR_VERSION },
-        { "layers_without_lengths", to_layers_2, SAGA_ERR_DATA },
-        { "layers_too_many", to_layers_9, SAGA_ERR_VERSION },
-        { "memory_slots", to_slots, SAGA_ERR_DATA },
-        { "memory_width", to_slot_width, SAGA_ERR_DATA },
-        { "memory_blocks", to_blocks, SAGA_ERR_DATA },
-        { "hash_levels", to_hash_levels, SAGA_ERR_VERSION },
-        { "hash_size", to_hash_size, SAGA_ERR_VERSION },
-        { "level_unknown", to_level_4, SAGA_ERR_LEVEL },
-        { "level_exceeded", to_level_0, SAGA_ERR_LEVEL },
-        { "frames_zero", to_frames_0, SAGA_ERR_DATA },
-        { "segments_zero", to_segments_0, SAGA_ERR_DATA },
-        { "features_too_few", to_features_4, SAGA_ERR_DATA },
-        { "width_zero", to_width_0, SAGA_ERR_DATA },
-        { "octaves_too_many", to_octaves_9, SAGA_ERR_DATA },
-        { "groups_too_many", to_groups_17, SAGA_ERR_DATA },
-        { "window_too_wide", to_window_33, SAGA_ERR_DATA },
-        { "quat_q_too_large", to_quat_15, SAGA_ERR_DATA },
-        { "rig_length", to_cameras_0, SAGA_ERR_DATA },
-        { "step_too_small", to_step_15, SAGA_ERR_DATA },
-        { "source_coarse_parent", to_coarse_parent, SAGA_ERR_DATA },
-        { "weight_beyond_int8", to_int8, SAGA_ERR_DATA },
-        { "more_than_maximum", to_prim_less, SAGA_ERR_DATA },
+        { "tool_base", SAGA_ERR_DATA, { WITH(model.tools, SAGA_TOOL_BASE) } },
+        { "tool_feature_residual", SAGA_ERR_VERSION,
+          { WITH(model.tools, SAGA_TOOL_FEATURE_RESIDUAL) } },
+        { "tool_hash", SAGA_ERR_VERSION,
+          { WITH(model.tools, SAGA_TOOL_HASH) } },
+        { "tool_memory", SAGA_ERR_DATA, { WITH(model.tools, SAGA_TOOL_BANK) } },
+        { "tool_plain_write", SAGA_ERR_DATA,
+          { WITH(model.tools, SAGA_TOOL_PLAIN_WRITE) } },
+        { "tool_unknown", SAGA_ERR_VERSION, { WITH(model.tools, 1u << 12) } },
+        { "source_memory", SAGA_ERR_DATA,
+          { WITH(model.sources[0], SAGA_SOURCE_BANK) } },
+        { "source_unknown", SAGA_ERR_VERSION,
+          { WITH(model.sources[0], SAGA_SOURCES_KNOWN + 1u) } },
+        { "layers_without_lengths", SAGA_ERR_DATA, { TO(more_layers, 1) } },
+        { "layers_too_many", SAGA_ERR_VERSION, { TO(more_layers, 8) } },
+        { "memory_slots", SAGA_ERR_DATA, { TO(model.bank_slots, 64) } },
+        { "memory_width", SAGA_ERR_DATA, { TO(model.bank_width, 32) } },
+        { "memory_blocks", SAGA_ERR_DATA, { TO(model.bank_blocks, 256) } },
+        { "hash_levels", SAGA_ERR_VERSION, { TO(hash_levels, 1) } },
+        { "hash_size", SAGA_ERR_VERSION, { TO(hash_log2_entries, 10) } },
+        { "level_unknown", SAGA_ERR_LEVEL, { TO(level, 4) } },
+        { "level_exceeded", SAGA_ERR_LEVEL, { TO(level, 0) } },
+        { "frames_zero", SAGA_ERR_DATA, { TO(n_frames, 0) } },
+        { "segments_zero", SAGA_ERR_DATA, { TO(n_segments, 0) } },
+        { "features_too_few", SAGA_ERR_DATA, { TO(model.features, 4) } },
+        { "width_zero", SAGA_ERR_DATA, { TO(model.width[0], 0) } },
+        { "octaves_too_many", SAGA_ERR_DATA, { TO(model.octaves, 9) } },
+        { "groups_too_many", SAGA_ERR_DATA,
+          { TO(model.tier[0].n_groups, 17) } },
+        { "window_too_wide", SAGA_ERR_DATA, { TO(model.tier[1].window, 33) } },
+        { "quat_q_too_large", SAGA_ERR_DATA,
+          { TO(model.out_q[SAGA_OUT_QUAT], 15) } },
+        { "rig_length", SAGA_ERR_DATA, { TO(n_cameras, 0) } },
+        { "step_too_small", SAGA_ERR_DATA,
+          { TO(model.step_q16[0], 15u << 16) } },
+        { "source_coarse_parent", SAGA_ERR_DATA,
+          { WITH(model.sources[SAGA_KIND_COARSE], SAGA_SOURCE_PARENT) } },
+        { "weight_beyond_int8", SAGA_ERR_DATA, { TO(model.int8, 1) } },
+        { "more_than_maximum", SAGA_ERR_DATA, { MORE(max.prim, UINT32_MAX) } },
     };
     const gen_options o = { .seed = 7, .level = 1, .n_coarse = 3,
                             .tools_fixed = 1 };
@@ -846,8 +776,7 @@ static void bad_all(void)
     head = SAGA_HEADER_NBYTES + GEN_MAX_CAMERAS * SAGA_CAMERA_NBYTES + 4u;
     half = n / 2;
     for (i = 0; i < sizeof headers / sizeof *headers; i++)
-        bad_header(headers[i].stem, bytes, n, headers[i].f,
-                   headers[i].status);
+        bad_header(&headers[i], bytes, n);
     bad("empty", bytes, 0, SAGA_ERR_TRUNCATED);
     bad("cut_in_header", bytes, 100, SAGA_ERR_TRUNCATED);
     bad("cut_in_rig", bytes, head - 50, SAGA_ERR_TRUNCATED);
@@ -863,85 +792,69 @@ static void bad_all(void)
     gen_stream_free(&g);
 }
 
+/* Streams of given tools, whose pictures show something; and their bank. */
+#define ALL (uint32_t)SAGA_TOOLS_PICTURE
+#define DRAWN(given) .picture = 1, .tools_fixed = 1, .tools = given
+#define BANK(write, slots, width, blocks) .bank = write, \
+    .bank_slots = slots, .bank_width = width, .bank_blocks = blocks
+
 int main(int argc, char **argv)
 {
-    const uint32_t all = SAGA_TOOLS_PICTURE;
-    const gen_options options[] = {
-        { .seed = 11, .level = 1, .n_coarse = 20, .picture = 1,
-          .tools_fixed = 1, .tools = 0 },
-        { .seed = 12, .level = 1, .n_coarse = 20, .picture = 1,
-          .tools_fixed = 1, .tools = all },
-        { .seed = 13, .level = 1, .n_coarse = 6, .picture = 1,
-          .tools_fixed = 1, .tools = all & ~(uint32_t)SAGA_TOOL_VIEW,
-          .n_segments = 3 },
-        { .seed = 14, .level = 0, .n_coarse = 12 },
-        { .seed = 15, .level = 1, .n_coarse = 12 },
-        { .seed = 16, .level = 2, .n_coarse = 20 },
-        { .seed = 17, .level = 3, .n_coarse = 12 },
-        { .seed = 18, .level = 0, .n_coarse = 20, .picture = 1,
-          .tools_fixed = 1, .tools = all, .bank = GEN_BANK_ORTHOGONAL,
-          .bank_slots = 32, .bank_width = 16, .bank_blocks = 3 },
-        { .seed = 19, .level = 1, .n_coarse = 20, .picture = 1,
-          .tools_fixed = 1, .tools = all, .bank = GEN_BANK_ORTHOGONAL,
-          .bank_slots = 64, .bank_width = 32, .bank_blocks = 256 },
-        { .seed = 20, .level = 1, .n_coarse = 20, .picture = 1,
-          .tools_fixed = 1, .tools = 0, .bank = GEN_BANK_PLAIN,
-          .bank_slots = 64, .bank_width = 8, .bank_blocks = 1 },
-        { .seed = 21, .level = 2, .n_coarse = 12, .n_segments = 2,
-          .bank = GEN_BANK_PLAIN, .bank_slots = 128,
-          .bank_width = 40, .bank_blocks = 5 },
-        { .seed = 22, .level = 3, .n_coarse = 12,
-          .bank = GEN_BANK_ORTHOGONAL, .bank_slots = 512,
-          .bank_width = 64, .bank_blocks = 2 },
-        { .seed = 25, .level = 1, .n_coarse = 20, .picture = 1,
-          .tools_fixed = 1, .tools = all, .no_fuse = 1 },
-        { .seed = 26, .level = 1, .n_coarse = 20, .picture = 1,
-          .tools_fixed = 1, .tools = all, .no_fuse = 2 },
-        { .seed = 27, .level = 0, .n_coarse = 20, .picture = 1,
-          .tools_fixed = 1, .tools = all, .no_fuse = 3 },
-        { .seed = 28, .level = 0, .n_coarse = 20, .picture = 1,
-          .tools_fixed = 1, .tools = all, .no_fuse = 3, .linear = 1 },
-        { .seed = 29, .level = 0, .n_coarse = 6, .picture = 1,
-          .tools_fixed = 1, .tools = 0, .no_fuse = 3, .named = 1 },
-        { .seed = 29, .level = 1, .n_coarse = 12, .picture = 1,
-          .tools_fixed = 1, .tools = all, .no_fuse = 3, .linear = 1,
-          .n_segments = 2, .base = 1 },
-        { .seed = 30, .level = 0, .n_coarse = 12, .picture = 1,
-          .tools_fixed = 1, .tools = all & ~(uint32_t)SAGA_TOOL_VIEW,
-          .base = 1, .bank = GEN_BANK_ORTHOGONAL, .bank_slots = 32,
-          .bank_width = 16, .bank_blocks = 3 },
-        { .seed = 33, .level = 3, .n_coarse = 12, .n_segments = 2,
-          .base = 1 },
-        { .seed = 34, .level = 0, .n_coarse = 6, .picture = 1,
-          .tools_fixed = 1, .tools = 0, .no_fuse = 3, .n_segments = 2,
-          .base = 1, .named = 1 },
-        { .seed = 35, .level = 1, .n_coarse = 12, .picture = 1,
-          .tools_fixed = 1, .tools = all, .no_fuse = 3, .linear = 1,
-          .n_segments = 2, .n_layers = 2 },
-        { .seed = 36, .level = 1, .n_coarse = 6, .picture = 1,
-          .tools_fixed = 1, .tools = all, .n_segments = 2, .n_layers = 3,
-          .base = 1, .bank = GEN_BANK_ORTHOGONAL, .bank_slots = 64,
-          .bank_width = 16, .bank_blocks = 5 },
-        { .seed = 37, .level = 3, .n_coarse = 12, .n_layers = 2 },
-        { .seed = 38, .level = 0, .n_coarse = 6, .picture = 1,
-          .tools_fixed = 1, .tools = all & ~(uint32_t)SAGA_TOOL_VIEW,
-          .no_fuse = 3, .n_layers = 3 },
-        { .seed = 39, .level = 1, .n_coarse = 20, .picture = 1,
-          .tools_fixed = 1, .tools = all | SAGA_TOOL_STEEP },
-        { .seed = 40, .level = 0, .n_coarse = 20, .picture = 1,
-          .tools_fixed = 1, .tools = SAGA_TOOL_STEEP, .no_fuse = 3,
-          .linear = 1 },
-    };
-    static const char *const stems[] = {
-        "still", "motion", "segments", "random_level0", "random_level1",
-        "random_level2", "random_level3", "memory_level0", "memory",
-        "memory_plain", "memory_level2", "memory_level3", "no_fuse_coarse",
-        "no_fuse_fine", "no_fuse", "linear", "names", "base", "base_level0",
-        "base_level3", "base_names", "layers", "layers_base", "layers_level3",
-        "layers_level0", "steep", "steep_level0"
+    static const struct { const char *stem; gen_options o; } row[] = {
+        { "still", { .seed = 11, .level = 1, .n_coarse = 20, DRAWN(0) } },
+        { "motion", { .seed = 12, .level = 1, .n_coarse = 20, DRAWN(ALL) } },
+        { "segments", { .seed = 13, .level = 1, .n_coarse = 6,
+            DRAWN(ALL & ~(uint32_t)SAGA_TOOL_VIEW), .n_segments = 3 } },
+        { "random_level0", { .seed = 14, .level = 0, .n_coarse = 12 } },
+        { "random_level1", { .seed = 15, .level = 1, .n_coarse = 12 } },
+        { "random_level2", { .seed = 16, .level = 2, .n_coarse = 20 } },
+        { "random_level3", { .seed = 17, .level = 3, .n_coarse = 12 } },
+        { "memory_level0", { .seed = 18, .level = 0, .n_coarse = 20, DRAWN(ALL),
+            BANK(GEN_BANK_ORTHOGONAL, 32, 16, 3) } },
+        { "memory", { .seed = 19, .level = 1, .n_coarse = 20, DRAWN(ALL),
+            BANK(GEN_BANK_ORTHOGONAL, 64, 32, 256) } },
+        { "memory_plain", { .seed = 20, .level = 1, .n_coarse = 20, DRAWN(0),
+            BANK(GEN_BANK_PLAIN, 64, 8, 1) } },
+        { "memory_level2", { .seed = 21, .level = 2, .n_coarse = 12,
+            .n_segments = 2, BANK(GEN_BANK_PLAIN, 128, 40, 5) } },
+        { "memory_level3", { .seed = 22, .level = 3, .n_coarse = 12,
+            BANK(GEN_BANK_ORTHOGONAL, 512, 64, 2) } },
+        { "no_fuse_coarse", { .seed = 25, .level = 1, .n_coarse = 20,
+            DRAWN(ALL), .no_fuse = 1 } },
+        { "no_fuse_fine", { .seed = 26, .level = 1, .n_coarse = 20, DRAWN(ALL),
+            .no_fuse = 2 } },
+        { "no_fuse", { .seed = 27, .level = 0, .n_coarse = 20, DRAWN(ALL),
+            .no_fuse = 3 } },
+        { "linear", { .seed = 28, .level = 0, .n_coarse = 20, DRAWN(ALL),
+            .no_fuse = 3, .linear = 1 } },
+        { "names", { .seed = 29, .level = 0, .n_coarse = 6, DRAWN(0),
+            .no_fuse = 3, .named = 1 } },
+        { "base", { .seed = 29, .level = 1, .n_coarse = 12, DRAWN(ALL),
+            .no_fuse = 3, .linear = 1, .n_segments = 2, .base = 1 } },
+        { "base_level0", { .seed = 30, .level = 0, .n_coarse = 12,
+            DRAWN(ALL & ~(uint32_t)SAGA_TOOL_VIEW), .base = 1,
+            BANK(GEN_BANK_ORTHOGONAL, 32, 16, 3) } },
+        { "base_level3", { .seed = 33, .level = 3, .n_coarse = 12,
+            .n_segments = 2, .base = 1 } },
+        { "base_names", { .seed = 34, .level = 0, .n_coarse = 6, DRAWN(0),
+            .no_fuse = 3, .n_segments = 2, .base = 1, .named = 1 } },
+        { "layers", { .seed = 35, .level = 1, .n_coarse = 12, DRAWN(ALL),
+            .no_fuse = 3, .linear = 1, .n_segments = 2, .n_layers = 2 } },
+        { "layers_base", { .seed = 36, .level = 1, .n_coarse = 6, DRAWN(ALL),
+            .n_segments = 2, .n_layers = 3, .base = 1,
+            BANK(GEN_BANK_ORTHOGONAL, 64, 16, 5) } },
+        { "layers_level3", { .seed = 37, .level = 3, .n_coarse = 12,
+            .n_layers = 2 } },
+        { "layers_level0", { .seed = 38, .level = 0, .n_coarse = 6,
+            DRAWN(ALL & ~(uint32_t)SAGA_TOOL_VIEW), .no_fuse = 3,
+            .n_layers = 3 } },
+        { "steep", { .seed = 39, .level = 1, .n_coarse = 20,
+            DRAWN(ALL | SAGA_TOOL_STEEP) } },
+        { "steep_level0", { .seed = 40, .level = 0, .n_coarse = 20,
+            DRAWN(SAGA_TOOL_STEEP), .no_fuse = 3, .linear = 1 } },
     };
     const gen_options *const three_layers =
-        &options[sizeof options / sizeof *options - 3];
+        &row[sizeof row / sizeof *row - 3].o;
     char path[1024];
     size_t i;
 
@@ -960,8 +873,8 @@ int main(int argc, char **argv)
           "# symbols, final ranges of the three chunks, time, camera, CRCs of\n"
           "# primitives, splats, frame. Bad: file, `status`, the exact one.\n",
           manifest);
-    for (i = 0; i < sizeof options / sizeof *options; i++)
-        good(stems[i], options[i]);
+    for (i = 0; i < sizeof row / sizeof *row; i++)
+        good(row[i].stem, row[i].o);
     good_full();
     cut_layers(three_layers);
     bad_all();
