@@ -210,6 +210,26 @@ TEST_IN_FOLDER(moving_camera_should_need_no_memory_for_what_is_missing)
     saga_capture_free(&c);
 }
 
+/* Fewer poses than SAGA_MAX_VIEWS, and more pictures: each would be a view. It
+ * is refused before any of them is looked for. */
+TEST_IN_FOLDER(moving_camera_should_be_refused_when_it_has_too_many_pictures)
+{
+    const int n_poses = SAGA_MAX_VIEWS - 10, n = SAGA_MAX_VIEWS + 1;
+    folder *const f = *state;
+    bytes b = { 0 };
+
+    put_text(&b, "{\"camera_angle_x\": 1, \"frames\": [");
+    for (int i = 0; i < n; i++)
+        put_text(&b, "%s{\"file_path\": \"%d\", \"time\": %d, "
+                 "\"transform_matrix\": [[1, 0, 0, %d], [0, 1, 0, 0], "
+                 "[0, 0, 1, 0], [0, 0, 0, 1]]}", i ? ", " : "", i, i,
+                 i % n_poses);
+    put_text(&b, "]}");
+    write_bytes(f, "transforms.json", &b);
+    refused(f->path, "transforms.json",
+            "more than 4096 pictures of a camera that moves");
+}
+
 TEST_IN_FOLDER(listed_pictures_should_have_any_ending)
 {
     folder *const f = *state;

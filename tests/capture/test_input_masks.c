@@ -145,6 +145,29 @@ TEST_IN_FOLDER(mask_should_be_of_all_frames_when_it_is_the_cameras)
     refused_with(f->path, &o, f->path, "--memory");
 }
 
+/* Views hold 3 bytes a pixel and frame, one more where a camera has masks; a
+ * thread has 7 for a picture and its depth, and for a mask 4 of opacity and 3
+ * of what is scaled. */
+TEST_IN_FOLDER(masks_should_count_in_the_forecast_of_memory)
+{
+    folder *const f = *state;
+    saga_capture_options o = saga_capture_defaults();
+    saga_capture c;
+
+    write_capture(f, "images", "");
+    folder_run(f, "mkdir -p masks");
+    write_grey(f, "masks/cam1.png", W, H, 0, 255);
+    c = load(f->path);
+    o.n_threads = 1;
+    o.memory_nbytes = (uint64_t)(W * H * ((3 * c.n_views + 1) * c.n_frames +
+                                          7 + 4 + 3));
+    saga_capture_free(&c);
+    c = load_with(f->path, &o);
+    saga_capture_free(&c);
+    o.memory_nbytes--;
+    refused_with(f->path, &o, f->path, "--memory");
+}
+
 TEST_IN_FOLDER(alpha_should_be_a_mask_when_wanted)
 {
     folder *const f = *state;

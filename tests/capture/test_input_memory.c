@@ -107,6 +107,23 @@ TEST_IN_FOLDER(exrs_should_be_refused_when_memory_ends)
     fail_each(*state, "scene", 500);
 }
 
+/* 3 cameras x 2 frames in RGB; a thread has 7 bytes a pixel, and three floats
+ * of an EXR. */
+TEST_IN_FOLDER(exrs_should_count_in_the_forecast_of_memory)
+{
+    const char *const path = folder_file(*state, "scene");
+    saga_capture_options o = saga_capture_defaults();
+    saga_capture c;
+
+    write_synth(path, true);
+    o.n_threads = 1;
+    o.memory_nbytes = W * H * (3 * 3 * 2 + 7 + 12);
+    c = load_with(path, &o);
+    saga_capture_free(&c);
+    o.memory_nbytes--;
+    refused_with(path, &o, path, "--memory");
+}
+
 /* --- COLMAP -------------------------------------------------------------- */
 
 static void write_model(folder *f, const char *where);

@@ -5,6 +5,7 @@
  * files that cannot be decoded are refused.
  */
 #include "capture_files.h"
+#include "load.h"
 #include "testing.h"
 #include "video.h"
 
@@ -198,6 +199,44 @@ TEST_IN_FOLDER(videos_should_be_refused_when_rates_differ)
     write_video(f, "b.mp4", 4, 30, "");
     write_json(f, two, 2);
     refused(f->path, "b.mp4", "has 30 frames per second, a has 25");
+}
+
+/* Two videos of n frames pass together, whichever is first. */
+static void check_rates(double a, double b, int n, int end, bool pass)
+{
+    for (int turned = 0; turned < 2; turned++) {
+        saga_source s[2] = {
+            { .name = "a", .info = { .n_frames = n, .fps = turned ? b : a } },
+            { .name = "b", .info = { .n_frames = n, .fps = turned ? a : b } }
+        };
+        saga_capture_options o = saga_capture_defaults();
+        saga_listing l = { .sources = s, .n_sources = 2 };
+        saga_error error = { "" };
+
+        o.end_frame = end;
+        assert_int_equal(saga_listing_match_videos(&l, &o, &error), pass);
+        if (!pass)
+            assert_says(&error, "frames per second");
+    }
+}
+
+/* 30 and 30000/1001 frames a second part by a thousandth of a frame with each
+ * frame: frame 499 lies 0.499 frames away from its like, frame 500 half a
+ * frame, and there the neighbour is as near. */
+TEST(rates_should_differ_by_less_than_half_a_frame_at_the_end)
+{
+    const double ntsc = 30000.0 / 1001.0;
+
+    check_rates(30, 30, 100000, 0, true);
+    check_rates(0, 0, 100, 0, true); /* unknown */
+    check_rates(30, ntsc, 500, 0, true);
+    check_rates(30, ntsc, 502, 0, false);
+    check_rates(30, ntsc, 100000, 0, false);
+    check_rates(30, ntsc, 100000, 500, true);
+    /* Milliseconds of a container's clock: 600 frames in 20.000 or 20.001 s. */
+    check_rates(600 / 20.0, 600 / 20.001, 600, 0, true);
+    /* Never another rate, however short. */
+    check_rates(24, 25, 2, 0, false);
 }
 
 TEST_IN_FOLDER(video_should_be_refused_when_it_is_missing_or_no_video)

@@ -51,6 +51,21 @@ bool saga_folder_has(const char *folder, const char *name)
     return n > 0 && n < PATH_MAX && saga_path_is_file(path);
 }
 
+DIR *saga_folder_open(const char *folder, saga_error *error)
+{
+    DIR *const dir = opendir(folder);
+    if (!dir)
+        saga_fail_errno(error, folder, "check its permissions",
+                        "folder cannot be read");
+    return dir;
+}
+
+bool saga_folder_try(DIR **dir, const char *folder, saga_error *error)
+{
+    *dir = opendir(folder);
+    return *dir || errno != ENOMEM || saga_no_memory(0, folder, error);
+}
+
 bool saga_has_suffix(const char *s, const char *suffix)
 {
     const size_t n = strlen(s), m = strlen(suffix);

@@ -8,6 +8,7 @@
 
 #include "error.h"
 
+#include <dirent.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -23,6 +24,13 @@ bool saga_path_is_folder(const char *path);
 /* Tells whether there is a file of that name in the folder. */
 bool saga_folder_has(const char *folder, const char *name);
 bool saga_has_suffix(const char *s, const char *suffix);
+
+/* Opens a folder to be walked; NULL, with the reason, where it cannot be read.
+ * The caller closes it. */
+DIR *saga_folder_open(const char *folder, saga_error *error);
+/* Does the same where there need be no folder: *dir is NULL then, and only want
+ * of memory is an error. */
+bool saga_folder_try(DIR **dir, const char *folder, saga_error *error);
 
 /* Returns the real path of a file where it lies in the folder of another file,
  * or in one below, links followed; else NULL. free() frees it. */

@@ -43,6 +43,13 @@ static bool picture_kind(const char *path, enum picture_kind *kind,
     return true;
 }
 
+bool saga_picture_is_exr(const char *path)
+{
+    enum picture_kind kind;
+    saga_error error;
+    return picture_kind(path, &kind, &error) && kind == PICTURE_EXR;
+}
+
 /* A picture that is neither PNG, JPEG nor OpenEXR goes through ffmpeg: a
  * process for each. */
 static const char *ffmpeg_name(enum picture_kind kind)

@@ -12,6 +12,9 @@
 
 #include "capture.h"
 
+/* Tells whether a file begins as an OpenEXR does. */
+bool saga_picture_is_exr(const char *path);
+
 bool saga_picture_probe(const char *path, int *width, int *height,
                         saga_error *error);
 /* rgb is (height, width, 3); the file must have exactly that size. */

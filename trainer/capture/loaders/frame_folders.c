@@ -12,8 +12,6 @@
 #include "moments.h"
 #include "notes.h"
 
-#include <dirent.h>
-#include <errno.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -32,10 +30,9 @@ static bool is_frame_name(const char *name)
 static bool find_frame_folders(saga_finds *finds, const char *path,
                                saga_error *error)
 {
-    DIR *const dir = opendir(path);
-    /* A path that cannot be opened holds no frames; only missing memory is an
-     * error. */
-    bool ok = dir || errno != ENOMEM || saga_no_memory(0, path, error);
+    DIR *dir;
+    /* A path that cannot be opened holds no frames. */
+    bool ok = saga_folder_try(&dir, path, error);
     for (struct dirent *e; dir && ok && (e = readdir(dir)) != NULL;) {
         uint64_t number;
         if (!is_frame_name(e->d_name) ||

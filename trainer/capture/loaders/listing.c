@@ -299,6 +299,27 @@ bool saga_probe_video(saga_source *source, saga_listing *listing,
     return true;
 }
 
+/* Refuses videos that drift apart, where a picture of one and the picture of
+ * the same number of another are further apart than half a frame at the end of
+ * n frames: then its neighbour would be nearer. The k-th pictures lie
+ * k (1 / slow - 1 / fast) apart in time, k (fast / slow - 1) in frames of the
+ * fast one. Rates further apart than 30000/1001 and 30, twice, are a mistake
+ * whatever the length. */
+static bool match_rates(const saga_listing *listing, int n, saga_error *error)
+{
+    const saga_source *slow = &listing->sources[0], *fast = slow;
+    for (int i = 1; i < listing->n_sources; i++) {
+        const saga_source *const s = &listing->sources[i];
+        slow = s->info.fps < slow->info.fps ? s : slow;
+        fast = s->info.fps > fast->info.fps ? s : fast;
+    }
+    const double rate = slow->info.fps, apart = fast->info.fps - rate;
+    return (apart <= 0.002 * rate && apart * (n - 1) <= 0.5 * rate) ||
+           saga_fail(error, fast->video, "give all cameras one frame rate",
+                     "has %.6g frames per second, %s has %.6g",
+                     fast->info.fps, slow->name, slow->info.fps);
+}
+
 bool saga_listing_match_videos(saga_listing *listing,
                                const saga_capture_options *options,
                                saga_error *error)
@@ -311,15 +332,13 @@ bool saga_listing_match_videos(saga_listing *listing,
             shortest = s;
         if (s->info.n_frames > longest->info.n_frames)
             longest = s;
-        /* 0.1 % is a frame in a thousand. */
-        if (fabs(s->info.fps - listing->sources[0].info.fps) >
-            0.001 * s->info.fps)
-            return saga_fail(error, s->video, "give all cameras one frame "
-                             "rate", "has %g frames per second, %s has %g",
-                             s->info.fps, listing->sources[0].name,
-                             listing->sources[0].info.fps);
     }
     listing->n_frames = shortest->info.n_frames;
+    const bool cut = options->end_frame > 0 &&
+                     options->end_frame < listing->n_frames;
+    if (!match_rates(listing, cut ? options->end_frame : listing->n_frames,
+                     error))
+        return false;
     if (listing->fps == 0.0)
         listing->fps = listing->sources[0].info.fps;
     /* Lengths may differ behind the frames that are wanted. */

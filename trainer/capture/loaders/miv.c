@@ -24,8 +24,6 @@
 #include "pose.h"
 #include "utf8.h"
 
-#include <dirent.h>
-#include <errno.h>
 #include <jansson.h>
 #include <math.h>
 #include <stdio.h>
@@ -144,11 +142,10 @@ static bool parse_depth(const char *s, miv_camera *c)
 static bool find_files(const miv_reader *r, miv_camera *c)
 {
     const size_t n = strlen(c->name);
-    DIR *const dir = opendir(r->folder);
+    DIR *const dir = saga_folder_open(r->folder, r->error);
     bool ok = true;
     if (!dir)
-        return saga_fail_errno(r->error, r->folder, "check its permissions",
-                               "folder cannot be read");
+        return false;
     for (struct dirent *e; ok && (e = readdir(dir)) != NULL;) {
         char **to = NULL;
         if (strncmp(e->d_name, c->name, n) != 0)
@@ -471,9 +468,9 @@ static bool add_cameras(miv_reader *r)
 static char *first_with(const char *folder, const char *suffix,
                         saga_error *error)
 {
-    DIR *const dir = opendir(folder);
+    DIR *dir;
     char *best = NULL;
-    bool ok = dir || errno != ENOMEM || saga_no_memory(0, folder, error);
+    bool ok = saga_folder_try(&dir, folder, error);
     for (struct dirent *e; dir && ok && (e = readdir(dir)) != NULL;) {
         /* readdir keeps no order; the first by name is the same everywhere. */
         if (!saga_has_suffix(e->d_name, suffix) ||

@@ -5,7 +5,6 @@
 #include "error.h"
 #include "file.h"
 
-#include <dirent.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
@@ -57,10 +56,9 @@ bool saga_finds_add(saga_finds *finds, int source, uint64_t moment, char *path,
 bool saga_finds_add_folder(saga_finds *finds, int source, const char *folder,
                            saga_error *error)
 {
-    DIR *const dir = opendir(folder);
+    DIR *const dir = saga_folder_open(folder, error);
     if (!dir)
-        return saga_fail_errno(error, folder, "check its permissions",
-                               "folder cannot be read");
+        return false;
     bool ok = true;
     for (struct dirent *e; ok && (e = readdir(dir)) != NULL;) {
         uint64_t moment;

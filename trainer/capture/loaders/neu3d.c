@@ -19,8 +19,6 @@
 #include "npy.h"
 #include "pose.h"
 
-#include <dirent.h>
-#include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -35,10 +33,10 @@ static bool is_camera_video(const char *name)
 
 static bool is_there(const char *folder, saga_error *error)
 {
-    DIR *const dir = opendir(folder);
+    DIR *dir;
     bool found = false;
-    if (!dir && errno == ENOMEM)
-        return saga_no_memory(0, folder, error);
+    if (!saga_folder_try(&dir, folder, error))
+        return false;
     for (struct dirent *e; dir && !found && (e = readdir(dir)) != NULL;)
         found = is_camera_video(e->d_name);
     if (dir)
@@ -74,10 +72,9 @@ static bool add_video(saga_listing *listing, const char *folder,
 static bool list_videos(saga_listing *listing, const char *folder,
                         saga_error *error)
 {
-    DIR *const dir = opendir(folder);
+    DIR *const dir = saga_folder_open(folder, error);
     if (!dir)
-        return saga_fail_errno(error, folder, "check its permissions",
-                               "folder cannot be read");
+        return false;
     bool ok = true;
     for (struct dirent *e; ok && (e = readdir(dir)) != NULL;)
         if (is_camera_video(e->d_name))

@@ -12,13 +12,19 @@
 #include <stdlib.h>
 #include <string.h>
 
+static bool too_many(const saga_transforms *r, const char *remedy,
+                     const char *what)
+{
+    return saga_fail(r->error, r->path, remedy, "has more than %d %s",
+                     SAGA_MAX_VIEWS, what);
+}
+
 /* Makes room for one more view in first (n_views). */
 static bool add_view(const saga_transforms *r, int **first)
 {
     if (r->n_views == SAGA_MAX_VIEWS)
-        return saga_fail(r->error, r->path, "every camera must stand still "
-                         "and have one pose", "has more than %d different "
-                         "camera poses", SAGA_MAX_VIEWS);
+        return too_many(r, "every camera must stand still and have one pose",
+                        "different camera poses");
     int *const more = saga_realloc(*first, (size_t)r->n_views + 1,
                                    sizeof *more, r->path, r->error);
     *first = more ? more : *first;
@@ -96,6 +102,10 @@ static bool find_moves(saga_transforms *r)
     free(times);
     if (2 * most > n)
         return true;
+    /* Poses may be fewer: each picture will be a view. */
+    if (r->n_entries > SAGA_MAX_VIEWS)
+        return too_many(r, "list fewer pictures",
+                        "pictures of a camera that moves");
     int *const size = saga_realloc(r->view_size, (size_t)r->n_entries,
                                    sizeof *size, r->path, r->error);
     if (!size)

@@ -5,6 +5,7 @@
 #include "load_job.h"
 
 #include "error.h"
+#include "picture.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -44,17 +45,42 @@ static double picture_nbytes(const saga_load_job *job, int v, double scale)
     return n;
 }
 
-/* A thread has one source picture, its table and one depth picture. */
+/* Tells whether the first of the wanted files is an EXR; the others of a source
+ * are of its kind. */
+static bool is_exr(const saga_load_job *job, char *const *files)
+{
+    const int first = job->capture->first_frame;
+    for (int k = 0; files && k < job->capture->n_frames; k++)
+        if (files[first + k])
+            return saga_picture_is_exr(files[first + k]);
+    return false;
+}
+
+/* Returns what a thread works with while it decodes a picture of view v: the
+ * picture, its table, its depth, its mask. */
+static double thread_nbytes(const saga_load_job *job, int v)
+{
+    const saga_source *const s = &job->listing->sources[v];
+    const saga_remap *const m = &job->remaps[v];
+    /* 3 bytes of colour and 4 of depth for each pixel of the file; an EXR also
+     * has three floats, which become those 3 bytes. */
+    double each = 7.0;
+    if (is_exr(job, s->pictures) || is_exr(job, s->masks))
+        each += 12.0;
+    double n = (double)saga_remap_nbytes(m, &s->lens);
+    /* Opacity is read as RGBA. The mask is scaled as a picture, RGB. */
+    if (saga_load_has_masks(job, s)) {
+        each += 4.0;
+        n += 3.0 * m->width * m->height;
+    }
+    return n + each * s->width * s->height;
+}
+
 static double scratch_nbytes(const saga_load_job *job)
 {
     double most = 0.0;
-    for (int v = 0; v < job->listing->n_sources; v++) {
-        const saga_source *const s = &job->listing->sources[v];
-        /* 3 bytes of colour and 4 of depth for each pixel of the file. */
-        most = fmax(most, 7.0 * s->width * s->height +
-                              (double)saga_remap_nbytes(&job->remaps[v],
-                                                        &s->lens));
-    }
+    for (int v = 0; v < job->listing->n_sources; v++)
+        most = fmax(most, thread_nbytes(job, v));
     return most * job->n_threads;
 }
 
