@@ -127,7 +127,7 @@ double saga_plan_minutes(double n_primitives, double n_iterations,
 
 /* Detail that is learned of a primitive grows with the logarithm of the number
  * of iterations for each, in stills of 0.02 to 8 of them
- * (tests/train/test_size.c has the files). */
+ * (tests/train/test_preset.c has the files). */
 void saga_plan_nbytes(double *least, double *most, double n_primitives,
                       double n_iterations, bool still)
 {

@@ -1,0 +1,334 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Plans of trainings: what presets make of a capture, and leave as it was given.
+ */
+#include "preset.h"
+#include "testing.h"
+#include "tiny_training.h"
+
+static tiny room;
+
+static int set_up(void **state)
+{
+    (void)state;
+    tiny_open(&room, 5);
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    tiny_close(&room);
+    return 0;
+}
+
+TEST_GROUP(set_up, tear_down);
+
+/* Two views are learned from, of 120 x 100 pixels, and 4 frames. Of the middle
+ * frame's pixels the first of one view differ by `changing` x 12,000 in the
+ * others. */
+static saga_capture two_views(saga_shot v[3], uint8_t *rgb, int changing)
+{
+    const size_t frame = 3 * 120 * 100;
+
+    memset(v, 0, 3 * sizeof *v);
+    memset(rgb, 100, 12 * frame);
+    for (int i = 0; i < 3; i++) {
+        v[i].width = 120;
+        v[i].height = 100;
+        v[i].rgb = rgb + (size_t)i * 4 * frame;
+    }
+    v[2].held_out = true;
+    for (int k = 0; k < 4; k++)
+        for (int i = 0; i < changing && k != 2; i++) {
+            v[0].rgb[(size_t)k * frame + 3 * (size_t)i] = 109;
+            v[2].rgb[(size_t)k * frame + 3 * (size_t)i] = 0;
+        }
+    return (saga_capture){ .n_views = 3, .n_frames = 4, .fps = 4, .views = v };
+}
+
+TEST(plan_should_follow_pixels_and_motion)
+{
+    const saga_preset *const balanced = saga_preset_called("balanced");
+    uint8_t *const rgb = malloc((size_t)12 * 3 * 120 * 100);
+    saga_plan_reasons why;
+    saga_shot views[3];
+
+    assert_non_null(rgb);
+    for (int changing = 0; changing <= 12000; changing += 6000) {
+        const saga_capture c = two_views(views, rgb, changing);
+        saga_train_options o = { .n_segments = 1, .level = 2 };
+
+        saga_plan(&o, &why, &c, balanced);
+        /* The part is of two views and of four frames, one of which is the
+         * middle. */
+        assert_int_equal(o.n_primitives, (int)rint(saga_plan_primitives(
+            24000, changing / 12000. / 2 * 3 / 4, 1)));
+        assert_true(o.n_iterations == balanced->iterations);
+        assert_non_null(strstr(why.primitives, "24000 pixels"));
+        assert_non_null(strstr(why.iterations, "preset balanced"));
+    }
+    free(rgb);
+}
+
+/* A still of many views has no more primitives than of ten, and fast takes no
+ * longer than it says, if 30 visits allow it. */
+TEST(plan_should_be_short_when_it_is_of_a_still)
+{
+    enum { MOST = 400 };
+    const saga_preset *const fast = saga_preset_called("fast");
+    uint8_t *const rgb = calloc((size_t)300 * 200, 3);
+    saga_shot *const views = calloc(MOST, sizeof *views);
+    saga_plan_reasons why;
+    uint32_t n_of_ten = 0;
+
+    assert_true(rgb && views);
+    for (int i = 0; i < MOST; i++)
+        views[i] = (saga_shot){ .width = 300, .height = 200, .rgb = rgb };
+    for (int n = 5; n <= MOST; n = n == 5 ? 10 : n == 10 ? 40 : 10 * n) {
+        const saga_capture c = { .n_views = n, .n_frames = 1, .fps = 30,
+                                 .views = views };
+        saga_train_options o = { .n_segments = 1, .level = 2 };
+        double minutes;
+
+        saga_plan(&o, &why, &c, fast);
+        n_of_ten = n <= 10 ? o.n_primitives : n_of_ten;
+        assert_int_equal(o.n_primitives, n_of_ten);
+        assert_int_equal(o.n_primitives, (int)rint(
+            0.7 * saga_plan_primitives(60000 * fmin(n, 10), 0, 0)));
+        minutes = saga_plan_minutes(o.n_primitives, o.n_iterations, 60000);
+        assert_true(n == 400 ? o.n_iterations == 12000
+                             : fabs(minutes - fast->still_minutes) < 0.01);
+    }
+    free(views);
+    free(rgb);
+}
+
+/* Whole pictures are taken where 30 visits to each fit into the minutes of the
+ * preset; 50 photographs of 1080 x 1920 are taken at a quarter, 16,000 x 12,000
+ * so that there are 500 iterations, small ones as they are. */
+TEST(pictures_should_be_smaller_when_visits_are_few)
+{
+    static const struct { double w, h; int n_views, scale, iterations; }
+    given[] = {
+        { 300, 200, 40, 1, 0 }, { 640, 360, 20, 1, 0 }, { 640, 360, 50, 1, 0 },
+        { 1080, 1920, 10, 3, 0 }, { 1080, 1920, 50, 4, 0 },
+        { 1080, 1920, 50, 1, 5000 }, { 4000, 3000, 200, 10, 0 },
+        { 16000, 12000, 2, 16, 0 }, { 300, 200, 4000, 1, 0 }
+    };
+
+    for (size_t i = 0; i < sizeof given / sizeof given[0]; i++) {
+        const double px = given[i].w * given[i].h;
+        saga_capture c = { .n_frames = 1, .fps = 30,
+                           .n_learned = given[i].n_views,
+                           .learned_pixels = px * given[i].n_views,
+                           .largest_pixels = px };
+        saga_train_options o = { .n_segments = 1, .level = 2,
+                                 .n_iterations = given[i].iterations };
+        const int n = saga_plan_scale(&o, &c, saga_preset_called("fast"));
+
+        assert_int_equal(n, given[i].scale);
+        assert_true(n == 1 || px / (n * n) >= 1e5);
+        assert_int_equal(saga_plan_scale(&o, &c,
+                                         saga_preset_called("balanced")), 1);
+        c.n_frames = 2;
+        assert_int_equal(saga_plan_scale(&o, &c, saga_preset_called("fast")),
+                         1);
+    }
+}
+
+/* Files of stills that preset fast made, two of photographs and five of the
+ * built-in scenes, and one of these with many iterations. */
+TEST(bytes_of_a_still_should_be_forecast)
+{
+    static const struct { int n_primitives, n_iterations, nbytes; } made[] = {
+        { 7560, 1424, 54000 }, { 30240, 500, 145000 }, { 3360, 3205, 35498 },
+        { 3360, 3205, 31291 }, { 13440, 801, 109207 }, { 2688, 3720, 30005 },
+        { 5964, 1805, 60747 }, { 1500, 12000, 19492 }
+    };
+    double least, most, least_moving, most_moving;
+
+    for (size_t i = 0; i < sizeof made / sizeof made[0]; i++) {
+        saga_plan_nbytes(&least, &most, made[i].n_primitives,
+                         made[i].n_iterations, true);
+        assert_true(least <= made[i].nbytes && made[i].nbytes <= most);
+        assert_true(most < 1.8 * least);
+        saga_plan_nbytes(&least_moving, &most_moving, made[i].n_primitives,
+                         made[i].n_iterations, false);
+        assert_true(least_moving == 4000 + 9. * made[i].n_primitives);
+        assert_true(most_moving == 4000 + 14. * made[i].n_primitives);
+        assert_true(least <= least_moving && most <= most_moving);
+    }
+}
+
+/* Each picture of a still is visited 30 times or more, whatever there is. */
+TEST(pictures_of_a_still_should_be_visited_often)
+{
+    static const int n_views[] = { 1, 2, 10, 50, 99 };
+    saga_shot *const views = calloc(99, sizeof *views);
+    saga_plan_reasons why;
+
+    assert_non_null(views);
+    for (int side = 100; side <= 3200; side *= 2) {
+        uint8_t *const rgb = must(calloc((size_t)side * (size_t)side, 3));
+        for (int v = 0; v < 99; v++)
+            views[v] = (saga_shot){ .width = side, .height = side,
+                                    .rgb = rgb };
+        for (size_t i = 0; i < sizeof n_views / sizeof n_views[0]; i++) {
+            saga_train_options o = { .n_segments = 1, .level = 2 };
+            const saga_capture c = { .n_views = n_views[i], .n_frames = 1,
+                                     .fps = 30, .views = views };
+
+            saga_plan(&o, &why, &c, saga_preset_called("fast"));
+            assert_true(o.n_iterations >= 30 * n_views[i]);
+        }
+        free(rgb);
+    }
+    free(views);
+}
+
+/* A camera that moves has no known second, nor changing pixels: a tenth is
+ * assumed. */
+TEST(plan_should_not_count_seconds_of_a_camera_that_moves)
+{
+    const saga_preset *const balanced = saga_preset_called("balanced");
+    saga_shot views[3] = { { .width = 200, .height = 100 } };
+    const saga_capture c = { .n_views = 3, .n_frames = 300, .fps = 30,
+                             .moves = true, .views = views };
+    saga_train_options o = { .n_segments = 1, .level = 2 };
+    saga_plan_reasons why;
+
+    views[1] = views[2] = views[0];
+    saga_plan(&o, &why, &c, balanced);
+    assert_int_equal(o.n_primitives,
+                     (int)rint(saga_plan_primitives(60000, 0.1, 1)));
+}
+
+TEST(plan_should_leave_what_is_given)
+{
+    saga_train_options o = { .n_primitives = 77, .n_iterations = 88,
+                             .n_bytes = 1000000, .n_segments = 1,
+                             .level = 2 };
+    saga_plan_reasons why;
+
+    saga_plan(&o, &why, &room.capture, saga_preset_at(0));
+    assert_int_equal(o.n_primitives, 77);
+    assert_int_equal(o.n_iterations, 88);
+    assert_string_equal(why.primitives, "");
+    assert_string_equal(why.iterations, "");
+    o.n_primitives = 0;
+    saga_plan(&o, &why, &room.capture, saga_preset_at(0));
+    assert_int_equal(o.n_primitives, 90545);
+    o.n_primitives = 0;
+    o.level = 0;
+    saga_plan(&o, &why, &room.capture, saga_preset_at(0));
+    assert_int_equal(o.n_primitives, 1024);
+    o.n_iterations = 0;
+    o.minutes = 1;
+    saga_plan(&o, &why, &room.capture, saga_preset_at(0));
+    assert_int_equal(o.n_iterations, 0);
+}
+
+/* A rest of half a segment or more is one of its own. A second is taken even if
+ * no more than a part of it is said to fit. */
+TEST(segments_should_take_ten_seconds_if_they_fit)
+{
+    static const struct { int n_frames, asked, fitting, n; bool moves; }
+    given[] = {
+        { 1, 0, 9999, 1, false }, { 300, 0, 9999, 1, false },
+        { 449, 0, 9999, 1, false }, { 450, 0, 9999, 2, false },
+        { 1000, 0, 9999, 3, false }, { 300, 0, 100, 3, false },
+        { 300, 0, 7, 10, false }, { 44, 0, 7, 1, false },
+        { 45, 0, 7, 2, false }, { 1000, 0, 7, 1, true },
+        { 100, 10, 9999, 10, true }, { 5, 2, 9999, 2, false },
+        { 3, 2, 9999, 1, false }
+    };
+
+    for (size_t i = 0; i < sizeof given / sizeof given[0]; i++) {
+        const saga_capture c = { .n_frames = given[i].n_frames, .fps = 30,
+                                 .moves = given[i].moves,
+                                 .n_fitting = given[i].fitting };
+
+        assert_int_equal(saga_plan_segments(&c, given[i].asked), given[i].n);
+    }
+}
+
+/* At 0.2 frames a second ten seconds are two frames, and a second is none. */
+TEST(segments_should_have_24_frames_if_they_fit)
+{
+    static const struct { double fps; int n_frames, fitting, n; } given[] = {
+        { 0.2, 2, 9999, 1 }, { 0.2, 24, 9999, 1 }, { 0.2, 35, 9999, 1 },
+        { 0.2, 36, 9999, 2 }, { 0.2, 240, 9999, 10 }, { 0.2, 240, 12, 20 },
+        { 0.2, 240, 1, 120 }, { 1, 240, 9999, 10 }, { 2.4, 240, 9999, 10 },
+        { 3, 240, 9999, 8 }, { 0.001, 100, 9999, 4 }
+    };
+
+    for (size_t i = 0; i < sizeof given / sizeof given[0]; i++) {
+        const saga_capture c = { .n_frames = given[i].n_frames,
+                                 .fps = given[i].fps,
+                                 .n_fitting = given[i].fitting };
+
+        assert_int_equal(saga_plan_segments(&c, 0), given[i].n);
+    }
+}
+
+/* A picture every five seconds is no more work than one of 2.4 a second. */
+TEST(seconds_should_not_count_beyond_frames)
+{
+    uint8_t *const rgb = calloc((size_t)24 * 3 * 6000, 1);
+    saga_shot view = { .width = 100, .height = 60, .rgb = rgb };
+    uint32_t n[2];
+
+    assert_non_null(rgb);
+    for (size_t k = 0; k < 24; k += 2)
+        memset(rgb + k * 18000, 99, 9000);
+    for (int i = 0; i < 2; i++) {
+        const saga_capture c = { .n_views = 1, .n_frames = 24, .views = &view,
+                                 .fps = i ? 0.2 : 2.4 };
+        saga_train_options o = { .n_segments = 1, .level = 2 };
+        saga_plan_reasons why;
+
+        saga_plan(&o, &why, &c, saga_preset_called("balanced"));
+        n[i] = o.n_primitives;
+    }
+    assert_true(n[0] > 100);
+    assert_int_equal(n[0], n[1]);
+    free(rgb);
+}
+
+/* Still things are there once, changing ones are new in each second. */
+TEST(longer_segments_should_have_more_that_changes)
+{
+    assert_true(saga_plan_primitives(12000, 0, 10) ==
+                saga_plan_primitives(12000, 0, 1));
+    assert_true(fabs(saga_plan_primitives(12000, 0.2, 10) -
+                     saga_plan_primitives(12000, 0, 10) -
+                     10 * (saga_plan_primitives(12000, 0.2, 1) -
+                           saga_plan_primitives(12000, 0, 1))) < 1e-9);
+}
+
+/* A slower preset works more, and many pictures want more iterations. */
+TEST(presets_should_be_in_order)
+{
+    uint8_t *const rgb = calloc((size_t)3 * 1200, 1);
+    saga_shot view = { .width = 1, .height = 1, .rgb = rgb };
+    const saga_capture c = { .n_views = 1, .n_frames = 1200, .fps = 30,
+                             .views = &view };
+    saga_train_options last = { .n_segments = 1, .level = 2 };
+    saga_plan_reasons why;
+
+    assert_non_null(rgb);
+    for (int i = 0; saga_preset_at(i); i++) {
+        const saga_preset *const p = saga_preset_at(i);
+        saga_train_options o = { .n_segments = 1, .level = 2 };
+
+        assert_ptr_equal(saga_preset_called(p->name), p);
+        saga_plan(&o, &why, &c, p);
+        assert_true(o.n_primitives >= last.n_primitives);
+        assert_true(o.n_iterations > last.n_iterations);
+        assert_int_equal(o.n_iterations, p->visits * 1200);
+        last = o;
+    }
+    assert_null(saga_preset_called("slow"));
+    free(rgb);
+}
