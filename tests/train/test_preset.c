@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Plans of trainings: what presets make of a capture, and leave as it was given.
+ * Plans of trainings: what presets make of a capture, and what they leave as it
+ * was given.
  */
 #include "preset.h"
 #include "testing.h"
