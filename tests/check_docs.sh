@@ -12,6 +12,8 @@
 #   dates      a page of docs/lab has a date
 #   lists      docs/lab/README.md and docs/design/README.md name every page,
 #              those in archive/ too
+#   examples   the commits that docs/adding.md names are in the history, with
+#              that subject; where there is all of it
 #   metrics    docs/metrics.md has a row for each metric that saga eval tells
 set -eu
 cd "${1:-$(dirname "$0")/..}"
@@ -95,6 +97,18 @@ for folder in docs/lab docs/design; do
     done
 done >"$tmp/bad"
 verdict lists
+
+# ---- examples: "| recipe | HASH | SUBJECT |"
+grep -E '^\|[^|]*\| [0-9a-f]{7} \|' docs/adding.md >"$tmp/examples"
+if [ "$(git rev-parse --is-shallow-repository 2>/dev/null)" = false ]; then
+    sed -E 's/^\|[^|]*\| ([0-9a-f]+) \| (.*) \|$/\1 \2/' "$tmp/examples" |
+        while read -r hash subject; do
+            [ "$(git log -1 --format=%s "$hash" -- 2>/dev/null)" = "$subject" ] ||
+                echo "docs/adding.md: no commit $hash, $subject"
+        done
+fi >"$tmp/bad"
+[ -s "$tmp/examples" ] || echo "docs/adding.md: no examples" >>"$tmp/bad"
+verdict examples
 
 # ---- metrics: rows as the page has them, of the table in score.c
 tr '\n' ' ' <trainer/measure/score.c |
