@@ -125,6 +125,7 @@ static void run_adaptive(const char *what, uint32_t n_sym, int one_in)
     size_t n;
     int i, k;
 
+    /* N symbols are coded: 0, and one of the others once in one_in. */
     saga_range_enc_init(&e, bytes, cap);
     saga_adaptive_init(&m, n_sym);
     for (i = 0; i < N; i++) {
@@ -138,6 +139,7 @@ static void run_adaptive(const char *what, uint32_t n_sym, int one_in)
         saga_adaptive_update(&m, n_sym, sym);
     }
     n = saga_range_enc_finish(&e);
+    /* Decoding alone is timed, and has to give them back. */
     for (k = 0; k < REPEATS; k++) {
         static uint8_t got[N];
         const double start = bench_now_ms();

@@ -545,6 +545,8 @@ static void prepare_places(data *d, gen_rng *r)
     d->sc.n.coarse = ANCHORS;
     d->sc.coarse = coarse;
     d->sc.coarse_feature = feature;
+    /* Anchors in a row, 16384 apart but for noise; a query near each, in the
+     * integers' units and in cubes of 1. */
     for (q = 0; q < ANCHORS; q++) {
         saga_position *const p = &d->query[q];
 
@@ -573,6 +575,7 @@ static void prepare_places(data *d, gen_rng *r)
     }
     for (i = 0; i < 4; i++)
         d->size_f64[i] = i < 3 ? HALF / 8388608.0 : HALF_T / 65536.0;
+    /* The same numbers in float. */
     for (i = 0; i < 4; i++)
         d->size_f32[i] = (float)d->size_f64[i];
     for (q = 0; q < ANCHORS; q++)

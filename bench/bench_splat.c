@@ -102,6 +102,7 @@ static void run(uint32_t n, int width, int height, double sigma_px,
     for (rep = 0; rep < reps + 1; rep++) {
         double at;
 
+        /* A whole pass warms the caches; its stages are then timed alone. */
         saga_splat_forward(&c, &p, n, &error);
         saga_splat_backward(&d, NULL, &c, &p, &error);
         at = bench_now_ms();

@@ -32,7 +32,7 @@ lint) packages="$packages clang-tidy" ;;
 plot) packages="$packages gnuplot-nox valgrind" ;;
 esac
 
-# What `npm pack` gets is an engine to be tested with.
+# `npm pack` fetches an engine to be tested with.
 case ${1:-} in
 test | all) command -v npm >/dev/null || packages="$packages npm" ;;
 esac

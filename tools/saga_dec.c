@@ -102,6 +102,8 @@ static int read_camera_file(saga_camera *c, const char *name)
         }
     }
     fclose(f);
+    /* Sizes and the background have 16 bits: one that has more ends the list
+     * there. */
     for (i = 17; i < n; i++)
         if (v[i] < 0 || v[i] > 65535)
             n = i;
@@ -300,6 +302,7 @@ static int run(const dec_options *o, FILE *f, const saga_info *info)
     long n;
     int status;
 
+    /* The head: networks, and the base. */
     n = read_at(f, 0, info->head_nbytes);
     if (n < 0)
         return fail(o->file, "cannot read the head");
@@ -316,6 +319,7 @@ static int run(const dec_options *o, FILE *f, const saga_info *info)
     status = read_camera(&camera, o, info->head_nbytes);
     if (status)
         return status;
+    /* The segment of that time. */
     s = saga_find(&seg, memory.input, info->head_nbytes, o->time_num,
                   o->time_den);
     if (s)
@@ -323,6 +327,7 @@ static int run(const dec_options *o, FILE *f, const saga_info *info)
     status = decode(o, f, dec, &seg, watch);
     if (status)
         return status;
+    /* Its picture. */
     s = saga_view(dec, &camera, seg.t);
     if (s == SAGA_ERR_LEVEL)
         return refuse_cover(o, dec, info->level, &camera);

@@ -120,8 +120,8 @@ export class EngineView extends Viewer {
         this.changed();
     }
 
-    // Of splats that were made for `values`: (x depth, y depth, depth, 1), in
-    // pixels and box units, to what the engine's camera has on its screen.
+    // The matrix from splats that were made for `values`, (x depth, y depth,
+    // depth, 1) in pixels and box units, to the engine's camera's screen.
     toClip(values, modelView, projection) {
         const { rotation: r, centre } = cam.poseOf(values);
         const [fx, fy, cx, cy] = Array.from(values.slice(12, 16),

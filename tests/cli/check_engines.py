@@ -67,7 +67,7 @@ def files_of(name):
     return files
 
 
-# What a page's engine is asked for, of tests alone: `draw()` draws the scene and
+# Functions of a page that only tests ask for: `draw()` draws the scene and
 # gives its pixels, rows from the top; `settled()` waits until the film's splats
 # are those of the camera.
 SHARED = """

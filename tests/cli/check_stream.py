@@ -90,7 +90,7 @@ def of_film(server):
 
 
 def seams(shown):
-    """Of each seam, how many pictures of the film are late: none is while the
+    """The number of pictures late at each seam of the film: none is while the
     next one comes within two of the film's pictures' time."""
     picture_ms = 1000 / (FPS * RATE)
     return [max(0, int((b[0] - a[0]) / picture_ms) - 1)

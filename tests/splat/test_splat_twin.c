@@ -155,10 +155,12 @@ static double compare(uint32_t n, int width, int height, uint64_t seed,
         p.log2_scale[3 * i] += (real)stretch;
         prim[i] = round_primitive(&p, i);
     }
+    /* The decoder's picture of the rounded primitives. */
     camera = round_camera(&cam);
     assert_int_equal(saga_camera_check(&camera), SAGA_OK);
     draw_integers(rgb, prim, &p, n, &camera,
                   is_steep ? SAGA_TOOL_STEEP : 0);
+    /* The trainer's picture, and how far off it is. */
     assert_true(saga_canvas_init(&canvas, plane, &error));
     canvas.camera = cam;
     canvas.t = TIME / 65536.0f;

@@ -638,6 +638,7 @@ TEST(means_should_learn_in_steps_of_their_size)
         f->value.log2_scale[i] -= (real)(i % 7);
     for (uint32_t i = 0; i < 4 * f->n; i++)
         f->value.quat[i] += R(0.3) * (real)(i % 5);
+    /* One step of Adam moves each axis by its rate, whatever the gradient. */
     before = copy_of(f->value.mean, 3 * f->n * sizeof *before);
     run(f, 1);
     for (uint32_t i = 0; i < 3 * f->n; i++)
@@ -656,6 +657,7 @@ TEST(means_should_learn_in_steps_of_their_size)
             continue;
         n_seen++;
         for (size_t k = 0; k < 3; k++) {
+            /* The rate grows with the axis's size, up to two octaves. */
             const double octaves = (double)f->value.log2_scale[3 * i + k] -
                                    typical;
             const double step = rate * exp2(fmin(fmax(octaves, -2), 2));

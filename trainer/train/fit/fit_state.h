@@ -7,7 +7,7 @@
 
 #include "fit.h"
 
-/* What steps remember of those before. */
+/* The steps' memory of those before. */
 typedef struct saga_descent {
     real *m, *v;                 /* Adam's moments (n_reals); the features'
                                   * along their axes */
