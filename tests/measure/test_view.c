@@ -519,6 +519,53 @@ TEST(score_should_tell_medians_and_changes)
     close_vector(&o);
 }
 
+/* All is 100 but frame 1 of the truth, which is 110; a mask empties frame 0 of
+ * view 0, so n - 1 frames are judged. Their median is 100. The factor that
+ * suits best is 1 + 0.1 / (n - 1): it leaves d = 10 / (n - 1) everywhere but in
+ * frame 1, where it leaves 10 - d. */
+TEST(frames_that_a_mask_empties_should_be_in_no_mean)
+{
+    const saga_eval_options options = { .pictures = NULL };
+    saga_capture c, made;
+    saga_eval e;
+    opened o;
+    const saga_eval_maker maker = { "made", 1, saga_eval_draw_pictures,
+                                    &made };
+    double n, d;
+
+    open_vector(&o, 2);
+    c = rig_capture(&o);
+    made = rig_capture(&o);
+    assert_true(saga_eval_match(&e, &o.film, &c, -1, &o.error));
+    for (int i = 0; i < c.n_views; i++) {
+        const size_t size = saga_view_frame_nbytes(&c.views[i]);
+        const size_t all = size * (size_t)c.n_frames;
+
+        c.views[i].rgb = must(malloc(all));
+        made.views[i].rgb = must(malloc(all));
+        memset(c.views[i].rgb, 100, all);
+        memset(made.views[i].rgb, 100, all);
+        memset(c.views[i].rgb + size, 110, size);
+        if (i == 0) {
+            c.views[i].mask = must(malloc(all / 3));
+            memset(c.views[i].mask, 1, all / 3);
+            memset(c.views[i].mask, 0, size / 3);
+        }
+    }
+    assert_true(saga_eval_run(&e, &maker, &c, &options, &o.error));
+    n = c.n_frames - 1;
+    d = 10 / n;
+    assert_true(fabs(told(&e.view[0].score, "median_psnr_of_mean_mse") -
+                     10 * log10(65025 / (100 / n))) < 1e-9);
+    assert_true(fabs(told(&e.view[0].score, "psnr_exposed") -
+                     10 * log10(65025 * n / (d * d * (n - 1) +
+                                             (10 - d) * (10 - d)))) < 1e-6);
+    saga_eval_free(&e);
+    saga_capture_free(&c);
+    saga_capture_free(&made);
+    close_vector(&o);
+}
+
 /* Another codec's pictures: all samples of one frame of view 1 are 10 off, so
  * that its squared error is 100 over the number of frames; the rest is right.
  */

@@ -28,7 +28,7 @@ enum { DIFFERENCE_GAIN = 4 };
 typedef struct {
     saga_score_sum each;    /* of pictures on their own */
     saga_change change;     /* where pixels change */
-    double median_psnr, median_mse; /* the temporal median picture's, means */
+    double median_psnr, median_mse; /* the temporal median picture's */
     double temporal_mse;    /* of what changes from picture to picture */
     int n_steps;            /* number of such changes */
     saga_exposure_sums exposure[3]; /* of each channel */
@@ -99,14 +99,10 @@ static void compare_change(const comparison *c, int view, int frame)
     const uint8_t *const median = c->median[view];
     const size_t n = saga_view_frame_nbytes(&c->capture->views[view]);
     const double mse = saga_mse(median, truth, n);
-    const int n_frames =
-        c->eval->n_frames - c->capture->views[view].n_missing;
     sums *const s = &c->sum[view];
 
-    /* The missing frames of a view are in no mean, so
-     * they are not divided by. */
-    s->median_mse += mse / n_frames;
-    s->median_psnr += saga_psnr(mse) / n_frames;
+    s->median_mse += mse;
+    s->median_psnr += saga_psnr(mse);
     saga_change_add(&s->change, median, truth, c->rgb, n / 3);
 }
 
@@ -147,9 +143,9 @@ static void compare_time(const comparison *c, int view, int frame)
 /* Returns the mean of (f x made - truth)^2, with the best f of each channel. */
 static double exposed_mse(const comparison *c, int view)
 {
-    const saga_shot *const v = &c->capture->views[view];
-    const double n = (double)saga_view_frame_nbytes(v) *
-                     (c->eval->n_frames - v->n_missing);
+    const double n =
+        (double)saga_view_frame_nbytes(&c->capture->views[view]) *
+        c->sum[view].each.n;
 
     return saga_exposure_error(c->sum[view].exposure) / n;
 }
@@ -274,9 +270,10 @@ static void take_means(const comparison *c)
         saga_score *const score = &c->eval->view[i].score;
         const sums *const s = &c->sum[i];
 
+        /* Frames that are missing, or that a mask empties, are in no mean. */
         *score = saga_score_mean(&s->each);
-        set(score, "median_psnr", s->median_psnr);
-        set(score, "median_psnr_of_mean_mse", s->median_mse);
+        set(score, "median_psnr", s->median_psnr / s->each.n);
+        set(score, "median_psnr_of_mean_mse", s->median_mse / s->each.n);
         set(score, "temporal_psnr",
             s->temporal_mse / (s->n_steps ? s->n_steps : (double)NAN));
         set(score, "psnr_exposed", exposed_mse(c, i));
