@@ -6,6 +6,7 @@
 #include "train_state.h"
 
 #include "alloc.h"
+#include "fit_polish.h"
 #include "utf8.h"
 
 #include <inttypes.h>
@@ -381,6 +382,14 @@ bool saga_train_measure_size(saga_train *t, saga_error *error)
     free(t->bytes);
     t->bytes = NULL;
     return ok;
+}
+
+bool saga_train_polish(saga_train *t, saga_error *error)
+{
+    saga_fit_polished polished;
+
+    /* What only makes the networks is thrown away. */
+    return !is_segment(t) || saga_fit_polish(t->fit, &polished, error);
 }
 
 bool saga_train_pack(saga_train *t, saga_error *error)

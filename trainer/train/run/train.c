@@ -230,6 +230,8 @@ static bool conclude(saga_train *t, saga_error *error)
 
     if (t->stage == SAGA_TRAIN_WARM)
         ok = begin_rendering(t, error);
+    else if (t->stage == SAGA_TRAIN_RENDER)
+        ok = saga_train_polish(t, error);
     else if (t->stage == SAGA_TRAIN_PACK)
         ok = pack(t, error);
     /* The next stage's pictures begin a mean of their own. */

@@ -176,6 +176,8 @@ bool saga_train_check_level(saga_train *t, saga_error *error);
 /* Sets the report's sizes to what the file would take if training ended
  * here. */
 bool saga_train_measure_size(saga_train *t, saga_error *error);
+/* Polishes what is rendered, if it is going to be in the file. */
+bool saga_train_polish(saga_train *t, saga_error *error);
 bool saga_train_pack(saga_train *t, saga_error *error);
 /* Does the same without looking at pictures. */
 bool saga_train_pack_blind(saga_train *t, saga_error *error);

@@ -1,0 +1,136 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Polishing lowers the loss by about what it foretells, by whole steps of
+ * features; where bits are dear it saves them.
+ */
+#include "fit_polish.h"
+#include "fit_state.h"
+#include "testing.h"
+#include "tiny_training.h"
+#include "train_state.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+/* A fit of `render` iterations on three views of five frames, before it is
+ * polished. */
+static saga_train *rendered(tiny *room, int render)
+{
+    static tiny_stop place;
+    saga_train_options o = tiny_options(150, TINY_WARM, render);
+
+    place = (tiny_stop){ SAGA_TRAIN_RENDER, render, 0, 0 };
+    tiny_open(room, 5);
+    o.lambda = 0; /* by the rule */
+    o.checkpoint = room->checkpoint;
+    return tiny_train_until(&room->capture, &o, &place);
+}
+
+static saga_fit_polished polish(saga_train *t)
+{
+    saga_fit_polished p;
+    saga_error error = { "" };
+
+    assert_true(saga_fit_polish(t->fit, &p, &error));
+    return p;
+}
+
+/* Sets the features as they are decoded. Returns the bits of all that is. */
+static double code(saga_train *t, real *feature)
+{
+    saga_error error = { "" };
+    saga_rate_choice c;
+    double bits = 0;
+
+    assert_non_null(saga_fit_code(t->fit, feature, &c, &error));
+    for (int i = 0; i < SAGA_N_STEPS; i++)
+        bits += c.bits[i];
+    saga_rate_choice_free(&c);
+    return bits;
+}
+
+static size_t n_features(const saga_train *t)
+{
+    return (size_t)t->scene.n.coarse * t->scene.model.features;
+}
+
+TEST(polish_should_gain_about_what_it_foretells)
+{
+    tiny room;
+    saga_train *const t = rendered(&room, 90);
+    const saga_fit_polished first = polish(t), second = polish(t);
+    const double gain = first.before - first.after;
+
+    /* 90 iterations visit 15 pictures six times. */
+    assert_int_equal(first.n_turns, 2);
+    assert_true(first.after < first.before);
+    /* What neighbours do to each other is not foretold. */
+    assert_true(gain > 0.3 * first.foretold && gain < 2 * first.foretold);
+    /* What was measured stays, but for offsets, which are rounded anew in the
+     * supports that features give. */
+    assert_true(fabs(second.before / first.after - 1) < 0.005);
+    saga_train_free(t);
+    tiny_close(&room);
+}
+
+TEST(polish_should_move_features_by_whole_steps)
+{
+    tiny room;
+    saga_train *const t = rendered(&room, 90);
+    const size_t n = n_features(t);
+    const double step = saga_fit_feature_step(&t->scene);
+    real *const was = calloc(2 * n, sizeof *was), *const is = was + n;
+    size_t moved = 0;
+
+    assert_non_null(was);
+    code(t, was);
+    polish(t);
+    code(t, is);
+    for (size_t i = 0; i < n; i++) {
+        const double by = ((double)is[i] - (double)was[i]) / step;
+
+        /* A mu that follows from what has moved is off by a part of a step;
+         * two turns move by two steps at most. */
+        assert_true(fabs(by) < 3);
+        moved += fabs(by) > 0.5;
+    }
+    /* One of a block's features in a turn, of half of the blocks, then of
+     * three eighths. */
+    assert_true(moved > 0 && moved < n / t->scene.model.features);
+    free(was);
+    saga_train_free(t);
+    tiny_close(&room);
+}
+
+TEST(polish_should_save_bits_when_they_are_dear)
+{
+    tiny room;
+    saga_train *const t = rendered(&room, 90);
+    real *const feature = calloc(n_features(t), sizeof *feature);
+    double before;
+
+    assert_non_null(feature);
+    before = code(t, feature);
+    t->fit->o.price.residual *= 1000;
+    polish(t);
+    assert_true(code(t, feature) < before);
+    free(feature);
+    saga_train_free(t);
+    tiny_close(&room);
+}
+
+TEST(polish_should_leave_short_renderings_alone)
+{
+    tiny room;
+    saga_train *const t = rendered(&room, 59);
+    const size_t nbytes = n_features(t) * sizeof(real);
+    real *const was = malloc(nbytes);
+
+    assert_non_null(was);
+    memcpy(was, t->scene.coarse_feature, nbytes);
+    assert_int_equal(polish(t).n_turns, 0);
+    assert_memory_equal(was, t->scene.coarse_feature, nbytes);
+    free(was);
+    saga_train_free(t);
+    tiny_close(&room);
+}

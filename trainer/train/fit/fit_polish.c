@@ -1,0 +1,297 @@
+/* SPDX-License-Identifier: MIT */
+#include "fit_polish.h"
+
+#include "alloc.h"
+#include "cost.h"
+#include "fit_state.h"
+#include "novel.h"
+#include "prob.h"
+#include "threads.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* Streams of random numbers. */
+enum { STREAM_PICTURES = 120, STREAM_SIGNS, STREAM_BLOCKS };
+
+/* A fit that has visited every picture LEAST_VISITS times has two turns, and
+ * one more for every MORE_VISITS visits, up to the most: each gains less than
+ * the one before. */
+enum { LEAST_VISITS = 4, MORE_VISITS = 4, MOST_TURNS = 4 };
+
+/* The first turn moves this part of the blocks, the next ones that part of the
+ * one before: blocks that overlap correct the same error, and all at once they
+ * overshoot. For the same reason a move counts as curved so many times as it is
+ * where nothing else moves. */
+#define FIRST_PART 0.5
+#define NEXT_PART 0.75
+#define CURVATURE 1.5
+
+static const char what[] = "the polish of the features";
+
+typedef struct {
+    saga_fit *f;
+    saga_twin *twin;             /* of what is decoded */
+    size_t width, n_blocks;      /* features of a block */
+    uint64_t n_pictures;
+    saga_rng pictures;
+    real *feature, *slope;       /* (blocks, F) as decoded; dD / d feature */
+    real *best, *best_slope;     /* the same of the least loss */
+    real *curve;                 /* (blocks, F) d2D / d feature^2 */
+    double step;                 /* of a feature */
+    double price;                /* of a bit */
+    double loss;                 /* D + price R of what is decoded */
+} polish;
+
+static bool init(polish *p, saga_fit *f, saga_error *error)
+{
+    const size_t n = (size_t)f->scene->n.coarse * f->scene->model.features;
+
+    *p = (polish){ .f = f, .width = f->scene->model.features,
+                   .n_blocks = f->scene->n.coarse,
+                   .n_pictures = (uint64_t)f->pictures->n_there,
+                   .pictures = saga_rng_stream(f->o.seed, STREAM_PICTURES),
+                   .step = saga_fit_feature_step(f->scene),
+                   .price = f->o.price.residual };
+    p->feature = saga_calloc(5 * n, sizeof *p->feature, what, error);
+    if (!p->feature)
+        return false;
+    p->slope = p->feature + n;
+    p->best = p->slope + n;
+    p->best_slope = p->best + n;
+    p->curve = p->best_slope + n;
+    return true;
+}
+
+/* --- What pictures say ---------------------------------------------------- */
+
+/* Sets the features as they are decoded, the twin that draws them, and the part
+ * of the loss that their bits are. */
+static bool decode(polish *p, saga_error *error)
+{
+    saga_rate_choice choice;
+
+    p->twin = saga_fit_code(p->f, p->feature, &choice, error);
+    if (!p->twin)
+        return false;
+    p->loss = 0;
+    for (int i = 0; i < SAGA_N_STEPS; i++)
+        p->loss += p->price * choice.bits[i];
+    saga_rate_choice_free(&choice);
+    return true;
+}
+
+static void clear_gradients(polish *p)
+{
+    saga_clear(&(saga_span){ p->f->grad.reals,
+                             p->f->grad.n_reals * sizeof(real) }, 1);
+    saga_twin_clear(p->twin, p->f->scene);
+}
+
+/* Aims the canvas at a picture, and colours what is drawn. */
+static bool show(polish *p, uint64_t number, saga_error *error)
+{
+    saga_fit *const f = p->f;
+
+    if (!saga_novel_show(&f->canvas, f->pictures,
+                         saga_novel_pick(f->pictures, p->pictures, number),
+                         error))
+        return false;
+    saga_twin_colour(p->twin, saga_fit_scene(f), f->canvas.camera.centre);
+    return true;
+}
+
+/* Draws all pictures of what is decoded: their error and its slope. */
+static bool look(polish *p, saga_error *error)
+{
+    saga_fit *const f = p->f;
+    const saga_scene *const s = saga_fit_scene(f);
+    const size_t n = p->n_blocks * p->width;
+
+    clear_gradients(p);
+    for (uint64_t i = 0; i < p->n_pictures; i++) {
+        saga_splat_learning l = { .d = p->twin->d_attr };
+
+        if (!show(p, i, error) ||
+            !saga_splat_learn(&l, &f->canvas, &p->twin->attr, s->n.prim,
+                              error))
+            return false;
+        p->loss += l.mse / (double)p->n_pictures;
+        saga_twin_colour_backward(p->twin, &f->grad, s);
+    }
+    saga_twin_backward(p->twin, &f->grad, s);
+    for (size_t i = 0; i < n; i++)
+        p->slope[i] = f->grad.coarse_feature[i] / (real)p->n_pictures;
+    return true;
+}
+
+/* Adds what a picture of random signs says of the curvature: its gradient is
+ * g = sum_p s_p J_p, so that the mean of g^2 is sum_p J_p^2 (start.c has the
+ * same of attributes). */
+static bool add_signs(polish *p, uint64_t number, saga_error *error)
+{
+    saga_fit *const f = p->f;
+    saga_canvas *const c = &f->canvas;
+    const saga_scene *const s = saga_fit_scene(f);
+    const saga_rng r = saga_rng_stream(f->o.seed, STREAM_SIGNS);
+    size_t n;
+
+    clear_gradients(p);
+    if (!show(p, number, error) ||
+        !saga_splat_forward(c, &p->twin->attr, s->n.prim, error))
+        return false;
+    n = 3 * (size_t)c->camera.width * (size_t)c->camera.height;
+    for (size_t i = 0; i < n; i++)
+        c->d_image[i] = saga_rng_bits(r, (number + 1) << 32 | i) >> 63 ? R(1)
+                                                                     : R(-1);
+    if (!saga_splat_backward(&p->twin->d_attr, NULL, c, &p->twin->attr, error))
+        return false;
+    saga_twin_colour_backward(p->twin, &f->grad, s);
+    saga_twin_backward(p->twin, &f->grad, s);
+    for (size_t i = 0; i < p->n_blocks * p->width; i++) {
+        const real g = f->grad.coarse_feature[i];
+
+        /* D is the mean of n squares, over all pictures: its second derivative
+         * is twice the mean of J^2. */
+        p->curve[i] += 2 * g * g / ((real)n * (real)p->n_pictures);
+    }
+    return true;
+}
+
+static bool find_curvature(polish *p, saga_error *error)
+{
+    for (uint64_t i = 0; i < p->n_pictures; i++)
+        if (!add_signs(p, i, error))
+            return false;
+    return true;
+}
+
+/* --- Moves ---------------------------------------------------------------- */
+
+/* A feature as it is coded. */
+typedef struct {
+    uint32_t scale;
+    int32_t symbol;
+} coded;
+
+static coded code_of(const polish *p, size_t block, size_t i)
+{
+    const saga_model *const m = &p->f->scene->model;
+    const saga_rate_kind *const k =
+        &p->f->rate.context.kind[SAGA_KIND_COARSE];
+    const size_t at = block * saga_n_channels(m, SAGA_KIND_COARSE) + 4 + i;
+    const double sigma = ldexp((double)k->log2_sigma[at], SAGA_COST_SIGMA_Q);
+    const double off = (double)(p->best[block * p->width + i] - k->mu[at]);
+
+    return (coded){
+        saga_prob_index((int16_t)lrint(sigma), SAGA_COST_SIGMA_Q),
+        (int32_t)rint(off / p->step)
+    };
+}
+
+/* Returns what moving feature `at` by one step, up or down, adds to the
+ * loss. */
+static double added(const polish *p, size_t at, const coded *c, int by)
+{
+    const int32_t to = c->symbol + by;
+
+    if (to < -SAGA_MAX_RESIDUAL || to > SAGA_MAX_RESIDUAL)
+        return HUGE_VAL;
+    return by * p->step * (double)p->best_slope[at] +
+           CURVATURE * p->step * p->step * (double)p->curve[at] / 2 +
+           p->price * (saga_cost_residual(to, c->scale) -
+                       saga_cost_residual(c->symbol, c->scale));
+}
+
+/* Moves the feature of a block that gains most. A second one would be moved
+ * against what the first has changed: they draw the same primitive. Returns
+ * what that should gain. */
+static double move_block(const polish *p, size_t block)
+{
+    const size_t first = block * p->width;
+    double least = 0;
+    size_t best = first;
+    int move = 0;
+
+    for (size_t i = 0; i < p->width; i++) {
+        const coded c = code_of(p, block, i);
+
+        for (int by = -1; by <= 1; by += 2) {
+            const double d = added(p, first + i, &c, by);
+
+            if (d < least) {
+                least = d;
+                best = first + i;
+                move = by;
+            }
+        }
+    }
+    p->f->scene->coarse_feature[best] += (real)(move * p->step);
+    return -least;
+}
+
+/* Sets the scene's features to the best ones, a part of their blocks moved.
+ * Returns what that should gain. */
+static double move_some(const polish *p, int turn, double part)
+{
+    const saga_rng r = saga_rng_stream(p->f->o.seed + (uint64_t)turn,
+                                       STREAM_BLOCKS);
+    double gain = 0;
+
+    memcpy(p->f->scene->coarse_feature, p->best,
+           p->n_blocks * p->width * sizeof *p->best);
+    for (size_t i = 0; i < p->n_blocks; i++)
+        if (saga_rng_double(r, i) < part)
+            gain += move_block(p, i);
+    return gain;
+}
+
+/* --- Turns ---------------------------------------------------------------- */
+
+/* Returns the turns of a fit: all pictures are drawn once for the curvature,
+ * once before the first turn and once after each. */
+static int n_turns(const saga_fit *f)
+{
+    const int visits = f->o.n_render / f->pictures->n_there;
+    const int n = 2 + (visits - LEAST_VISITS) / MORE_VISITS;
+
+    return f->o.given || f->scene->n_layers > 1 || visits < LEAST_VISITS ? 0
+         : n > MOST_TURNS ? MOST_TURNS : n;
+}
+
+static bool take_turns(polish *p, saga_fit_polished *r, saga_error *error)
+{
+    const size_t nbytes = 2 * p->n_blocks * p->width * sizeof *p->best;
+    double part = FIRST_PART, gain = 0;
+
+    for (int turn = 0; turn <= r->n_turns; turn++, part *= NEXT_PART) {
+        if (!decode(p, error) || !look(p, error))
+            return false;
+        if (turn == 0)
+            r->before = r->after = p->loss;
+        if (turn == 0 || p->loss < r->after) {
+            /* Features and slope lie behind each other, and so do the best. */
+            memcpy(p->best, p->feature, nbytes);
+            r->after = p->loss;
+            r->foretold += gain;
+        }
+        /* After the last turn a part of 0 brings the best ones back. */
+        gain = move_some(p, turn, turn < r->n_turns ? part : 0);
+    }
+    return true;
+}
+
+bool saga_fit_polish(saga_fit *f, saga_fit_polished *r, saga_error *error)
+{
+    polish p;
+    bool ok;
+
+    *r = (saga_fit_polished){ .n_turns = n_turns(f) };
+    if (r->n_turns == 0)
+        return true;
+    ok = init(&p, f, error) && decode(&p, error) &&
+         find_curvature(&p, error) && take_turns(&p, r, error);
+    free(p.feature);
+    return ok;
+}
