@@ -22,7 +22,9 @@
 #   names       cameras whose names are no UTF-8 are in every report; what JSON
 #               cannot tell of is an error
 #   check       a camera without light and a hole in it are told of, in text and
-#               on a page that needs no other file; what is no capture is refused
+#               on a page that needs no other file; poses of another convention
+#               are named, and right in what --fix writes; what is no capture is
+#               refused
 #   eval        a capture of the file's own pictures is found equal; a known
 #               error has its PSNR; a capture that does not fit is refused
 set -u
@@ -716,6 +718,35 @@ for v in j["views"]:
     assert v["late_frames"] is None and v["late_tolerance_frames"] is None, v
     assert (v["angle_degrees"] is None) == (v["shared"] is None) == alone, v
 ' $name <"$tmp/out" >>"$tmp/bad" 2>&1 || complain "check --json of $name"
+done
+# Poses of another convention are named; what --fix writes has nothing to mind.
+expect 0 synth "$tmp/poses" --size 240x136 --cameras 7 --hold-out 0 --frames 1 \
+    --depth-every 0 --points 400
+python3 - "$tmp/poses/transforms.json" >>"$tmp/bad" 2>&1 <<'PYTHON'
+import json, sys
+
+j = json.load(open(sys.argv[1]))
+for f in j["frames"]:
+    # World to camera in OpenCV's axes: R^T and -R^T C of x right, y down, z on.
+    m = f["transform_matrix"]
+    axes = [[s * m[i][k] for i in range(3)]
+            for k, s in ((0, 1), (1, -1), (2, -1))]
+    f["transform_matrix"] = [a + [-sum(a[i] * m[i][3] for i in range(3))]
+                             for a in axes] + [[0, 0, 0, 1]]
+json.dump(j, open(sys.argv[1], "w"))
+PYTHON
+expect 0 check "$tmp/poses" --fix "$tmp/poses/fixed.json"
+grep -q 'matrices are world to camera, and camera axes are OpenCV' "$tmp/out" ||
+    complain "check: no word of wrong poses"
+expect 0 check "$tmp/poses/fixed.json"
+grep -q '^nothing to mind' "$tmp/out" ||
+    complain "check --fix: $(sed -n '/to mind/,/^$/p' "$tmp/out")"
+expect 0 check "$tmp/poses/fixed.json" --fix "$tmp/poses/again.json"
+grep -q 'nothing was found that --fix' "$tmp/err" && [ ! -e "$tmp/poses/again.json" ] ||
+    complain "check --fix of what is right"
+for name in "$tmp/poses/transforms.json" "$tmp/fixed.json"; do
+    expect 2 check "$tmp/poses" --fix "$name"
+    says 'give --fix a new name there'
 done
 expect 2 check "$tmp/none"
 says "$tmp/none"

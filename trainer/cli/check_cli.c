@@ -3,6 +3,7 @@
  * saga check looks at a capture before anybody trains on it.
  */
 #include "capture_cli.h"
+#include "check_fix.h"
 #include "check_page.h"
 #include "cli.h"
 #include "commands.h"
@@ -17,7 +18,7 @@
 
 typedef struct {
     saga_capture_choice capture;
-    const char *html;
+    const char *html, *fix;
     bool json;
 } options;
 
@@ -45,6 +46,7 @@ static json_t *view_of(const saga_survey *s, const saga_capture *c, int v)
                   seen ? shot->reprojection_median : (double)NAN);
     saga_put_real(o, "reprojection_p90_px",
                   seen ? shot->reprojection_p90 : (double)NAN);
+    saga_put_real(o, "epipolar_px", s->calibration.off[v]);
     saga_put_real(o, "stops", one->stops);
     saga_put_real(o, "colour", one->colour);
     saga_put_real(o, "late_frames", late);
@@ -121,20 +123,22 @@ static const saga_line text[] = {
       "frame{n_frames+s} at {frames_per_second:%g} per second, {n_points} "
       "points\n" },
     { "", "notes", "  {}\n" },
-    { "", NULL, "\n  camera            size    angle  shared   seen   off, px"
-      "    stops   colour   late      missing\n" },
+    { "", NULL, "\n  camera            size    angle shared  seen off, px fit, "
+      "px   stops  colour   late      missing\n" },
     { "", "views", "  {name:%-12.12s}{/held_out}{width:%5d}x{height:%-5d}"
-      "{angle_degrees:%7.1f}{shared*100:%8.0f}{seen*100:%7.0f}"
-      "{reprojection_median_px:%9.2f}{stops:%+9.2f}{colour:%9.1f}"
+      "{angle_degrees:%7.1f}{shared*100:%7.0f}{seen*100:%6.0f}"
+      "{reprojection_median_px:%8.2f}{epipolar_px:%8.2f}{stops:%+8.2f}"
+      "{colour:%8.1f}"
       "{/late:%7.1f}" },
     /* The tolerance, if there is one, takes five of the 13 columns. */
     { "/is_late", "views", "+-{late_tolerance_frames:%.1f}{n_missing:%8d}\n" },
     { "!/is_late", "views", "{n_missing:%13d}\n" },
     { "", NULL, "  * held out. angle: degrees to the nearest camera; shared: "
       "% of what it sees that\n  another camera sees too; seen: % of all "
-      "places; stops: exposure against the\n  others; colour: median "
-      "difference after that, of 255; late: frames, where the\n  motion tells "
-      "them\n" },
+      "places; off: COLMAP's features from its\n  points; fit: matches with "
+      "other cameras from where the poses say, a dash where too\n  few match; "
+      "stops: exposure against the others; colour: median difference after\n"
+      "  that, of 255; late: frames, where the motion tells them\n" },
     { "to_mind", NULL, "\nto mind:\n" },
     { "!to_mind", NULL, "\nnothing to mind\n" },
     { "", "to_mind", "  - {}\n" },
@@ -151,13 +155,16 @@ static const saga_line text[] = {
 
 /* --- Together ------------------------------------------------------------ */
 
+/* Cameras that see nothing in common are loaded, with *no_overlap saying so:
+ * their pictures may tell why. */
 static bool load(saga_capture *c, const char *name, const options *o,
-                 saga_error *error)
+                 saga_error *no_overlap, saga_error *error)
 {
     saga_meter meter = { 0 };
     saga_capture_options with = saga_capture_chosen(&o->capture);
     bool ok;
 
+    with.no_overlap = no_overlap;
     with.progress = saga_meter_progress;
     with.progress_user = &meter;
     ok = saga_capture_load(c, name, &with, error);
@@ -168,19 +175,23 @@ static bool load(saga_capture *c, const char *name, const options *o,
 static int check(const char *name, const options *o)
 {
     const saga_telling how = { o->json, 10, name };
-    saga_error error = { "" };
+    saga_error error = { "" }, no_overlap = { "" };
     saga_survey survey = { .views = NULL };
     saga_capture c;
     int status = SAGA_EXIT_OK;
 
-    if (!load(&c, name, o, &error))
+    if (!load(&c, name, o, &no_overlap, &error))
         return saga_cli_error(saga_path_is_folder(name) ||
                               saga_path_is_file(name) ? SAGA_EXIT_DATA
                                                       : SAGA_EXIT_USAGE,
                               "check: %s", error.message);
     if (!saga_survey_make(&survey, &c, &error) ||
-        (o->html && !saga_check_page(o->html, name, &survey, &c, &error)))
+        (o->html && !saga_check_page(o->html, name, &survey, &c, &error)) ||
+        (o->fix && !saga_check_fix(o->fix, name, &survey, &c, &error)))
         status = saga_cli_error(SAGA_EXIT_USAGE, "check: %s", error.message);
+    else if (saga_failed(&no_overlap) && !survey.calibration.found)
+        status = saga_cli_error(SAGA_EXIT_DATA, "check: %s",
+                                no_overlap.message);
     else
         status = saga_cli_tell(report_of(&survey, &c, name), &how,
                                SAGA_LINES(text));
@@ -204,6 +215,8 @@ static int run(int argc, char **argv)
 static const saga_cli_option option_list[] = {
     { "--html", "FILE", "the same as a page, with thumbnails and a plan",
       saga_cli_text, offsetof(options, html), 0, 0 },
+    { "--fix", "FILE", "write a transforms.json without the mistake found",
+      saga_cli_text, offsetof(options, fix), 0, 0 },
     { "--json", NULL, "the same as JSON; null for what is unknown",
       saga_cli_flag, offsetof(options, json), 0, 0 },
     SAGA_CAPTURE_OPTIONS(options, capture)
@@ -221,7 +234,10 @@ const saga_command saga_command_check = {
     "Loads a capture as encode does and tells of each camera how far the next\n"
     "one is, how much they share, how well COLMAP's features and the colours\n"
     "of the points agree, whether its exposure differs and whether it runs\n"
-    "late; what to mind, in words; and what encoding will take.\n"
+    "late; what to mind, in words; and what encoding will take. Features of\n"
+    "every two cameras are matched; where they are not where poses say,\n"
+    "the usual mistakes are tried (axes, inverse, focal length, exchanged\n"
+    "files), and --fix undoes the one that explains the pictures.\n"
     "\n"
     "masks/ beside images/ has pictures of the same names: what is not white\n"
     "does not count; masks/CAMERA.png is for all of a camera. Lenses of\n"

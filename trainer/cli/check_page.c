@@ -244,8 +244,8 @@ static void put_cell(FILE *to, const char *format, double x)
 static void put_table(FILE *to, const saga_survey *s, const saga_capture *c)
 {
     fputs("<table><tr><th>camera<th>size<th>angle, degrees<th>shared, %<th>"
-          "seen, %<th>off, px<th>exposure, stops<th>colour, of 255<th>late, "
-          "frames<th>missing\n", to);
+          "seen, %<th>off, px<th>fit, px<th>exposure, "
+          "stops<th>colour, of 255<th>late, frames<th>missing\n", to);
     for (int v = 0; v < c->n_views; v++) {
         const saga_survey_view *const one = &s->views[v];
         const saga_shot *const shot = &c->views[v];
@@ -259,6 +259,7 @@ static void put_table(FILE *to, const saga_survey *s, const saga_capture *c)
         put_cell(to, "%.0f", 100 * one->seen);
         put_cell(to, "%.2f", shot->n_observations ? shot->reprojection_median
                                                   : (double)NAN);
+        put_cell(to, "%.2f", s->calibration.off[v]);
         put_cell(to, "%+.2f", one->stops);
         put_cell(to, "%.1f", one->colour);
         put_cell(to, "%.1f", fabs(one->late.frames) < 0.05

@@ -38,6 +38,7 @@ typedef struct saga_listing {
     saga_source *sources;     /* (n_sources) */
     int n_sources, n_frames;  /* of the whole capture */
     bool moves;               /* the camera: a source for each picture */
+    bool opengl;              /* poses had OpenGL's axes in the file */
     double fps;               /* 0: unknown */
     double metres;            /* in its unit of length; 0: unknown */
     saga_point *points;

@@ -182,8 +182,9 @@ static bool fill_capture(saga_load_job *job)
             return false;
     note_decisions(job);
     /* Poses are cheap to check, pictures are not to decode. */
-    return saga_check_overlap(c, listing->path, job->error) &&
-           saga_load_pictures(job);
+    saga_error *const told = job->options->no_overlap;
+    return (saga_check_overlap(c, listing->path, told ? told : job->error) ||
+            told) && saga_load_pictures(job);
 }
 
 /* ------------------------------------------------------------------ capture */
@@ -247,6 +248,7 @@ static bool choose_frames(saga_capture *capture, saga_listing *listing,
      * from. */
     if (!saga_listing_late(listing, options->late, error))
         return false;
+    capture->opengl = listing->opengl;
     capture->format = listing->format;
     capture->moves = listing->moves;
     capture->scale = options->scale;

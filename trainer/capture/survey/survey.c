@@ -17,7 +17,8 @@ enum {
     MOST_PLACES = 20000,
     MOST_COMPARED = 200000000,
     FEW_PLACES = 8,        /* points, or nothing is said */
-    FEW_COLOURS = 30
+    FEW_COLOURS = 30,
+    FEW_FEATURES = 50      /* of a picture, or nothing is told by few matches */
 };
 
 /* Judgements; each is a guess from the captures we have. */
@@ -27,6 +28,9 @@ enum {
 #define LITTLE_OVERLAP 0.25
 #define OFF_PIXELS 2.0
 #define OFF_STOPS 0.2
+#define ONE_PLACE 0.5      /* degrees between cameras that should see the same;
+                            * nothing that is filmed on purpose is nearer */
+#define ONE_WAY 0.98       /* cosine of their axes: 10 degrees */
 
 typedef struct places {
     double (*at)[3];       /* (n) */
@@ -355,6 +359,83 @@ static void judge_late(saga_survey *s, const char *name,
                                                        : late->frames);
 }
 
+/* What the pictures would fit with, in words. */
+static void judge_mistake(saga_survey *s, const saga_capture *c)
+{
+    static const char *const forms[SAGA_POSE_FORMS] = {
+        "", "matrices are world to camera",
+        "rotations are transposed", "translations are those of world to camera"
+    };
+    const saga_calibration *const fit = &s->calibration;
+    const saga_mistake *const m = &fit->mistake;
+    char what[200] = "", lens[100] = "";
+    /* A file of OpenGL's axes has OpenCV's where none are left to reverse. */
+    const bool odd_axes = m->form == SAGA_POSE_RIGHT || !c->opengl
+        ? m->after : !m->after;
+    if (m->swapped[0] >= 0)
+        (void)snprintf(what, sizeof what, "the pictures of %.60s and %.60s are "
+                       "exchanged", c->views[m->swapped[0]].name,
+                       c->views[m->swapped[1]].name);
+    else
+        (void)snprintf(what, sizeof what, "%s%s%s", forms[m->form],
+                       m->form && odd_axes ? ", and " : "",
+                       !odd_axes ? "" : c->opengl
+                       ? "camera axes are OpenCV's (y down, z forward)"
+                       : "camera axes have y and z reversed");
+    if (m->focal != 1.0)
+        (void)snprintf(lens, sizeof lens, "%s%s %s by about %.2g",
+                       what[0] ? ", and " : "", m->centre
+                       ? "focal lengths and centres, as of another size of "
+                         "picture," : "focal lengths", m->focal < 1.0
+                       ? "are too long" : "are too short",
+                       m->focal < 1.0 ? 1.0 / m->focal : m->focal);
+    note(s, "The cameras do not fit the pictures: of %d pairs of cameras with "
+         "matches %d fit. With a mistake undone %d do: %s%s. --fix FILE writes "
+         "them so.", fit->n_pairs,
+         fit->n_fit, fit->n_fit_then, what, lens);
+}
+
+/* Whether poses and lenses are right, by the matches. */
+static void judge_calibration(saga_survey *s, const saga_capture *c)
+{
+    const saga_calibration *const fit = &s->calibration;
+    int n_odd = 0;
+    for (int v = 0; v < c->n_views; v++)
+        n_odd += fit->odd[v];
+    if (fit->found)
+        judge_mistake(s, c);
+    else if (fit->bad && n_odd == 0)
+        note(s, "The cameras do not fit the pictures: of %d pairs of cameras "
+             "with matches %d fit, the others lie %.1f pixels off or more, and "
+             "none of the usual mistakes explains it. Calibrate again.",
+             fit->n_pairs, fit->n_fit, fit->within);
+    for (int v = 0; v < c->n_views; v++)
+        if (fit->odd[v])
+            note(s, "%s does not fit the other cameras, which fit each other: "
+                 "what it sees lies %.1f pixels off. Its pose, its lens or its "
+                 "file is wrong: correct it, or hold it out.",
+                 c->views[v].name, fit->off[v]);
+}
+
+/* Cameras at one place that look one way have to see the same. */
+static void judge_twin(saga_survey *s, const saga_capture *c, int v)
+{
+    const saga_survey_view *const one = &s->views[v];
+    const saga_calibration *const fit = &s->calibration;
+    const int w = one->nearest;
+    if (w < v || !(one->angle < ONE_PLACE) ||
+        fit->shared[v * c->n_views + w] != 0)
+        return;
+    const double *const a = c->views[v].rotation + 6;
+    const double *const b = c->views[w].rotation + 6;
+    if (a[0] * b[0] + a[1] * b[1] + a[2] * b[2] > ONE_WAY &&
+        fit->n_features[v] >= FEW_FEATURES &&
+        fit->n_features[w] >= FEW_FEATURES)
+        note(s, "%s and %s have one pose, but see different things: one of "
+             "the poses, or of the files, is another camera's.",
+             c->views[v].name, c->views[w].name);
+}
+
 static void judge_view(saga_survey *s, const saga_capture *c, int v)
 {
     const saga_survey_view *const one = &s->views[v];
@@ -371,6 +452,7 @@ static void judge_view(saga_survey *s, const saga_capture *c, int v)
         note(s, "%s is %.2f stops %s than the others; encode evens that out as "
              "far as colours are not clipped.", shot->name, fabs(one->stops),
              one->stops > 0.0 ? "brighter" : "darker");
+    judge_twin(s, c, v);
     judge_late(s, shot->name, &one->late);
     if (shot->n_missing > 0 && !c->moves)
         note(s, "%s lacks %d of %d pictures.", shot->name, shot->n_missing,
@@ -427,10 +509,16 @@ bool saga_survey_make(saga_survey *survey, const saga_capture *capture,
                                 sizeof *survey->views, "the views", error);
     for (int v = 0; survey->views && v < capture->n_views; v++)
         survey->views[v].stops = survey->views[v].colour = (double)NAN;
-    const bool ok = survey->views && measure(survey, capture, &p, error);
+    const bool ok = survey->views && measure(survey, capture, &p, error) &&
+                    saga_calibration_find(&survey->calibration, capture,
+                                          error);
     free(p.at);
     if (!ok)
         return false;
+    for (int v = 0; v < capture->n_views; v++)
+        if (isnan(survey->views[v].stops))
+            survey->views[v].stops = survey->calibration.stops[v];
+    judge_calibration(survey, capture);
     judge_rig(survey, capture);
     for (int v = 0; v < capture->n_views; v++)
         judge_view(survey, capture, v);
@@ -440,5 +528,6 @@ bool saga_survey_make(saga_survey *survey, const saga_capture *capture,
 void saga_survey_free(saga_survey *survey)
 {
     free(survey->views);
+    saga_calibration_free(&survey->calibration);
     survey->views = NULL;
 }

@@ -6,11 +6,13 @@
  *
  * It looks at places: the capture's points, or without them a grid of rays of
  * every camera, ended where the cameras look. Nothing tells what hides a place,
- * so all that is said of colours is a median.
+ * so all that is said of colours is a median. Whether poses and lenses fit the
+ * pictures is found from matches between these, with points or without.
  */
 #ifndef SAGA_SURVEY_H
 #define SAGA_SURVEY_H
 
+#include "calibration.h"
 #include "capture.h"
 #include "lateness.h"
 
@@ -23,8 +25,8 @@ typedef struct saga_survey_view {
     double overlap;      /* share of the places it sees that the view with most
                           * in common sees too */
     double seen;         /* share of all places that it sees */
-    double stops;        /* exposure against the others: log2 of light; NaN:
-                          * unknown */
+    double stops;        /* exposure against the others: log2 of light, at
+                          * points, or without them at matches; NaN: unknown */
     double colour;       /* median difference to the others at the places after
                           * that, 8-bit levels; NaN: unknown */
     saga_lateness late;
@@ -32,6 +34,7 @@ typedef struct saga_survey_view {
 
 typedef struct saga_survey {
     saga_survey_view *views;     /* (n_views of the capture) */
+    saga_calibration calibration;
     double typical_angle;        /* median of the views' angles; NaN of one */
     bool free_views;             /* what is between the cameras may be good, of
                                   * what stands still where one camera moves */

@@ -62,6 +62,8 @@ typedef struct saga_capture_options {
     bool want_depth;         /* load depth pictures where there are some */
     bool alpha_masks;        /* what is transparent in PNGs does not count */
     bool follow_paths;       /* of the capture's files out of its folder */
+    saga_error *no_overlap;  /* where cameras that see nothing in common are
+                              * told of, and loaded; NULL: they are refused */
     saga_progress_fn *progress; /* or NULL */
     void *progress_user;
 } saga_capture_options;
@@ -106,6 +108,7 @@ typedef struct saga_capture {
     const char *format;       /* static string, for reports */
     int n_views, n_frames;
     bool moves;               /* the camera: every view is one picture of it */
+    bool opengl;              /* its file has OpenGL's axes: y up, z back */
     int first_frame;          /* index in the source of frame 0 here */
     int n_learned;            /* views that are not held out, and pixels that */
     double learned_pixels;    /* these have of a moment, */

@@ -1,0 +1,408 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Whether cameras fit their pictures: corners and matches against pictures that
+ * were moved by a known amount, agreement against two pinholes, mistakes of
+ * poses against matrices spoiled by hand; and each mistake planted in the
+ * built-in room, which is to be named, while the room as it is fits.
+ */
+#include "calibration.h"
+#include "capture_files.h"
+#include "matches.h"
+#include "pose.h"
+#include "survey.h"
+#include "synth_capture.h"
+#include "testing.h"
+
+enum { W = 240, H = 136, N_VIEWS = 6 };
+
+static int make_room(void **state)
+{
+    saga_synth_options s = synth_options(W, H, N_VIEWS, 1, 100);
+    saga_capture *const c = malloc(sizeof *c);
+    void *f;
+
+    assert_non_null(c);
+    if (folder_make(&f))
+        return 1;
+    *c = synth_capture(folder_file(f, "room"), &s);
+    *state = c;
+    return folder_remove(&f);
+}
+
+static int free_room(void **state)
+{
+    saga_capture_free(*state);
+    free(*state);
+    return 0;
+}
+
+TEST_GROUP(make_room, free_room);
+
+/* --- Corners and matches -------------------------------------------------- */
+
+static saga_features features_of(const uint8_t *rgb, int w, int h)
+{
+    saga_features f;
+    saga_error error = { "" };
+
+    if (!saga_features_find(&f, rgb, NULL, w, h, &error))
+        fail_msg("%s", error.message);
+    return f;
+}
+
+/* The room's first picture beside itself turned by a quarter: pixel (x, y) of
+ * W x H goes to (H - 1 - y, x) of H x W, and so do corners. */
+TEST(matches_should_follow_a_picture_that_is_turned)
+{
+    const saga_capture *const c = *state;
+    const uint8_t *const from = saga_capture_frame(c, 0, 0);
+    uint8_t *const to = must(malloc((size_t)W * H * 3));
+    saga_match m[SAGA_FEATURES_MOST];
+    saga_features a, b;
+    size_t n, n_right = 0;
+
+    for (int y = 0; y < H; y++)
+        for (int x = 0; x < W; x++)
+            memcpy(to + 3 * (x * H + H - 1 - y), from + 3 * (y * W + x), 3);
+    a = features_of(from, W, H);
+    b = features_of(to, H, W);
+    n = saga_matches_find(m, &a, &b);
+    for (size_t i = 0; i < n; i++)
+        /* Corners of the smallest size have pixels of 2.8. */
+        n_right += fabs(m[i].b[0] - (H - m[i].a[1])) < 2 &&
+                   fabs(m[i].b[1] - m[i].a[0]) < 2;
+    print_message("%zu features, %zu matches, %zu right\n", a.n, n, n_right);
+    assert_true(n >= 100 && n_right >= n * 95 / 100);
+    free(a.list);
+    free(b.list);
+    free(to);
+}
+
+TEST(flat_and_tiny_pictures_should_have_no_features)
+{
+    uint8_t *const grey = zeroed((size_t)W * H, 3);
+    saga_features f = features_of(grey, W, H);
+
+    assert_int_equal(f.n, 0);
+    free(f.list);
+    f = features_of(grey, 3, 2);
+    assert_int_equal(f.n, 0);
+    free(f.list);
+    free(grey);
+}
+
+static uint32_t next(uint32_t *x)
+{
+    *x = *x * 1664525u + 1013904223u;
+    return *x >> 8;
+}
+
+static double unit(uint32_t *x)
+{
+    return next(x) / 16777216.0;
+}
+
+/* Places before two cameras, of which the second stands 1 to the right and
+ * looks 0.1 to the left; focal lengths of 300 pixels. */
+static void see(saga_match *m, uint32_t *seed)
+{
+    const double x = 4 * unit(seed) - 2, y = 3 * unit(seed) - 1.5;
+    const double z = 4 + 4 * unit(seed);
+    const double u = (x - 1) * cos(0.1) + z * sin(0.1);
+    const double w = z * cos(0.1) - (x - 1) * sin(0.1);
+
+    *m = (saga_match){ { 160 + 300 * x / z, 90 + 300 * y / z },
+                       { 160 + 300 * u / w, 90 + 300 * y / w }, 0.5 };
+}
+
+TEST(agreement_should_leave_wrong_matches_out)
+{
+    enum { RIGHT = 60, WRONG = 40 };
+    saga_match m[RIGHT + WRONG];
+    size_t n, n_right = 0;
+
+    for (uint32_t seed = 1; seed <= 5; seed++) {
+        uint32_t x = seed;
+
+        for (int i = 0; i < RIGHT + WRONG; i++) {
+            see(&m[i], &x);
+            m[i].doubt = i % 5 < 3 ? 0.5 : 0.6;
+            if (i % 5 < 3)
+                continue;
+            m[i].b[0] = 320 * unit(&x);
+            m[i].b[1] = 180 * unit(&x);
+        }
+        n = saga_matches_agree(m, RIGHT + WRONG, 1.0, seed);
+        n_right = 0;
+        for (size_t i = 0; i < n; i++)
+            n_right += m[i].doubt == 0.5;
+        /* Of forty, some lie within a pixel of their line by chance: a strip
+         * of two pixels of 180, and F bends towards them. */
+        assert_true(n_right >= RIGHT - 1 && n - n_right <= 4);
+    }
+}
+
+TEST(chance_should_not_pass_for_agreement)
+{
+    saga_match m[80];
+
+    for (uint32_t seed = 1; seed <= 10; seed++) {
+        uint32_t x = seed;
+
+        for (int i = 0; i < 80; i++)
+            m[i] = (saga_match){ { 320 * unit(&x), 180 * unit(&x) },
+                                 { 320 * unit(&x), 180 * unit(&x) }, 0.5 };
+        assert_int_equal(saga_matches_agree(m, 80, 1.0, seed), 0);
+        assert_int_equal(saga_matches_agree(m, 15, 1.0, seed), 0);
+    }
+}
+
+/* --- Mistakes ------------------------------------------------------------- */
+
+static void transpose(double to[9], const double from[9])
+{
+    for (int i = 0; i < 3; i++)
+        for (int k = 0; k < 3; k++)
+            to[3 * i + k] = from[3 * k + i];
+}
+
+/* Makes of a right view what a loader of OpenGL's axes makes of a file whose
+ * author got the matrix wrong: `file` is camera to world as the file has it. */
+static void spoil(saga_shot *s, saga_pose_form form, bool opencv)
+{
+    double a[9], b[3], file[9], right[3], down[3], ahead[3];
+
+    /* Camera to world, in the axes that the author has. */
+    transpose(a, s->rotation);
+    saga_pose_centre(s->rotation, s->translation, b);
+    for (int i = 0; i < 9 && !opencv; i++)
+        a[i] *= i % 3 ? -1 : 1;
+    memcpy(file, a, sizeof file);
+    if (form == SAGA_POSE_INVERSE || form == SAGA_POSE_TRANSPOSED)
+        transpose(file, a);
+    if (form == SAGA_POSE_INVERSE || form == SAGA_POSE_TRANSLATION) {
+        /* t = -A^T b of world to camera stands where the centre should. */
+        double t[3];
+
+        for (int k = 0; k < 3; k++)
+            t[k] = -(a[k] * b[0] + a[3 + k] * b[1] + a[6 + k] * b[2]);
+        memcpy(b, t, sizeof t);
+    }
+    /* The loader: y and z of OpenGL's camera are reversed. */
+    for (int i = 0; i < 3; i++) {
+        right[i] = file[3 * i];
+        down[i] = -file[3 * i + 1];
+        ahead[i] = -file[3 * i + 2];
+    }
+    assert_true(saga_pose_from_axes(right, down, ahead, b, s->rotation,
+                                    s->translation));
+}
+
+static saga_shot *copy_views(const saga_capture *c)
+{
+    return copy_of(c->views, (size_t)c->n_views * sizeof *c->views);
+}
+
+static saga_calibration find(const saga_capture *c, saga_shot *views)
+{
+    saga_capture other = *c;
+    saga_calibration cal;
+    saga_error error = { "" };
+
+    other.views = views;
+    if (!saga_calibration_find(&cal, &other, &error))
+        fail_msg("%s", error.message);
+    return cal;
+}
+
+/* Undone, the views have to be the room's own again. */
+static void expect_found(const saga_capture *c, saga_shot *views)
+{
+    saga_calibration cal = find(c, views);
+
+    assert_true(cal.found);
+    for (int v = 0; v < c->n_views; v++) {
+        saga_shot *const s = &views[v];
+        const saga_shot *const own = &c->views[v];
+        double lens[4] = { s->fx, s->fy, s->cx, s->cy };
+
+        saga_mistake_undo(&cal.mistake, s->rotation, s->translation, lens);
+        for (int i = 0; i < 9; i++)
+            assert_true(fabs(s->rotation[i] - own->rotation[i]) < 1e-9);
+        for (int i = 0; i < 3; i++)
+            assert_true(fabs(s->translation[i] - own->translation[i]) < 1e-9);
+        /* Lengths are tried in steps of an eighth of an octave, and along an
+         * arc the next one fits as well. */
+        assert_true(fabs(log2(lens[0] / own->fx)) < 0.13);
+        assert_true(fabs(log2(lens[2] / own->cx)) < 0.13);
+    }
+    saga_calibration_free(&cal);
+}
+
+TEST(room_should_fit_its_pictures)
+{
+    const saga_capture *const c = *state;
+    saga_shot *const views = copy_views(c);
+    saga_calibration cal = find(c, views);
+
+    assert_int_equal(cal.n_pairs, N_VIEWS * (N_VIEWS - 1) / 2);
+    assert_int_equal(cal.n_fit, cal.n_pairs);
+    assert_false(cal.found || cal.bad);
+    for (int v = 0; v < N_VIEWS; v++) {
+        /* Corners are found to half a pixel. */
+        assert_true(cal.off[v] < 0.7 && !cal.odd[v]);
+        assert_true(fabs(cal.stops[v]) < 0.05);
+    }
+    saga_calibration_free(&cal);
+    free(views);
+}
+
+TEST(wrong_matrices_should_be_named)
+{
+    const saga_capture *const c = *state;
+
+    assert_true(c->opengl);
+    for (int form = 0; form < SAGA_POSE_FORMS; form++)
+        for (int opencv = 0; opencv < 2; opencv++) {
+            saga_shot *const views = copy_views(c);
+
+            if (form == SAGA_POSE_RIGHT && !opencv)
+                opencv = 1;
+            for (int v = 0; v < N_VIEWS; v++)
+                spoil(&views[v], (saga_pose_form)form, opencv);
+            expect_found(c, views);
+            free(views);
+        }
+}
+
+TEST(wrong_lenses_should_be_named)
+{
+    static const struct { double focal, centre; } wrong[] = {
+        { 2, 1 }, { 0.5, 1 }, { 2, 2 }, { 0.5, 0.5 }, { 1 / 3.0, 1 / 3.0 }
+    };
+    const saga_capture *const c = *state;
+
+    for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
+        saga_shot *const views = copy_views(c);
+
+        for (int v = 0; v < N_VIEWS; v++) {
+            views[v].fx *= wrong[i].focal;
+            views[v].fy *= wrong[i].focal;
+            views[v].cx *= wrong[i].centre;
+            views[v].cy *= wrong[i].centre;
+        }
+        expect_found(c, views);
+        free(views);
+    }
+}
+
+/* Turns a camera about its own vertical. */
+static void turn(saga_shot *s, double degrees)
+{
+    const double angle = degrees * 3.14159265358979 / 180;
+    double r[9], t[3];
+
+    memcpy(r, s->rotation, sizeof r);
+    memcpy(t, s->translation, sizeof t);
+    for (int k = 0; k < 3; k++) {
+        s->rotation[k] = cos(angle) * r[k] + sin(angle) * r[6 + k];
+        s->rotation[6 + k] = cos(angle) * r[6 + k] - sin(angle) * r[k];
+    }
+    s->translation[0] = cos(angle) * t[0] + sin(angle) * t[2];
+    s->translation[2] = cos(angle) * t[2] - sin(angle) * t[0];
+}
+
+TEST(exchanged_and_turned_cameras_should_be_named)
+{
+    const saga_capture *const c = *state;
+    saga_shot *views = copy_views(c);
+    saga_calibration cal;
+
+    views[1] = c->views[4];
+    views[4] = c->views[1];
+    views[1].rgb = c->views[1].rgb;
+    views[4].rgb = c->views[4].rgb;
+    cal = find(c, views);
+    assert_true(cal.found);
+    assert_int_equal(cal.mistake.swapped[0], 1);
+    assert_int_equal(cal.mistake.swapped[1], 4);
+    saga_calibration_free(&cal);
+    free(views);
+
+    views = copy_views(c);
+    turn(&views[2], 3);
+    cal = find(c, views);
+    assert_false(cal.found);
+    for (int v = 0; v < N_VIEWS; v++)
+        assert_int_equal(cal.odd[v], v == 2);
+    saga_calibration_free(&cal);
+    free(views);
+}
+
+static bool says(const saga_survey *s, const char *what)
+{
+    for (int i = 0; i < s->n_notes; i++)
+        if (strstr(s->note[i], what))
+            return true;
+    return false;
+}
+
+TEST(survey_should_say_so_in_words)
+{
+    saga_capture c = *(saga_capture *)*state;
+    saga_shot *const right = c.views;
+    saga_survey s;
+    saga_error error = { "" };
+
+    /* As written by a program of OpenCV's. */
+    c.views = copy_views(&c);
+    c.n_points = 0;
+    for (int v = 0; v < N_VIEWS; v++)
+        spoil(&c.views[v], SAGA_POSE_INVERSE, true);
+    assert_true(saga_survey_make(&s, &c, &error));
+    assert_true(says(&s, ": matrices are world to camera, and camera axes are "
+                     "OpenCV's (y down, z forward)"));
+    saga_survey_free(&s);
+
+    /* Camera 3 has camera 4's pose, and sees patches of grey. */
+    memcpy(c.views, right, N_VIEWS * sizeof *right);
+    c.views[3] = right[4];
+    c.views[3].rgb = zeroed((size_t)W * H, 3);
+    for (int i = 0; i < W * H * 3; i++) {
+        uint32_t patch = (uint32_t)(i / 3 % W / 8 + i / 3 / W / 8 * 999);
+
+        (void)next(&patch);
+        (void)next(&patch);
+        c.views[3].rgb[i] = (uint8_t)(next(&patch) >> 16);
+    }
+    assert_true(saga_survey_make(&s, &c, &error));
+    assert_true(says(&s, "have one pose, but see different things"));
+    saga_survey_free(&s);
+    free(c.views[3].rgb);
+    free(c.views);
+}
+
+/* Nothing is to be told of one camera, of pictures without a corner, or of
+ * cameras too far apart. */
+TEST(nothing_should_be_said_without_matches)
+{
+    saga_capture c = *(saga_capture *)*state;
+    saga_shot *const views = copy_views(&c);
+    uint8_t *const grey = zeroed((size_t)W * H, 3);
+    saga_calibration cal;
+
+    for (int v = 0; v < N_VIEWS; v++)
+        views[v].rgb = grey;
+    cal = find(&c, views);
+    assert_int_equal(cal.n_pairs, 0);
+    assert_false(cal.found || cal.bad);
+    for (int v = 0; v < N_VIEWS; v++)
+        assert_true(isnan(cal.off[v]) && isnan(cal.stops[v]) && !cal.odd[v]);
+    saga_calibration_free(&cal);
+    c.n_views = 1;
+    cal = find(&c, c.views);
+    assert_true(cal.n_pairs == 0 && isnan(cal.off[0]));
+    saga_calibration_free(&cal);
+    free(grey);
+    free(views);
+}

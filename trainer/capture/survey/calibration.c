@@ -1,0 +1,572 @@
+/* SPDX-License-Identifier: MIT */
+#include "calibration.h"
+
+#include "alloc.h"
+#include "epipolar.h"
+#include "exposure.h"
+#include "matches.h"
+#include "order.h"
+#include "pose.h"
+#include "threads.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum {
+    ALL_PAIRS = 24,          /* views of which every two are compared */
+    NEIGHBOURS = 4,          /* of each of more views: the nearest ones, and
+                              * the next ones in the list */
+    FEW_PAIRS = 3,           /* or nothing is said of all cameras: one pair is
+                              * made to fit by many a mistake */
+    FEW_PLACES = 10,         /* in pairs, for an exposure */
+    PATCH = 2,               /* pixels around a match whose colours count */
+    FOCAL_STEPS = 8,         /* of an octave that lengths of focus are tried */
+    FOCAL_OCTAVES = 2
+};
+
+/* A match is right where it lies that near to its line, at 960 pixels' width;
+ * corners are found to half a pixel, and poses that COLMAP finds are good to
+ * half a pixel. A camera turned by 0.3 degrees moves what it sees by two of 480
+ * pixels. */
+#define WITHIN 2.0
+/* Pairs that have to fit for all to be right: repeated windows and chairs match
+ * wrongly in some. */
+#define MOST_FIT 0.8
+#define EXPLAINED 0.6        /* of the pairs that did not fit, or of what all
+                              * are off: noise of corners is halved by nothing
+                              * but the truth */
+#define ODD 3.0              /* times what the best third of the pairs is off:
+                              * it is 0.3 to 0.5 pixels in right captures */
+#define IN_FRONT 0.5         /* of a pair's matches at least are so */
+
+/* Matches of views a and b that some two pinholes may have seen. */
+typedef struct pair {
+    int a, b;
+    size_t n;
+    saga_match *matches;     /* (n) */
+} pair;
+
+typedef struct search {
+    const saga_capture *c;
+    saga_features *features; /* (n_views) */
+    pair *pairs;             /* (n_pairs) */
+    size_t n_pairs;
+    double within;
+    double *scratch;         /* (SAGA_FEATURES_MOST + n_pairs + n_views) */
+} search;
+
+/* ------------------------------------------------------------------ matches */
+
+static int frame_of(const saga_capture *c, int v)
+{
+    return saga_capture_near(c, v, 0);
+}
+
+static bool find_features(search *s, saga_error *error)
+{
+    const saga_capture *const c = s->c;
+    s->features = saga_calloc((size_t)c->n_views, sizeof *s->features,
+                              "the features", error);
+    /* One thread's errors are told apart by their own place. */
+    saga_error *const errors = saga_calloc((size_t)c->n_views, sizeof *errors,
+                                           "the features", error);
+    bool ok = s->features && errors;
+#pragma omp parallel for schedule(dynamic) if (ok)
+    for (int v = 0; v < (ok ? c->n_views : 0); v++) {
+        const saga_shot *const shot = &c->views[v];
+        const int k = frame_of(c, v);
+        (void)saga_features_find(&s->features[v], saga_capture_frame(c, v, k),
+                                 saga_capture_mask(c, v, k), shot->width,
+                                 shot->height, &errors[v]);
+    }
+    for (int v = 0; ok && v < c->n_views; v++)
+        if (saga_failed(&errors[v]))
+            ok = saga_fail(error, NULL, NULL, "%s", errors[v].message);
+    free(errors);
+    return ok;
+}
+
+static double between(const saga_shot *a, const saga_shot *b)
+{
+    double x[3], y[3];
+    saga_pose_centre(a->rotation, a->translation, x);
+    saga_pose_centre(b->rotation, b->translation, y);
+    return hypot(hypot(x[0] - y[0], x[1] - y[1]), x[2] - y[2]);
+}
+
+/* Tells whether fewer than NEIGHBOURS views stand nearer to v than w does. */
+static bool is_near(const saga_capture *c, int v, int w)
+{
+    const double own = between(&c->views[v], &c->views[w]);
+    int n = 0;
+    for (int u = 0; u < c->n_views; u++)
+        n += u != v && between(&c->views[v], &c->views[u]) < own;
+    return n < NEIGHBOURS;
+}
+
+/* The nearest ones by poses that may be wrong, and the next ones in the
+ * list. */
+static bool is_pair(const saga_capture *c, int v, int w)
+{
+    return c->n_views <= ALL_PAIRS || w - v <= NEIGHBOURS ||
+           is_near(c, v, w) || is_near(c, w, v);
+}
+
+static bool list_pairs(search *s, saga_error *error)
+{
+    const int n = s->c->n_views;
+    size_t most = 0;
+    for (int v = 0; v < n; v++)
+        for (int w = v + 1; w < n; w++)
+            most += is_pair(s->c, v, w);
+    s->pairs = saga_calloc(most, sizeof *s->pairs, "the matches", error);
+    for (int v = 0; s->pairs && v < n; v++)
+        for (int w = v + 1; w < n; w++)
+            if (is_pair(s->c, v, w))
+                s->pairs[s->n_pairs++] = (pair){.a = v, .b = w};
+    return s->pairs != NULL;
+}
+
+static bool match_pair(pair *p, const search *s, saga_error *error)
+{
+    saga_match *const m = saga_alloc(SAGA_FEATURES_MOST, sizeof *m,
+                                     "the matches", error);
+    if (!m)
+        return false;
+    const size_t n = saga_matches_find(m, &s->features[p->a],
+                                       &s->features[p->b]);
+    /* A stream of its own: a pair's result does not depend on other pairs. */
+    p->n = saga_matches_agree(m, n, s->within,
+                              (uint64_t)p->a * SAGA_MAX_VIEWS +
+                              (uint64_t)p->b);
+    p->matches = p->n ? saga_realloc(m, p->n, sizeof *m, "the matches", error)
+                      : NULL;
+    if (!p->matches)
+        free(m);
+    return p->n == 0 || p->matches;
+}
+
+/* Matches all pairs; those without enough of them are dropped. */
+static bool match_all(search *s, int *shared, saga_error *error)
+{
+    const size_t n_views = (size_t)s->c->n_views;
+    bool ok = true;
+    size_t kept = 0;
+#pragma omp parallel for schedule(dynamic)
+    for (size_t i = 0; i < s->n_pairs; i++) {
+        saga_error own = {""};
+        if (!match_pair(&s->pairs[i], s, &own))
+#pragma omp critical
+            ok = saga_fail(error, NULL, NULL, "%s", own.message);
+    }
+    for (size_t i = 0; i < s->n_pairs; i++) {
+        const pair p = s->pairs[i];
+        const size_t a = (size_t)p.a, b = (size_t)p.b;
+        shared[a * n_views + b] = shared[b * n_views + a] = (int)p.n;
+        if (p.n)
+            s->pairs[kept++] = p;
+    }
+    s->n_pairs = kept;
+    return ok;
+}
+
+/* ----------------------------------------------------------------- mistakes */
+
+/* Reverses two axes of the camera: columns 1 and 2 of camera to world. */
+static void reverse_axes(double a[9])
+{
+    for (int i = 0; i < 3; i++) {
+        a[3 * i + 1] = -a[3 * i + 1];
+        a[3 * i + 2] = -a[3 * i + 2];
+    }
+}
+
+static void apply(double y[3], const double m[9], const double x[3])
+{
+    for (int i = 0; i < 3; i++)
+        y[i] = m[3 * i] * x[0] + m[3 * i + 1] * x[1] + m[3 * i + 2] * x[2];
+}
+
+static void transpose(double a[9])
+{
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < i; j++) {
+            const double t = a[3 * i + j];
+            a[3 * i + j] = a[3 * j + i];
+            a[3 * j + i] = t;
+        }
+}
+
+void saga_mistake_undo(const saga_mistake *mistake, double rotation[9],
+                       double translation[3], double lens[4])
+{
+    /* Back to what the file had: camera to world A and b. */
+    double a[9], b[3], x[3];
+    memcpy(a, rotation, sizeof a);
+    transpose(a);
+    saga_pose_centre(rotation, translation, b);
+    if (mistake->before)
+        reverse_axes(a);
+    if (mistake->form == SAGA_POSE_INVERSE ||
+        mistake->form == SAGA_POSE_TRANSPOSED)
+        transpose(a);
+    /* A t of world to camera has its centre at -A t. */
+    if (mistake->form == SAGA_POSE_INVERSE ||
+        mistake->form == SAGA_POSE_TRANSLATION) {
+        apply(x, a, b);
+        for (int k = 0; k < 3; k++)
+            b[k] = -x[k];
+    }
+    if (mistake->after)
+        reverse_axes(a);
+    transpose(a);
+    memcpy(rotation, a, sizeof a);
+    apply(x, a, b);
+    for (int k = 0; k < 3; k++)
+        translation[k] = -x[k];
+    for (int k = 0; k < 2; k++) {
+        lens[k] *= mistake->focal;
+        lens[2 + k] *= mistake->centre ? mistake->focal : 1.0;
+    }
+}
+
+/* -------------------------------------------------------------------- score */
+
+/* The median over a pair's matches; behind the cameras nothing fits. */
+static double off_pair(const pair *p, const saga_pinhole *a,
+                       const saga_pinhole *b, double within, double *scratch)
+{
+    const saga_epipolar s = saga_epipolar_between(a, b);
+    size_t n_front = 0;
+    for (size_t i = 0; i < p->n; i++) {
+        bool front;
+        scratch[i] = saga_epipolar_off(a, b, &s, &p->matches[i],
+                                       within, &front);
+        n_front += front;
+    }
+    return (double)n_front < IN_FRONT * (double)p->n
+        ? (double)INFINITY : saga_median(scratch, p->n);
+}
+
+/* How well all pairs fit, given cameras. */
+typedef struct score { int n_fit; double typical; } score;
+
+static score score_of(const search *s, const saga_pinhole *cameras)
+{
+    double *const off = s->scratch + SAGA_FEATURES_MOST;
+    score found = {0, (double)NAN};
+    for (size_t i = 0; i < s->n_pairs; i++) {
+        const pair *const p = &s->pairs[i];
+        off[i] = off_pair(p, &cameras[p->a], &cameras[p->b], s->within,
+                          s->scratch);
+        found.n_fit += off[i] <= s->within;
+    }
+    found.typical = saga_median(off, s->n_pairs);
+    return found;
+}
+
+static bool is_better(const score *a, const score *b)
+{
+    return a->n_fit > b->n_fit ||
+           (a->n_fit == b->n_fit && a->typical < b->typical);
+}
+
+typedef struct best { saga_mistake mistake; score score; } best;
+
+/* Judges a mistake, and keeps it if it is the best so far. */
+static void try_mistake(best *to, const search *s, const saga_mistake *m,
+                        saga_pinhole *cameras)
+{
+    const saga_shot *const views = s->c->views;
+    const int *const other = m->swapped;
+    for (int v = 0; v < s->c->n_views; v++) {
+        const int from = v == other[0] ? other[1]
+                       : v == other[1] ? other[0] : v;
+        cameras[v] = saga_pinhole_of(&views[from]);
+        saga_mistake_undo(m, cameras[v].rotation, cameras[v].translation,
+                          cameras[v].lens);
+    }
+    const score now = score_of(s, cameras);
+    if (is_better(&now, &to->score))
+        *to = (best){*m, now};
+}
+
+/* Tells whether undoing a mistake explains the pictures: with it, most pairs
+ * fit, and either most of those are among them that did not before, or all are
+ * clearly less off, which a wrong length of focus mostly makes them in rigs
+ * along an arc. */
+static bool explains(const score *then, const score *now, int n_pairs)
+{
+    const int gain = then->n_fit - now->n_fit, bad = n_pairs - now->n_fit;
+    return then->n_fit >= MOST_FIT * n_pairs &&
+           ((gain >= FEW_PAIRS && gain >= EXPLAINED * bad) ||
+            (gain >= 0 && n_pairs >= 2 * FEW_PAIRS &&
+             then->typical < EXPLAINED * now->typical));
+}
+
+/* All lengths of focus with one form of poses; one that is not right as it is
+ * has to explain much, since noise too has a best length. */
+static void try_lenses(best *to, const search *s, saga_mistake m,
+                       saga_pinhole *cameras)
+{
+    const int most = FOCAL_STEPS * FOCAL_OCTAVES;
+    best as_is = {.score = {-1, 0.0}}, other = {.score = {-1, 0.0}};
+    try_mistake(&as_is, s, &m, cameras);
+    for (int k = -most; k <= most; k++)
+        for (int centre = 0; centre < 2 && k != 0; centre++) {
+            m.focal = exp2((double)k / FOCAL_STEPS);
+            m.centre = centre;
+            try_mistake(&other, s, &m, cameras);
+        }
+    if (explains(&other.score, &as_is.score, (int)s->n_pairs))
+        as_is = other;
+    if (is_better(&as_is.score, &to->score))
+        *to = as_is;
+}
+
+/* Exchanged pictures first, whose poses are right. */
+static void try_swaps(best *to, const search *s, saga_pinhole *cameras)
+{
+    const saga_shot *const views = s->c->views;
+    saga_mistake m = {.focal = 1.0};
+    for (int v = 0; v < s->c->n_views; v++)
+        for (int w = v + 1; w < s->c->n_views; w++) {
+            m.swapped[0] = v;
+            m.swapped[1] = w;
+            if (views[v].width == views[w].width &&
+                views[v].height == views[w].height)
+                try_mistake(to, s, &m, cameras);
+        }
+}
+
+/* Whether the loader reversed axes before it took the matrix for camera to
+ * world is known; a world that is turned as a whole would fit as well. */
+static void try_forms(best *to, const search *s, saga_pinhole *cameras)
+{
+    for (int form = 0; form < SAGA_POSE_FORMS; form++)
+        for (int after = 0; after < 2; after++)
+            try_lenses(to, s, (saga_mistake){
+                .form = (saga_pose_form)form, .after = after, .focal = 1.0,
+                .before = form != SAGA_POSE_RIGHT && s->c->opengl,
+                .swapped = {-1, -1}}, cameras);
+}
+
+/* ------------------------------------------------------------------ verdict */
+
+/* A view is as much off as the median of its pairs with views that are not
+ * odd. */
+static double off_view(const saga_calibration *cal, const search *s, int v,
+                       const double *off)
+{
+    size_t n = 0;
+    for (size_t i = 0; i < s->n_pairs && n < SAGA_FEATURES_MOST; i++) {
+        const pair *const p = &s->pairs[i];
+        if ((p->a == v && !cal->odd[p->b]) || (p->b == v && !cal->odd[p->a]))
+            s->scratch[n++] = off[i];
+    }
+    return saga_median(s->scratch, n);
+}
+
+/* Takes out one view after the other that is clearly more off than pairs that
+ * fit; a third of all at most, or it is not they who are odd. */
+static void find_odd(saga_calibration *cal, const search *s, const double *off)
+{
+    const int n_views = s->c->n_views;
+    double *const sorted = s->scratch + SAGA_FEATURES_MOST;
+    memcpy(sorted, off, s->n_pairs * sizeof *off);
+    qsort(sorted, s->n_pairs, sizeof *sorted, saga_by_value);
+    /* Of four views one may be odd: half of the pairs have it. */
+    const double fits = sorted[s->n_pairs / 3];
+    const double limit = fmax(s->within / 2.0, ODD * fits);
+    int n_odd = 0, n_left = 0;
+    for (bool more = fits <= s->within; more; n_odd += more) {
+        int worst = 0;
+        double most = limit;
+        for (int v = 0; v < n_views; v++) {
+            const double one = cal->odd[v] ? 0.0 : off_view(cal, s, v, off);
+            worst = one > most ? v : worst;
+            most = one > most ? one : most;
+        }
+        more = most > limit;
+        cal->odd[worst] = cal->odd[worst] || more;
+    }
+    /* What is left has to speak for itself. */
+    for (size_t i = 0; i < s->n_pairs; i++)
+        n_left += !cal->odd[s->pairs[i].a] && !cal->odd[s->pairs[i].b];
+    if (3 * n_odd > n_views || n_left < FEW_PAIRS)
+        memset(cal->odd, 0, (size_t)n_views * sizeof *cal->odd);
+}
+
+static void judge(saga_calibration *cal, const search *s, saga_pinhole *cameras)
+{
+    const int n_views = s->c->n_views, n_pairs = (int)s->n_pairs;
+    double *const off = s->scratch + SAGA_FEATURES_MOST + s->n_pairs;
+    for (int v = 0; v < n_views; v++)
+        cameras[v] = saga_pinhole_of(&s->c->views[v]);
+    for (int i = 0; i < n_pairs; i++)
+        off[i] = off_pair(&s->pairs[i], &cameras[s->pairs[i].a],
+                          &cameras[s->pairs[i].b], s->within, s->scratch);
+    for (int v = 0; v < n_views; v++)
+        cal->off[v] = off_view(cal, s, v, off);
+    best found = {.score = score_of(s, cameras)};
+    cal->n_pairs = n_pairs;
+    cal->n_fit = found.score.n_fit;
+    cal->typical = found.score.typical;
+    if (n_pairs < FEW_PAIRS)
+        return;
+    const score now = found.score;
+    /* Fewer changes first: an equal score does not replace them. */
+    if (n_views <= ALL_PAIRS)
+        try_swaps(&found, s, cameras);
+    try_forms(&found, s, cameras);
+    cal->found = explains(&found.score, &now, n_pairs);
+    cal->mistake = found.mistake;
+    cal->n_fit_then = found.score.n_fit;
+    cal->bad = now.n_fit < MOST_FIT * n_pairs;
+    if (!cal->found)
+        find_odd(cal, s, off);
+}
+
+/* ----------------------------------------------------------------- exposure */
+
+/* Mean colour of a patch; false where it is cut off by the picture's border or
+ * by what a picture can hold. */
+static bool colour_at(double rgb[3], const saga_capture *c, int v,
+                      const double p[2])
+{
+    const saga_shot *const shot = &c->views[v];
+    const uint8_t *const all = saga_capture_frame(c, v, frame_of(c, v));
+    const int x = (int)p[0], y = (int)p[1];
+    if (x < PATCH || y < PATCH || x >= shot->width - PATCH ||
+        y >= shot->height - PATCH)
+        return false;
+    rgb[0] = rgb[1] = rgb[2] = 0.0;
+    for (int j = y - PATCH; j <= y + PATCH; j++)
+        for (int i = x - PATCH; i <= x + PATCH; i++)
+            for (int k = 0; k < 3; k++)
+                rgb[k] += all[((size_t)j * (size_t)shot->width + (size_t)i) *
+                              3 + (size_t)k];
+    for (int k = 0; k < 3; k++) {
+        rgb[k] /= (2 * PATCH + 1) * (2 * PATCH + 1);
+        if (rgb[k] < 10.0 || rgb[k] > 240.0)
+            return false;
+    }
+    return true;
+}
+
+static bool find_exposures(saga_calibration *cal, const search *s,
+                           saga_error *error)
+{
+    const int n_views = s->c->n_views;
+    size_t most = 0;
+    for (size_t i = 0; i < s->n_pairs; i++)
+        most += s->pairs[i].n;
+    saga_exposure_pairs pairs = {.n_views = n_views, .n_train = n_views};
+    int *const all = saga_alloc((size_t)n_views, sizeof *all, "the exposures",
+                                error);
+    int *const n_of = saga_calloc((size_t)n_views, sizeof *n_of,
+                                  "the exposures", error);
+    double *const log_of = saga_calloc((size_t)n_views * 3, sizeof *log_of,
+                                       "the exposures", error);
+    pairs.at = saga_alloc(most, sizeof *pairs.at, "the exposures", error);
+    bool ok = all && n_of && log_of && pairs.at;
+    for (int v = 0; ok && v < n_views; v++)
+        all[v] = v;
+    for (size_t i = 0; ok && i < s->n_pairs; i++) {
+        const pair *const p = &s->pairs[i];
+        for (size_t k = 0; k < p->n; k++) {
+            double a[3], b[3];
+            if (!colour_at(a, s->c, p->a, p->matches[k].a) ||
+                !colour_at(b, s->c, p->b, p->matches[k].b))
+                continue;
+            saga_exposure_pair *const one = &pairs.at[pairs.n++];
+            *one = (saga_exposure_pair){.a = p->a, .b = p->b};
+            for (int l = 0; l < 3; l++)
+                one->log[l] = log(a[l] / b[l]);
+            n_of[p->a]++;
+            n_of[p->b]++;
+        }
+    }
+    pairs.train = all;
+    ok = ok && saga_exposure_solve(log_of, &pairs, error);
+    /* The logarithms even out what is seen; light goes with v^2.2, and stops
+     * are log2 of it. */
+    for (int v = 0; ok && v < n_views; v++)
+        cal->stops[v] = n_of[v] < FEW_PLACES ? (double)NAN
+            : -2.2 / log(2.0) * (log_of[3 * v] + log_of[3 * v + 1] +
+                                log_of[3 * v + 2]) / 3.0;
+    free(all);
+    free(n_of);
+    free(log_of);
+    free(pairs.at);
+    return ok;
+}
+
+/* ----------------------------------------------------------------- together */
+
+static bool reserve(saga_calibration *cal, size_t n, saga_error *error)
+{
+    *cal = (saga_calibration){.typical = (double)NAN};
+    cal->off = saga_alloc(n, sizeof *cal->off, "the views", error);
+    cal->odd = saga_calloc(n, sizeof *cal->odd, "the views", error);
+    cal->stops = saga_alloc(n, sizeof *cal->stops, "the views", error);
+    cal->shared = saga_alloc(n * n, sizeof *cal->shared, "the views", error);
+    cal->n_features = saga_calloc(n, sizeof *cal->n_features, "the views",
+                                  error);
+    if (!cal->off || !cal->odd || !cal->stops || !cal->shared ||
+        !cal->n_features)
+        return false;
+    for (size_t i = 0; i < n * n; i++)
+        cal->shared[i] = -1;
+    for (size_t v = 0; v < n; v++)
+        cal->off[v] = cal->stops[v] = (double)NAN;
+    return true;
+}
+
+static void release(search *s)
+{
+    for (int v = 0; s->features && v < s->c->n_views; v++)
+        free(s->features[v].list);
+    for (size_t i = 0; s->pairs && i < s->n_pairs; i++)
+        free(s->pairs[i].matches);
+    free(s->features);
+    free(s->pairs);
+    free(s->scratch);
+}
+
+bool saga_calibration_find(saga_calibration *calibration,
+                           const saga_capture *capture, saga_error *error)
+{
+    const size_t n_views = (size_t)capture->n_views;
+    search s = {.c = capture, .within = WITHIN};
+    saga_pinhole *const cameras = saga_alloc(n_views, sizeof *cameras,
+                                             "the views", error);
+    for (size_t v = 0; v < n_views; v++)
+        s.within = fmax(s.within, WITHIN * capture->views[v].width / 960.0);
+    bool ok = reserve(calibration, n_views, error) && cameras &&
+              find_features(&s, error) && list_pairs(&s, error) &&
+              match_all(&s, calibration->shared, error);
+    s.scratch = ok ? saga_alloc(SAGA_FEATURES_MOST + 2 * s.n_pairs,
+                                sizeof *s.scratch, "the matches", error)
+                   : NULL;
+    calibration->within = s.within;
+    for (size_t v = 0; ok && v < n_views; v++)
+        calibration->n_features[v] = (int)s.features[v].n;
+    if (s.scratch)
+        judge(calibration, &s, cameras);
+    ok = ok && s.scratch && find_exposures(calibration, &s, error);
+    release(&s);
+    free(cameras);
+    return ok;
+}
+
+void saga_calibration_free(saga_calibration *calibration)
+{
+    free(calibration->off);
+    free(calibration->odd);
+    free(calibration->stops);
+    free(calibration->shared);
+    free(calibration->n_features);
+    *calibration = (saga_calibration){.off = NULL};
+}

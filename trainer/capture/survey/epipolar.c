@@ -1,0 +1,95 @@
+/* SPDX-License-Identifier: MIT */
+#include "epipolar.h"
+
+#include <math.h>
+#include <string.h>
+
+saga_pinhole saga_pinhole_of(const saga_shot *s)
+{
+    saga_pinhole c = {.lens = {s->fx, s->fy, s->cx, s->cy}};
+    memcpy(c.rotation, s->rotation, sizeof c.rotation);
+    memcpy(c.translation, s->translation, sizeof c.translation);
+    return c;
+}
+
+/* c = a b^T of 3 x 3 matrices. */
+static void times_transposed(double c[9], const double a[9], const double b[9])
+{
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++)
+            c[3 * i + j] = a[3 * i] * b[3 * j] + a[3 * i + 1] * b[3 * j + 1] +
+                           a[3 * i + 2] * b[3 * j + 2];
+}
+
+static void apply(double y[3], const double m[9], const double x[3])
+{
+    for (int i = 0; i < 3; i++)
+        y[i] = m[3 * i] * x[0] + m[3 * i + 1] * x[1] + m[3 * i + 2] * x[2];
+}
+
+static void cross(double z[3], const double x[3], const double y[3])
+{
+    for (int i = 0; i < 3; i++)
+        z[i] = x[(i + 1) % 3] * y[(i + 2) % 3] -
+               x[(i + 2) % 3] * y[(i + 1) % 3];
+}
+
+static double dot(const double x[3], const double y[3])
+{
+    return x[0] * y[0] + x[1] * y[1] + x[2] * y[2];
+}
+
+static void ray_of(double ray[3], const saga_pinhole *c, const double p[2])
+{
+    ray[0] = (p[0] - c->lens[2]) / c->lens[0];
+    ray[1] = (p[1] - c->lens[3]) / c->lens[1];
+    ray[2] = 1.0;
+}
+
+saga_epipolar saga_epipolar_between(const saga_pinhole *a,
+                                    const saga_pinhole *b)
+{
+    saga_epipolar s;
+    times_transposed(s.r, b->rotation, a->rotation);
+    apply(s.t, s.r, a->translation);
+    for (int k = 0; k < 3; k++)
+        s.t[k] = b->translation[k] - s.t[k];
+    return s;
+}
+
+/* The distance of a pixel of camera c from the line (normal) . (ray) = 0. */
+static double off_line(const double normal[3], const saga_pinhole *c,
+                       const double ray[3])
+{
+    return fabs(dot(normal, ray)) /
+           (hypot(normal[0] / c->lens[0], normal[1] / c->lens[1]) + 1e-300);
+}
+
+double saga_epipolar_off(const saga_pinhole *a, const saga_pinhole *b,
+                         const saga_epipolar *s, const saga_match *m,
+                         double within, bool *front)
+{
+    double ra[3], rb[3], turned[3], normal[3], back[3] = {0.0}, n[3];
+    ray_of(ra, a, m->a);
+    ray_of(rb, b, m->b);
+    apply(turned, s->r, ra);
+    /* In b: normal = t x (R ra), E ra of the essential matrix E = [t] R. In a:
+     * E^T rb = R^T (rb x t). */
+    cross(normal, s->t, turned);
+    cross(n, rb, s->t);
+    for (int i = 0; i < 3; i++)
+        for (int k = 0; k < 3; k++)
+            back[k] += s->r[3 * i + k] * n[i];
+    /* za R ra + t = zb rb: crossed with rb and with R ra. */
+    double across[3], x[3], y[3];
+    cross(across, turned, rb);
+    cross(x, rb, s->t);
+    cross(y, turned, s->t);
+    const double least = within / b->lens[0] * sqrt(dot(turned, turned) *
+                                                    dot(rb, rb));
+    *front = dot(across, across) <= least * least ||
+             (dot(across, x) > 0.0 && dot(across, y) > 0.0);
+    if (dot(turned, rb) <= 0.0 && dot(across, across) <= least * least)
+        *front = false; /* parallel, and one the other way */
+    return fmax(off_line(normal, b, rb), off_line(back, a, ra));
+}

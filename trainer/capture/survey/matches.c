@@ -1,0 +1,241 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Eight matches give a fundamental matrix. Of many eights, drawn from the
+ * surest matches first, that counts which most of all matches obey, computed
+ * again from these (random samples and consensus, with local optimisation).
+ */
+#include "matches.h"
+
+#include "linear.h"
+#include "rng.h"
+
+#include <math.h>
+#include <string.h>
+
+enum {
+    EIGHT = 8,               /* matches that determine F up to its scale */
+    N_TRIES = 600,           /* a third of the matches right: 8 of 8 are so in
+                              * one of 6,500 tries; the surest ones are mostly
+                              * three quarters, one of 10 */
+    N_REFITS = 4,
+    FEW = 16                 /* that agree, or chance may have done it: */
+};
+
+#define SURE 0.01            /* tries end where the chance that none of them
+                              * was right is as small as that */
+#define FEW_PART 0.3         /* beside eight, 3 % of wrong ones lie within 2 of
+                              * 270 pixels of any line */
+#define SECOND_BEST 0.85     /* as far as that, or it is not by far */
+#define SAME_PLACE 4.0       /* pixels: one corner in two sizes */
+
+/* ------------------------------------------------------------------ pairing */
+
+/* Cosine of two descriptions; sums in eight parts, which a compiler keeps in
+ * vectors. */
+static float alike(const saga_feature *a, const saga_feature *b)
+{
+    float sum[8] = {0.0f};
+    for (int i = 0; i < SAGA_FEATURE_NUMBERS; i += 8)
+        for (int k = 0; k < 8; k++)
+            sum[k] += a->at[i + k] * b->at[i + k];
+    return ((sum[0] + sum[4]) + (sum[1] + sum[5])) +
+           ((sum[2] + sum[6]) + (sum[3] + sum[7]));
+}
+
+static bool same_place(const saga_feature *a, const saga_feature *b)
+{
+    return fabs(a->x - b->x) < SAME_PLACE && fabs(a->y - b->y) < SAME_PLACE;
+}
+
+/* Returns the feature nearest to one; *doubt is the distance to it, in parts of
+ * that to the nearest at another place. */
+static size_t nearest(const saga_feature *f, const saga_features *to,
+                      double *doubt)
+{
+    float cosine[SAGA_FEATURES_MOST], second = -1.0f;
+    size_t best = 0;
+    for (size_t i = 0; i < to->n; i++) {
+        cosine[i] = alike(f, &to->list[i]);
+        best = cosine[i] > cosine[best] ? i : best;
+    }
+    for (size_t i = 0; i < to->n; i++)
+        if (cosine[i] > second && !same_place(&to->list[i], &to->list[best]))
+            second = cosine[i];
+    /* |a - b|^2 = 2 - 2 cos of unit vectors. */
+    *doubt = sqrt(fmax(1.0 - (double)cosine[best], 0.0) /
+                  fmax(1.0 - (double)second, 1e-9));
+    return best;
+}
+
+/* Tells whether a match at such places is there already. */
+static bool is_known(const saga_match *m, size_t n, const saga_feature *a,
+                     const saga_feature *b)
+{
+    for (size_t i = 0; i < n; i++)
+        if (fabs(m[i].a[0] - a->x) < SAME_PLACE &&
+            fabs(m[i].a[1] - a->y) < SAME_PLACE &&
+            fabs(m[i].b[0] - b->x) < SAME_PLACE &&
+            fabs(m[i].b[1] - b->y) < SAME_PLACE)
+            return true;
+    return false;
+}
+
+static void insert(saga_match *m, size_t n, const saga_match *one)
+{
+    for (; n > 0 && m[n - 1].doubt > one->doubt; n--)
+        m[n] = m[n - 1];
+    m[n] = *one;
+}
+
+size_t saga_matches_find(saga_match *matches, const saga_features *a,
+                         const saga_features *b)
+{
+    size_t n = 0;
+    for (size_t i = 0; i < a->n && b->n > 1; i++) {
+        const saga_feature *const from = &a->list[i];
+        double doubt, back;
+        const size_t k = nearest(from, b, &doubt);
+        const saga_feature *const to = &b->list[k];
+        /* The way back has to end at the same place, if in another size. */
+        if (doubt > SECOND_BEST || is_known(matches, n, from, to) ||
+            !same_place(&a->list[nearest(to, a, &back)], from))
+            continue;
+        insert(matches, n++, &(saga_match){{from->x, from->y}, {to->x, to->y},
+                                           doubt});
+    }
+    return n;
+}
+
+/* --------------------------------------------------------------- agreement */
+
+/* Middle and spread of the points of one picture: matrices of numbers around 1
+ * are well conditioned (Hartley's normalisation). */
+typedef struct frame { double middle[2], spread; } frame;
+
+static void make_frame(frame *f, const saga_match *m, size_t n, int second)
+{
+    *f = (frame){.spread = 1e-9};
+    for (size_t i = 0; i < n; i++)
+        for (int k = 0; k < 2; k++)
+            f->middle[k] += (second ? m[i].b : m[i].a)[k] / (double)n;
+    for (size_t i = 0; i < n; i++) {
+        const double *const p = second ? m[i].b : m[i].a;
+        f->spread += hypot(p[0] - f->middle[0], p[1] - f->middle[1]) /
+                     (double)n;
+    }
+}
+
+static void put(double to[3], const frame *f, const double p[2])
+{
+    to[0] = (p[0] - f->middle[0]) / f->spread;
+    to[1] = (p[1] - f->middle[1]) / f->spread;
+    to[2] = 1.0;
+}
+
+typedef struct fit { frame a, b; double f[9]; } fit;
+
+/* F has the least sum of squares of (b, 1)^T F (a, 1) over n matches: the
+ * eigenvector of the least eigenvalue of the sum of products. */
+static void solve(fit *t, const saga_match *const *m, size_t n)
+{
+    saga_matrix sum, v;
+    memset(sum, 0, sizeof sum);
+    for (size_t i = 0; i < n; i++) {
+        double a[3], b[3], row[9];
+        put(a, &t->a, m[i]->a);
+        put(b, &t->b, m[i]->b);
+        for (int k = 0; k < 9; k++)
+            row[k] = b[k / 3] * a[k % 3];
+        for (int k = 0; k < 9; k++)
+            for (int l = 0; l < 9; l++)
+                sum[k][l] += row[k] * row[l];
+    }
+    saga_eigen(v, sum, 9);
+    for (int k = 0; k < 9; k++)
+        t->f[k] = v[k][8];
+}
+
+/* The larger distance, in pixels, of the two points of a match from each
+ * other's lines. */
+static double distance(const fit *t, const saga_match *m)
+{
+    double a[3], b[3], la[3] = {0.0}, lb[3] = {0.0}, product = 0.0;
+    put(a, &t->a, m->a);
+    put(b, &t->b, m->b);
+    for (int k = 0; k < 9; k++) {
+        lb[k / 3] += t->f[k] * a[k % 3];
+        la[k % 3] += t->f[k] * b[k / 3];
+    }
+    for (int k = 0; k < 3; k++)
+        product += b[k] * lb[k];
+    return fmax(t->a.spread * fabs(product) / (hypot(la[0], la[1]) + 1e-12),
+                t->b.spread * fabs(product) / (hypot(lb[0], lb[1]) + 1e-12));
+}
+
+static size_t obey(const saga_match **ones, const fit *t, const saga_match *m,
+                   size_t n, double within)
+{
+    size_t count = 0;
+    for (size_t i = 0; i < n; i++)
+        if (distance(t, &m[i]) <= within)
+            ones[count++] = &m[i];
+    return count;
+}
+
+/* Draws eight different ones of the first n. */
+static void draw(const saga_match **ones, const saga_match *m, size_t n,
+                 saga_rng r, size_t try)
+{
+    for (size_t k = 0; k < EIGHT; k++) {
+        bool again = true;
+        for (uint64_t i = 0; again; i++) {
+            ones[k] = &m[saga_rng_below(r, (try * EIGHT + k) * 1000 + i,
+                                        (uint32_t)n)];
+            again = false;
+            for (size_t l = 0; l < k; l++)
+                again = again || ones[l] == ones[k];
+        }
+    }
+}
+
+/* If `most` of n matches are right, eight are so with a chance of p; all of i
+ * tries fail with (1 - p)^i. */
+static bool enough(size_t i, size_t most, size_t n)
+{
+    const double p = pow((double)most / (double)n, EIGHT);
+    return (double)i * log1p(-fmin(p, 1.0 - 1e-9)) < log(SURE);
+}
+
+size_t saga_matches_agree(saga_match *matches, size_t n, double within,
+                          uint64_t seed)
+{
+    const saga_match *ones[SAGA_FEATURES_MOST];
+    const saga_rng r = saga_rng_stream(seed, 0);
+    fit t, best = {.f = {0.0}};
+    size_t most = 0, kept = 0;
+    if (n < FEW)
+        return 0;
+    make_frame(&t.a, matches, n, 0);
+    make_frame(&t.b, matches, n, 1);
+    for (size_t i = 0; i < N_TRIES && !enough(i, most, n); i++) {
+        /* From the surest sixteen at first, from all in the end. */
+        draw(ones, matches, FEW + (n - FEW) * i / N_TRIES, r, i);
+        solve(&t, ones, EIGHT);
+        size_t count = obey(ones, &t, matches, n, within);
+        for (int k = 0; k < N_REFITS && count > most && count > EIGHT; k++) {
+            most = count;
+            best = t;
+            solve(&t, ones, count);
+            count = obey(ones, &t, matches, n, within);
+        }
+    }
+    if (most < FEW || (double)most < EIGHT + FEW_PART * (double)(n - EIGHT))
+        return 0;
+    for (size_t i = 0; i < n; i++)
+        if (distance(&best, &matches[i]) <= within) {
+            const saga_match one = matches[i];
+            matches[i] = matches[kept];
+            matches[kept++] = one;
+        }
+    return kept;
+}

@@ -1,0 +1,229 @@
+/* SPDX-License-Identifier: MIT */
+#include "check_fix.h"
+
+#include "file.h"
+#include "json_memory.h"
+#include "output.h"
+#include "pose.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* Keys of a lens that stand in an entry or, for all of them, at the top. */
+static const char *const lens_keys[] = {
+    "fl_x", "fl_y", "cx", "cy", "k1", "k2", "k3", "k4", "p1", "p2",
+    "camera_angle_x", "camera_model"
+};
+enum { N_FOCAL = 2, N_CENTRE = 4 };   /* the first of them */
+
+/* --- Cameras ------------------------------------------------------------- */
+
+static double number_at(const json_t *matrix, size_t row, size_t column)
+{
+    return json_number_value(json_array_get(json_array_get(matrix, row),
+                                            column));
+}
+
+/* Reads the pose of an entry as the loader does: camera to world, OpenGL's
+ * axes. */
+static bool pose_of(const json_t *entry, double rotation[9],
+                    double translation[3])
+{
+    const json_t *const m = json_object_get(entry, "transform_matrix");
+    double axis[4][3];
+
+    for (size_t i = 0; i < 3; i++)
+        for (size_t k = 0; k < 4; k++)
+            axis[k][i] = (k == 1 || k == 2 ? -1 : 1) * number_at(m, i, k);
+    return saga_pose_from_axes(axis[0], axis[1], axis[2], axis[3], rotation,
+                               translation);
+}
+
+/* The view whose pose an entry has; -1: none, it has no pictures. */
+static int view_of(const json_t *entry, const saga_capture *c)
+{
+    double rotation[9], translation[3];
+
+    if (!pose_of(entry, rotation, translation))
+        return -1;
+    for (int v = 0; v < c->n_views; v++)
+        if (memcmp(c->views[v].rotation, rotation, sizeof rotation) == 0 &&
+            memcmp(c->views[v].translation, translation,
+                   sizeof translation) == 0)
+            return v;
+    return -1;
+}
+
+static json_t *matrix_of(const double rotation[9], const double translation[3])
+{
+    json_t *const m = json_array();
+    double centre[3];
+
+    saga_pose_centre(rotation, translation, centre);
+    for (int i = 0; i < 4; i++) {
+        json_t *const row = json_array();
+
+        for (int k = 0; k < 4; k++) {
+            const double sign = k == 1 || k == 2 ? -1 : 1;
+            const double x = i == 3 ? (k == 3)
+                           : k == 3 ? centre[i] : sign * rotation[3 * k + i];
+
+            saga_json_append_item(row, json_real(x));
+        }
+        saga_json_append_item(m, row);
+    }
+    return m;
+}
+
+/* --- The mistake undone -------------------------------------------------- */
+
+/* Multiplies the lengths of an object, an entry or the top, as far as they
+ * stand there. */
+static void scale_lens(json_t *object, const saga_mistake *m)
+{
+    const int n = m->centre ? N_CENTRE : N_FOCAL;
+    const json_t *const angle = json_object_get(object, "camera_angle_x");
+
+    for (int i = 0; i < n; i++) {
+        const json_t *const x = json_object_get(object, lens_keys[i]);
+
+        if (x)
+            saga_json_set_value(object, lens_keys[i],
+                                json_real(m->focal * json_number_value(x)));
+    }
+    /* The picture is 2 f tan(angle / 2) wide. */
+    if (angle)
+        saga_json_set_value(object, "camera_angle_x", json_real(
+            2 * atan(tan(json_number_value(angle) / 2) / m->focal)));
+}
+
+/* Gives every entry the pose that it has without the mistake. */
+static void turn_entries(json_t *frames, const saga_mistake *m)
+{
+    for (size_t i = 0; i < json_array_size(frames); i++) {
+        json_t *const entry = json_array_get(frames, i);
+        double r[9], t[3], lens[4] = { 0 };
+
+        scale_lens(entry, m);
+        if (!pose_of(entry, r, t))
+            continue;
+        saga_mistake_undo(m, r, t, lens);
+        saga_json_set_value(entry, "transform_matrix", matrix_of(r, t));
+    }
+}
+
+/* Gives the entries of two views each other's pose and lens. */
+static void exchange(json_t *frames, const saga_mistake *m,
+                     const saga_capture *c)
+{
+    json_t *const before = json_deep_copy(frames);
+    const json_t *first[2] = { NULL, NULL };
+
+    for (size_t i = 0; i < json_array_size(before); i++)
+        for (int k = 0; k < 2; k++)
+            if (!first[k] && view_of(json_array_get(before, i), c) ==
+                                 m->swapped[k])
+                first[k] = json_array_get(before, i);
+    for (size_t i = 0; i < json_array_size(before); i++) {
+        json_t *const entry = json_array_get(frames, i);
+        const int v = view_of(entry, c);
+        const json_t *const other = v == m->swapped[0] ? first[1]
+                                  : v == m->swapped[1] ? first[0] : NULL;
+
+        if (v < 0 || !other)
+            continue;
+        saga_json_set_value(entry, "transform_matrix", json_deep_copy(
+            json_object_get(other, "transform_matrix")));
+        for (size_t k = 0; k < sizeof lens_keys / sizeof *lens_keys; k++) {
+            json_t *const x = json_object_get(other, lens_keys[k]);
+
+            (void)json_object_del(entry, lens_keys[k]);
+            if (x)
+                saga_json_set_value(entry, lens_keys[k], json_deep_copy(x));
+        }
+    }
+    json_decref(before);
+}
+
+/* --- Files --------------------------------------------------------------- */
+
+/* A length of the folder of a path, 0: it is this one. */
+static size_t folder_length(const char *path)
+{
+    const char *const slash = strrchr(path, '/');
+
+    return slash ? (size_t)(slash - path) + 1 : 0;
+}
+
+/* Paths in the file begin at its folder, so that it has to stay there. */
+static bool check_place(const char *path, const char *json, saga_error *error)
+{
+    const size_t n = folder_length(json);
+    char *const folder = saga_string_copy(json, error);
+    bool ok = folder != NULL;
+
+    if (ok) {
+        folder[n] = '\0';
+        ok = folder_length(path) == n && memcmp(path, folder, n) == 0 &&
+             strcmp(path, json) != 0;
+        if (!ok)
+            saga_fail(error, path, NULL, "the pictures' paths begin at the "
+                      "capture's folder: give --fix a new name there, such as "
+                      "%s%s", folder, "transforms-fixed.json");
+    }
+    free(folder);
+    return ok;
+}
+
+static bool write_json(const char *path, const json_t *root, saga_error *error)
+{
+    saga_output out;
+    bool ok;
+
+    if (!saga_output_open(&out, path, error))
+        return false;
+    ok = json_dumpf(root, out.file, JSON_INDENT(1) | JSON_REAL_PRECISION(17)) ==
+             0 || saga_fail_errno(error, path, NULL, "cannot be written");
+    return saga_output_close(&out, ok, error);
+}
+
+bool saga_check_fix(const char *path, const char *name,
+                    const saga_survey *survey, const saga_capture *capture,
+                    saga_error *error)
+{
+    const saga_mistake *const m = &survey->calibration.mistake;
+    char *const json = saga_path_is_folder(name)
+        ? saga_path_join(name, "transforms.json", error)
+        : saga_string_copy(name, error);
+    json_t *root = NULL;
+    bool ok = json && (saga_path_is_file(json) ||
+                       saga_fail(error, name, "correct the cameras where they "
+                                 "come from", "--fix writes captures with "
+                                 "transforms.json only")) &&
+              check_place(path, json, error);
+
+    if (ok && !survey->calibration.found) {
+        fputs("check: nothing was found that --fix could undo\n", stderr);
+    } else if (ok) {
+        root = saga_json_read(json, error);
+        ok = root != NULL;
+    }
+    if (root) {
+        json_t *const frames = json_object_get(root, "frames");
+
+        saga_json_watch();
+        scale_lens(root, m);
+        if (m->swapped[0] >= 0)
+            exchange(frames, m, capture);
+        else
+            turn_entries(frames, m);
+        ok = !saga_json_starved() && !saga_json_lost()
+            ? write_json(path, root, error)
+            : saga_no_memory(0, path, error);
+    }
+    json_decref(root);
+    free(json);
+    return ok;
+}
