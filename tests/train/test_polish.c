@@ -64,9 +64,9 @@ TEST(polish_should_gain_about_what_it_foretells)
     /* 90 iterations visit 15 pictures six times. */
     assert_int_equal(first.n_turns, 2);
     assert_true(first.after < first.before);
-    /* What neighbours do to each other is not foretold. */
+    /* The forecast leaves out how neighbours' moves act on each other. */
     assert_true(gain > 0.3 * first.foretold && gain < 2 * first.foretold);
-    /* What was measured stays, but for offsets, which are rounded anew in the
+    /* All measured values stay, but for offsets, which are rounded anew in the
      * supports that features give. */
     assert_true(fabs(second.before / first.after - 1) < 0.005);
     saga_train_free(t);

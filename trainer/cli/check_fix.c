@@ -20,25 +20,17 @@ enum { N_FOCAL = 2, N_CENTRE = 4 };   /* the first of them */
 
 /* --- Cameras ------------------------------------------------------------- */
 
-static double number_at(const json_t *matrix, size_t row, size_t column)
-{
-    return json_number_value(json_array_get(json_array_get(matrix, row),
-                                            column));
-}
-
-/* Reads the pose of an entry as the loader does: camera to world, OpenGL's
- * axes. */
+/* Reads the pose of an entry as the loader does. */
 static bool pose_of(const json_t *entry, double rotation[9],
                     double translation[3])
 {
     const json_t *const m = json_object_get(entry, "transform_matrix");
-    double axis[4][3];
+    double rows[12];
 
-    for (size_t i = 0; i < 3; i++)
-        for (size_t k = 0; k < 4; k++)
-            axis[k][i] = (k == 1 || k == 2 ? -1 : 1) * number_at(m, i, k);
-    return saga_pose_from_axes(axis[0], axis[1], axis[2], axis[3], rotation,
-                               translation);
+    for (size_t i = 0; i < 12; i++)
+        rows[i] = json_number_value(json_array_get(json_array_get(m, i / 4),
+                                                   i % 4));
+    return saga_pose_from_opengl(rows, rotation, translation);
 }
 
 /* The view whose pose an entry has; -1: none, it has no pictures. */
@@ -204,6 +196,7 @@ bool saga_check_fix(const char *path, const char *name,
                                  "transforms.json only")) &&
               check_place(path, json, error);
 
+    /* Nothing is read and nothing written where nothing is wrong. */
     if (ok && !survey->calibration.found) {
         fputs("check: nothing was found that --fix could undo\n", stderr);
     } else if (ok) {
@@ -213,6 +206,7 @@ bool saga_check_fix(const char *path, const char *name,
     if (root) {
         json_t *const frames = json_object_get(root, "frames");
 
+        /* The lens that all share, then each entry's lens and pose. */
         saga_json_watch();
         scale_lens(root, m);
         if (m->swapped[0] >= 0)

@@ -129,17 +129,7 @@ static bool fill_lens(const saga_transforms *r, saga_source *s,
 static bool fill_pose(const saga_transforms *r, saga_source *s,
                       const saga_entry *e)
 {
-    double axis[4][3]; /* columns of camera to world, in OpenCV axes */
-    for (int i = 0; i < 3; i++) {
-        const double *const row = e->key.pose + 4 * i;
-        /* OpenGL has y up and z backwards, OpenCV y down and z forward. */
-        axis[0][i] = row[0];
-        axis[1][i] = -row[1];
-        axis[2][i] = -row[2];
-        axis[3][i] = row[3];
-    }
-    if (saga_pose_from_axes(axis[0], axis[1], axis[2], axis[3], s->rotation,
-                            s->translation))
+    if (saga_pose_from_opengl(e->key.pose, s->rotation, s->translation))
         return true;
     return saga_fail(r->error, r->path, "export the poses again, without "
                      "scale", "transform_matrix of %s (frames[%d]) is not "

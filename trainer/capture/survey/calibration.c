@@ -95,35 +95,46 @@ static double between(const saga_shot *a, const saga_shot *b)
     return hypot(hypot(x[0] - y[0], x[1] - y[1]), x[2] - y[2]);
 }
 
-/* Tells whether fewer than NEIGHBOURS views stand nearer to v than w does. */
-static bool is_near(const saga_capture *c, int v, int w)
+/* Marks the pairs of a view among many: the next ones in the list, and the
+ * nearest by poses that may be wrong. */
+static void mark_neighbours(int *shared, const saga_capture *c, int v)
 {
-    const double own = between(&c->views[v], &c->views[w]);
-    int n = 0;
-    for (int u = 0; u < c->n_views; u++)
-        n += u != v && between(&c->views[v], &c->views[u]) < own;
-    return n < NEIGHBOURS;
+    const int n = c->n_views;
+    int near[NEIGHBOURS], n_near = 0;
+    for (int w = 0; w < n; w++) {
+        const double own = between(&c->views[v], &c->views[w]);
+        int i = n_near;
+        /* The nearest so far, in order; of equal ones the first. */
+        while (i > 0 && own < between(&c->views[v], &c->views[near[i - 1]]))
+            i--;
+        if (w == v || i == NEIGHBOURS)
+            continue;
+        n_near += n_near < NEIGHBOURS;
+        for (int k = n_near - 1; k > i; k--)
+            near[k] = near[k - 1];
+        near[i] = w;
+    }
+    for (int i = 0; i < n_near; i++)
+        shared[v * n + near[i]] = shared[near[i] * n + v] = 0;
+    for (int w = v + 1; w < n && w <= v + NEIGHBOURS; w++)
+        shared[v * n + w] = shared[w * n + v] = 0;
 }
 
-/* The nearest ones by poses that may be wrong, and the next ones in the
- * list. */
-static bool is_pair(const saga_capture *c, int v, int w)
-{
-    return c->n_views <= ALL_PAIRS || w - v <= NEIGHBOURS ||
-           is_near(c, v, w) || is_near(c, w, v);
-}
-
-static bool list_pairs(search *s, saga_error *error)
+/* Lists the pairs that are compared, whose `shared` is 0 then. */
+static bool list_pairs(search *s, int *shared, saga_error *error)
 {
     const int n = s->c->n_views;
     size_t most = 0;
     for (int v = 0; v < n; v++)
+        if (n > ALL_PAIRS)
+            mark_neighbours(shared, s->c, v);
+    for (int v = 0; v < n; v++)
         for (int w = v + 1; w < n; w++)
-            most += is_pair(s->c, v, w);
+            most += n <= ALL_PAIRS || shared[v * n + w] == 0;
     s->pairs = saga_calloc(most, sizeof *s->pairs, "the matches", error);
     for (int v = 0; s->pairs && v < n; v++)
         for (int w = v + 1; w < n; w++)
-            if (is_pair(s->c, v, w))
+            if (n <= ALL_PAIRS || shared[v * n + w] == 0)
                 s->pairs[s->n_pairs++] = (pair){.a = v, .b = w};
     return s->pairs != NULL;
 }
@@ -182,12 +193,6 @@ static void reverse_axes(double a[9])
     }
 }
 
-static void apply(double y[3], const double m[9], const double x[3])
-{
-    for (int i = 0; i < 3; i++)
-        y[i] = m[3 * i] * x[0] + m[3 * i + 1] * x[1] + m[3 * i + 2] * x[2];
-}
-
 static void transpose(double a[9])
 {
     for (int i = 0; i < 3; i++)
@@ -214,17 +219,14 @@ void saga_mistake_undo(const saga_mistake *mistake, double rotation[9],
     /* A t of world to camera has its centre at -A t. */
     if (mistake->form == SAGA_POSE_INVERSE ||
         mistake->form == SAGA_POSE_TRANSLATION) {
-        apply(x, a, b);
-        for (int k = 0; k < 3; k++)
-            b[k] = -x[k];
+        saga_pose_translation(a, b, x);
+        memcpy(b, x, sizeof b);
     }
     if (mistake->after)
         reverse_axes(a);
     transpose(a);
     memcpy(rotation, a, sizeof a);
-    apply(x, a, b);
-    for (int k = 0; k < 3; k++)
-        translation[k] = -x[k];
+    saga_pose_translation(a, b, translation);
     for (int k = 0; k < 2; k++) {
         lens[k] *= mistake->focal;
         lens[2 + k] *= mistake->centre ? mistake->focal : 1.0;
@@ -249,19 +251,26 @@ static double off_pair(const pair *p, const saga_pinhole *a,
         ? (double)INFINITY : saga_median(scratch, p->n);
 }
 
-/* How well all pairs fit, given cameras. */
-typedef struct score { int n_fit; double typical; } score;
-
-static score score_of(const search *s, const saga_pinhole *cameras)
+static void off_pairs(double *off, const search *s,
+                      const saga_pinhole *cameras)
 {
-    double *const off = s->scratch + SAGA_FEATURES_MOST;
-    score found = {0, (double)NAN};
     for (size_t i = 0; i < s->n_pairs; i++) {
         const pair *const p = &s->pairs[i];
         off[i] = off_pair(p, &cameras[p->a], &cameras[p->b], s->within,
                           s->scratch);
-        found.n_fit += off[i] <= s->within;
     }
+}
+
+/* How well all pairs fit, given cameras. */
+typedef struct score { int n_fit; double typical; } score;
+
+/* off (n_pairs) is sorted. */
+static score score_of(const search *s, const saga_pinhole *cameras, double *off)
+{
+    score found = {0, (double)NAN};
+    off_pairs(off, s, cameras);
+    for (size_t i = 0; i < s->n_pairs; i++)
+        found.n_fit += off[i] <= s->within;
     found.typical = saga_median(off, s->n_pairs);
     return found;
 }
@@ -287,7 +296,7 @@ static void try_mistake(best *to, const search *s, const saga_mistake *m,
         saga_mistake_undo(m, cameras[v].rotation, cameras[v].translation,
                           cameras[v].lens);
     }
-    const score now = score_of(s, cameras);
+    const score now = score_of(s, cameras, s->scratch + SAGA_FEATURES_MOST);
     if (is_better(&now, &to->score))
         *to = (best){*m, now};
 }
@@ -391,7 +400,7 @@ static void find_odd(saga_calibration *cal, const search *s, const double *off)
         more = most > limit;
         cal->odd[worst] = cal->odd[worst] || more;
     }
-    /* What is left has to speak for itself. */
+    /* The pairs that are left have to be enough to be believed. */
     for (size_t i = 0; i < s->n_pairs; i++)
         n_left += !cal->odd[s->pairs[i].a] && !cal->odd[s->pairs[i].b];
     if (3 * n_odd > n_views || n_left < FEW_PAIRS)
@@ -404,12 +413,11 @@ static void judge(saga_calibration *cal, const search *s, saga_pinhole *cameras)
     double *const off = s->scratch + SAGA_FEATURES_MOST + s->n_pairs;
     for (int v = 0; v < n_views; v++)
         cameras[v] = saga_pinhole_of(&s->c->views[v]);
-    for (int i = 0; i < n_pairs; i++)
-        off[i] = off_pair(&s->pairs[i], &cameras[s->pairs[i].a],
-                          &cameras[s->pairs[i].b], s->within, s->scratch);
+    off_pairs(off, s, cameras);
     for (int v = 0; v < n_views; v++)
         cal->off[v] = off_view(cal, s, v, off);
-    best found = {.score = score_of(s, cameras)};
+    best found = {.score = score_of(s, cameras, s->scratch +
+                                                SAGA_FEATURES_MOST)};
     cal->n_pairs = n_pairs;
     cal->n_fit = found.score.n_fit;
     cal->typical = found.score.typical;
@@ -545,7 +553,8 @@ bool saga_calibration_find(saga_calibration *calibration,
     for (size_t v = 0; v < n_views; v++)
         s.within = fmax(s.within, WITHIN * capture->views[v].width / 960.0);
     bool ok = reserve(calibration, n_views, error) && cameras &&
-              find_features(&s, error) && list_pairs(&s, error) &&
+              find_features(&s, error) &&
+              list_pairs(&s, calibration->shared, error) &&
               match_all(&s, calibration->shared, error);
     s.scratch = ok ? saga_alloc(SAGA_FEATURES_MOST + 2 * s.n_pairs,
                                 sizeof *s.scratch, "the matches", error)

@@ -25,7 +25,7 @@ typedef enum saga_pose_form {
     SAGA_POSE_FORMS
 } saga_pose_form;
 
-/* What has to be undone for all cameras alike. */
+/* A mistake is undone for all cameras alike. */
 typedef struct saga_mistake {
     bool before, after;          /* of the form: camera axes have y and z
                                   * reversed, OpenCV's for OpenGL's */

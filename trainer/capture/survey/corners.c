@@ -87,11 +87,13 @@ static bool take_grey(image *to, const uint8_t *rgb, int width, int height,
     return to->at != NULL;
 }
 
-/* Blurs by (1 4 6 4 1) / 16, a deviation of one pixel, both ways; scratch is as
- * large as the image. */
-static void blur(image *a, float *scratch)
+/* Five weights of a filter: of the middle, and of one and two pixels away. */
+static const float bell[3] = {6.0f / 16, 4.0f / 16, 1.0f / 16};
+static const float box[3] = {0.2f, 0.2f, 0.2f};
+
+/* Filters an image along x and then along y; scratch is as large. */
+static void filter(image *a, const float w[3], float *scratch)
 {
-    static const float w[3] = {6.0f / 16, 4.0f / 16, 1.0f / 16};
     image b = {scratch, a->width, a->height, a->scale};
     for (int way = 0; way < 2; way++) {
         const image *const from = way ? &b : a;
@@ -135,24 +137,6 @@ static bool shrink(image *to, const image *from, saga_error *error)
 
 /* ------------------------------------------------------------------ corners */
 
-/* Adds up 5 x 5 boxes, twice each way as a running product of (1 1 1 1 1):
- * near enough to a bell. */
-static void add_boxes(image *a, float *scratch)
-{
-    image b = {scratch, a->width, a->height, a->scale};
-    for (int way = 0; way < 2; way++) {
-        const image *const from = way ? &b : a;
-        float *to = way ? a->at : scratch;
-        for (int y = 0; y < a->height; y++)
-            for (int x = 0; x < a->width; x++) {
-                float sum = 0.0f;
-                for (int k = -2; k <= 2; k++)
-                    sum += pixel(from, way ? x : x + k, way ? y + k : y);
-                *to++ = sum / 5;
-            }
-    }
-}
-
 /* Fills the strength of a corner at each pixel; scratch is 3 images. */
 static void find_strengths(float *strength, const image *a, float *scratch)
 {
@@ -170,7 +154,7 @@ static void find_strengths(float *strength, const image *a, float *scratch)
     float *const sums[3] = {xx, xy, yy};
     for (int k = 0; k < 3; k++) {
         image one = {sums[k], a->width, a->height, a->scale};
-        add_boxes(&one, scratch + 2 * n);
+        filter(&one, box, scratch + 2 * n);
     }
     /* The smaller eigenvalue of ((xx, xy), (xy, yy)). */
     for (size_t i = 0; i < n; i++) {
@@ -379,7 +363,7 @@ bool saga_features_find(saga_features *features, const uint8_t *rgb,
             ok = false;
         if (!ok || a->width < SMALLEST || a->height < SMALLEST)
             break;
-        blur(a, scratch);
+        filter(a, bell, scratch);
         find_strengths(scratch + 3 * area, a, scratch);
         n = add_corners(corners, n, most, a, scratch + 3 * area, n_images);
     }

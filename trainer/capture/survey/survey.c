@@ -359,7 +359,7 @@ static void judge_late(saga_survey *s, const char *name,
                                                        : late->frames);
 }
 
-/* What the pictures would fit with, in words. */
+/* Says in words with which mistake undone the pictures fit. */
 static void judge_mistake(saga_survey *s, const saga_capture *c)
 {
     static const char *const forms[SAGA_POSE_FORMS] = {
@@ -395,7 +395,7 @@ static void judge_mistake(saga_survey *s, const saga_capture *c)
          fit->n_fit, fit->n_fit_then, what, lens);
 }
 
-/* Whether poses and lenses are right, by the matches. */
+/* Says whether poses and lenses are right, by the matches. */
 static void judge_calibration(saga_survey *s, const saga_capture *c)
 {
     const saga_calibration *const fit = &s->calibration;

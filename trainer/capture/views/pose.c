@@ -82,10 +82,32 @@ bool saga_pose_from_axes(const double right[3], const double down[3],
         return false;
     nearest_rotation(r);
     memcpy(rotation, r, sizeof r);
+    saga_pose_translation(r, centre, translation);
+    return true;
+}
+
+bool saga_pose_from_opengl(const double rows[12], double rotation[9],
+                           double translation[3])
+{
+    double axis[4][3]; /* columns of camera to world, in OpenCV axes */
+    for (int i = 0; i < 3; i++) {
+        const double *const row = rows + 4 * i;
+        /* OpenGL has y up and z backwards, OpenCV y down and z forward. */
+        axis[0][i] = row[0];
+        axis[1][i] = -row[1];
+        axis[2][i] = -row[2];
+        axis[3][i] = row[3];
+    }
+    return saga_pose_from_axes(axis[0], axis[1], axis[2], axis[3], rotation,
+                               translation);
+}
+
+void saga_pose_translation(const double rotation[9], const double centre[3],
+                           double translation[3])
+{
     /* X = R (P - centre), so t = -R centre. */
     for (int i = 0; i < 3; i++)
-        translation[i] = -dot(r + 3 * i, centre);
-    return true;
+        translation[i] = -dot(rotation + 3 * i, centre);
 }
 
 void saga_pose_centre(const double rotation[9], const double translation[3],

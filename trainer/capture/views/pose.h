@@ -20,6 +20,15 @@ bool saga_pose_from_axes(const double right[3], const double down[3],
                          const double forward[3], const double centre[3],
                          double rotation[9], double translation[3]);
 
+/* Does the same with a matrix in OpenGL's axes, camera to world, rows of
+ * 3 x 4: its columns point right, up and back. */
+bool saga_pose_from_opengl(const double rows[12], double rotation[9],
+                           double translation[3]);
+
+/* Computes the translation of a camera that stands there: -rotation centre. */
+void saga_pose_translation(const double rotation[9], const double centre[3],
+                           double translation[3]);
+
 /* Computes where the camera stands: -rotation^T translation. */
 void saga_pose_centre(const double rotation[9], const double translation[3],
                       double centre[3]);

@@ -22,8 +22,8 @@ enum { LEAST_VISITS = 4, MORE_VISITS = 4, MOST_TURNS = 4 };
 
 /* The first turn moves this part of the blocks, the next ones that part of the
  * one before: blocks that overlap correct the same error, and all at once they
- * overshoot. For the same reason a move counts as curved so many times as it is
- * where nothing else moves. */
+ * overshoot. For the same reason a move counts as curved by this factor times
+ * what it is where nothing else moves. */
 #define FIRST_PART 0.5
 #define NEXT_PART 0.75
 #define CURVATURE 1.5
