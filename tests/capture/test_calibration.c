@@ -6,37 +6,22 @@
  * built-in room, which is to be named, while the room as it is fits.
  */
 #include "calibration.h"
-#include "capture_files.h"
 #include "matches.h"
 #include "pose.h"
 #include "survey.h"
-#include "synth_capture.h"
+#include "synth_fixture.h"
 #include "testing.h"
 
 enum { W = 240, H = 136, N_VIEWS = 6 };
 
 static int make_room(void **state)
 {
-    saga_synth_options s = synth_options(W, H, N_VIEWS, 1, 100);
-    saga_capture *const c = malloc(sizeof *c);
-    void *f;
+    const saga_synth_options s = synth_options(W, H, N_VIEWS, 1, 100);
 
-    assert_non_null(c);
-    if (folder_make(&f))
-        return 1;
-    *c = synth_capture(folder_file(f, "room"), &s);
-    *state = c;
-    return folder_remove(&f);
+    return synth_enter(state, &s);
 }
 
-static int free_room(void **state)
-{
-    saga_capture_free(*state);
-    free(*state);
-    return 0;
-}
-
-TEST_GROUP(make_room, free_room);
+TEST_GROUP(make_room, synth_leave);
 
 /* --- Corners and matches -------------------------------------------------- */
 

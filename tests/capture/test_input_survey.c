@@ -3,11 +3,10 @@
  * The survey of a capture: what is wrong with one is planted in the built-in
  * room, and is to be found with its size; and in the room as it is, nothing.
  */
-#include "capture_files.h"
 #include "order.h"
 #include "pose.h"
 #include "survey.h"
-#include "synth_capture.h"
+#include "synth_fixture.h"
 #include "testing.h"
 
 enum { W = 96, H = 54, N_VIEWS = 8, N_FRAMES = 30 };
@@ -15,23 +14,9 @@ enum { W = 96, H = 54, N_VIEWS = 8, N_FRAMES = 30 };
 static int make_room(void **state)
 {
     saga_synth_options s = synth_options(W, H, N_VIEWS, N_FRAMES, 800);
-    saga_capture *const c = malloc(sizeof *c);
-    void *f;
 
-    assert_non_null(c);
     s.samples = 1;
-    if (folder_make(&f))
-        return 1;
-    *c = synth_capture(folder_file(f, "room"), &s);
-    *state = c;
-    return folder_remove(&f);
-}
-
-static int free_room(void **state)
-{
-    saga_capture_free(*state);
-    free(*state);
-    return 0;
+    return synth_enter(state, &s);
 }
 
 static saga_survey survey(const saga_capture *c)
@@ -68,7 +53,7 @@ static double angle_from(const double x[3], const saga_shot *a,
     return acos(pq / sqrt(pp * qq)) * 180 / 3.14159265358979;
 }
 
-TEST_WITH(room_should_have_nothing_to_mind, make_room, free_room)
+TEST_WITH(room_should_have_nothing_to_mind, make_room, synth_leave)
 {
     const saga_capture *const c = *state;
     saga_survey s = survey(c);
@@ -116,7 +101,7 @@ static void flicker(const saga_capture *c)
     }
 }
 
-TEST_WITH(late_camera_should_be_found, make_room, free_room)
+TEST_WITH(late_camera_should_be_found, make_room, synth_leave)
 {
     saga_capture *const c = *state;
     saga_shot *const v = &c->views[3];
@@ -134,7 +119,7 @@ TEST_WITH(late_camera_should_be_found, make_room, free_room)
     saga_survey_free(&s);
 }
 
-TEST_WITH(dark_camera_should_be_found, make_room, free_room)
+TEST_WITH(dark_camera_should_be_found, make_room, synth_leave)
 {
     saga_capture *const c = *state;
     saga_shot *const v = &c->views[5];
@@ -151,7 +136,7 @@ TEST_WITH(dark_camera_should_be_found, make_room, free_room)
     saga_survey_free(&s);
 }
 
-TEST_WITH(camera_that_looks_away_should_be_found, make_room, free_room)
+TEST_WITH(camera_that_looks_away_should_be_found, make_room, synth_leave)
 {
     saga_capture *const c = *state;
     saga_shot *const v = &c->views[2];
@@ -170,7 +155,7 @@ TEST_WITH(camera_that_looks_away_should_be_found, make_room, free_room)
     saga_survey_free(&s);
 }
 
-TEST_WITH(few_wide_cameras_should_be_told_of, make_room, free_room)
+TEST_WITH(few_wide_cameras_should_be_told_of, make_room, synth_leave)
 {
     saga_capture *const c = *state, four = *c;
     saga_survey s;
@@ -191,7 +176,7 @@ TEST_WITH(few_wide_cameras_should_be_told_of, make_room, free_room)
     saga_survey_free(&s);
 }
 
-TEST_WITH(camera_alone_should_be_told_of, make_room, free_room)
+TEST_WITH(camera_alone_should_be_told_of, make_room, synth_leave)
 {
     saga_capture alone = *(saga_capture *)*state;
     saga_survey s;
@@ -205,7 +190,7 @@ TEST_WITH(camera_alone_should_be_told_of, make_room, free_room)
     saga_survey_free(&s);
 }
 
-TEST_WITH(moving_camera_should_be_told_of, make_room, free_room)
+TEST_WITH(moving_camera_should_be_told_of, make_room, synth_leave)
 {
     saga_capture moving = *(saga_capture *)*state;
     saga_survey s;

@@ -37,13 +37,13 @@ TEST(residual_should_cost_its_interval)
     assert_true(is_near(saga_cost_residual(-65535, 22), 15 + 13 + 16 + 1));
 }
 
-/* The place at which the stub fails: a network's number, too. */
+/* The place at which the coder below fails: a network's number, too. */
 enum { BROKEN = SAGA_N_NETS - 1 };
 
 /* Gives 0, 1, -1, ... as residuals, the last symbol, and ones. */
-static void stub_residual(saga_coder *c, saga_at at, int32_t *q,
-                          const int16_t *mu, uint32_t step_q16,
-                          const uint8_t *scale, uint32_t n)
+static void plain_residual(saga_coder *c, saga_at at, int32_t *q,
+                           const int16_t *mu, uint32_t step_q16,
+                           const uint8_t *scale, uint32_t n)
 {
     uint32_t i;
 
@@ -55,15 +55,15 @@ static void stub_residual(saga_coder *c, saga_at at, int32_t *q,
     c->error = at.index == BROKEN;
 }
 
-static uint32_t stub_adaptive(saga_coder *c, saga_at at, saga_adaptive *m,
-                              uint32_t n_sym)
+static uint32_t plain_adaptive(saga_coder *c, saga_at at, saga_adaptive *m,
+                               uint32_t n_sym)
 {
     saga_adaptive_update(m, n_sym, n_sym - 1);
     c->error = at.index == BROKEN;
     return n_sym - 1;
 }
 
-static uint32_t stub_uniform(saga_coder *c, saga_at at, uint32_t bits)
+static uint32_t plain_uniform(saga_coder *c, saga_at at, uint32_t bits)
 {
     c->error = at.index == BROKEN;
     return (1u << bits) - 1;
@@ -79,14 +79,14 @@ static saga_at at_symbol(uint8_t sym, uint32_t index)
 TEST(counter_should_add_up_by_kind)
 {
     static const uint8_t scale[3] = { 22, 22, 22 };
-    saga_coder stub = { stub_residual, stub_adaptive, stub_uniform, 0 };
+    saga_coder plain = { plain_residual, plain_adaptive, plain_uniform, 0 };
     saga_adaptive m;
     saga_cost k;
     saga_coder *const c = &k.coder;
     int32_t q[3];
 
     saga_adaptive_init(&m, 4);
-    saga_cost_init(&k, &stub);
+    saga_cost_init(&k, &plain);
     c->residual(c, at_symbol(SAGA_SYM_CENTRE, 0), q, NULL, 1, scale, 3);
     assert_int_equal(q[2], -1);
     assert_int_equal(c->adaptive(c, at_symbol(SAGA_SYM_SPLIT, 0), &m, 4), 3);
@@ -108,22 +108,22 @@ TEST(counter_should_add_up_by_kind)
 TEST(counter_should_pass_errors_on)
 {
     static const uint8_t scale[1] = { 22 };
-    saga_coder stub = { stub_residual, stub_adaptive, stub_uniform, 0 };
+    saga_coder plain = { plain_residual, plain_adaptive, plain_uniform, 0 };
     saga_adaptive m;
     saga_cost k;
     saga_coder *const c = &k.coder;
     int32_t q;
 
     saga_adaptive_init(&m, 2);
-    saga_cost_init(&k, &stub);
+    saga_cost_init(&k, &plain);
     c->residual(c, at_symbol(SAGA_SYM_CENTRE, 0), &q, NULL, 1, scale, 1);
     assert_int_equal(c->error, 0);
     c->residual(c, at_symbol(SAGA_SYM_CENTRE, BROKEN), &q, NULL, 1, scale, 1);
     assert_int_equal(c->error, 1);
-    saga_cost_init(&k, &stub);
+    saga_cost_init(&k, &plain);
     c->adaptive(c, at_symbol(SAGA_SYM_SPLIT, BROKEN), &m, 2);
     assert_int_equal(c->error, 1);
-    saga_cost_init(&k, &stub);
+    saga_cost_init(&k, &plain);
     c->uniform(c, at_symbol(SAGA_SYM_NET_STEP, BROKEN), 16);
     assert_int_equal(c->error, 1);
 }

@@ -22,6 +22,21 @@ typedef struct tiny {
 void tiny_open(tiny *t, int n_frames);
 void tiny_close(tiny *t);
 
+/* One of them for all tests of the program. */
+#define TINY_GROUP(name, n_frames) \
+    static tiny name; \
+    static int open_##name(void **state __attribute__((unused))) \
+    { \
+        tiny_open(&name, n_frames); \
+        return 0; \
+    } \
+    static int close_##name(void **state __attribute__((unused))) \
+    { \
+        tiny_close(&name); \
+        return 0; \
+    } \
+    TEST_GROUP(open_##name, close_##name)
+
 /* The capture that `s` makes, without its files. */
 saga_capture tiny_capture(const saga_synth_options *s);
 

@@ -7,23 +7,7 @@
 #include "testing.h"
 #include "tiny_training.h"
 
-static tiny room;
-
-static int set_up(void **state)
-{
-    (void)state;
-    tiny_open(&room, 5);
-    return 0;
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    tiny_close(&room);
-    return 0;
-}
-
-TEST_GROUP(set_up, tear_down);
+TINY_GROUP(room, 5);
 
 /* Two views are learned from, of 120 x 100 pixels, and 4 frames. Of the middle
  * frame's pixels the first of one view differ by `changing` x 12,000 in the

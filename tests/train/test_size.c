@@ -11,23 +11,7 @@
 #include <omp.h>
 #endif
 
-static tiny room;
-
-static int set_up(void **state)
-{
-    (void)state;
-    tiny_open(&room, 5);
-    return 0;
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    tiny_close(&room);
-    return 0;
-}
-
-TEST_GROUP(set_up, tear_down);
+TINY_GROUP(room, 5);
 
 static saga_train_options of_size(size_t n_bytes)
 {
