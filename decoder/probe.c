@@ -169,6 +169,7 @@ saga_status saga_rig(saga_camera *c, uint32_t *number, const uint8_t *head,
         return s;
     if (index >= h.n_cameras)
         return SAGA_ERR_ARG;
+    /* Cameras follow the header, all of one size. */
     io.at = saga_rig_offset(&h) + index * (uint32_t)SAGA_CAMERA_NBYTES;
     saga_camera_io(&io, &r);
     for (i = 0; i < 9; i++)

@@ -137,6 +137,7 @@ void ref_nets_run(double *out, const ref_nets *n, int net, const double *in)
 
         if (n->rounding)
             round_inputs(x, s->dim[i], n->rounding, net, i);
+        /* W x + b, and ReLU but behind the last layer. */
         for (uint32_t row = 0; row < s->dim[i + 1]; row++) {
             double sum = n->bias[net][i][row];
 

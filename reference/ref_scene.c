@@ -279,6 +279,8 @@ bool ref_scene_make(ref_scene *s, const ref_file *f,
     s->model = &f->h.model;
     s->n_colour = s->model->tools & SAGA_TOOL_VIEW
         ? s->model->width[SAGA_NET_COLOUR] : 3;
+    /* The scaffold, then what each primitive takes from it, then what the
+     * entropy model says of each step's symbols. */
     s->centre = (double (*)[4])doubles(n.coarse, 4, error);
     s->coarse_feature = doubles(n.coarse, features, error);
     s->residual = (double (*)[4])doubles(n.fine, 4, error);

@@ -72,6 +72,8 @@ int dec_parse_options(dec_options *o, int argc, char **argv)
     for (i = 1; i < argc; i++) {
         const char *const value = i + 1 < argc ? argv[i + 1] : NULL;
 
+        /* An option whose value is missing or wrong falls through to the
+         * message, and so does a second file. */
         if (!strcmp(argv[i], "--crc"))
             o->crc = 1;
         else if (!strcmp(argv[i], "--info"))
@@ -93,6 +95,7 @@ int dec_parse_options(dec_options *o, int argc, char **argv)
             return 0;
         }
     }
+    /* A picture needs a camera, and somewhere to go. */
     if (!o->file || (!o->info && (!o->camera || (!o->crc && !o->out)))) {
         fputs(dec_usage, stderr);
         return 0;

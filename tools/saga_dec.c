@@ -385,6 +385,7 @@ int main(int argc, char **argv)
     }
     if (!dec_parse_options(&o, argc, argv))
         return 2;
+    /* The beginning tells what the file is; only then is the rest read. */
     f = open_input(o.file);
     if (!f)
         return 2;

@@ -432,8 +432,7 @@ static bool split_node(saga_tree *t, uint32_t id)
 static int is_worth_it(const saga_tree *t, const saga_tree_node *nd)
 {
     const saga_tree_split *const p = &nd->best;
-    /* The number of fine anchors that all leaves would need after the split.
-     * */
+    /* Fine anchors that all leaves would need after the split. */
     const uint64_t fine = (uint64_t)t->need + p->need -
                           saga_tree_need(t, nd->end - nd->begin);
 
@@ -460,6 +459,8 @@ static bool grow(saga_tree *t)
 
     if (!reserve_nodes(t, 1))
         return false;
+    /* One leaf with everything; then the split that gains most, again and
+     * again. */
     root.end = t->n;
     t->squares = saga_tree_squares(&time, t, &root);
     find_split(t, &root);

@@ -142,6 +142,7 @@ static void note_decisions(const saga_load_job *job)
         saga_note(notes, "scale: 1/%d, boxes of %d x %d pixels averaged",
                   job->options->scale, job->options->scale,
                   job->options->scale);
+    /* How far lenses were changed, and which camera lacks most pictures. */
     double least = INFINITY, most = 0.0;
     int n_lenses = 0, n_missing = 0, n_lacking = 0, n_most = 0;
     const char *worst = "";
