@@ -266,7 +266,9 @@ static bool take_turns(polish *p, saga_fit_polished *r, saga_error *error)
     double part = FIRST_PART, gain = 0;
 
     for (int turn = 0; turn <= r->n_turns; turn++, part *= NEXT_PART) {
-        if (!decode(p, error) || !look(p, error))
+        /* The curvature of the first decode serves all turns. */
+        if (!decode(p, error) || (turn == 0 && !find_curvature(p, error)) ||
+            !look(p, error))
             return false;
         if (turn == 0)
             r->before = r->after = p->loss;
@@ -290,8 +292,7 @@ bool saga_fit_polish(saga_fit *f, saga_fit_polished *r, saga_error *error)
     *r = (saga_fit_polished){ .n_turns = n_turns(f) };
     if (r->n_turns == 0)
         return true;
-    ok = init(&p, f, error) && decode(&p, error) &&
-         find_curvature(&p, error) && take_turns(&p, r, error);
+    ok = init(&p, f, error) && take_turns(&p, r, error);
     free(p.feature);
     return ok;
 }
