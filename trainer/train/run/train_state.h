@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * The inside of the training, which train*.c share.
+ * The inside of the training, which the files of this room share.
  */
 #ifndef SAGA_TRAIN_STATE_H
 #define SAGA_TRAIN_STATE_H
@@ -81,7 +81,7 @@ int saga_train_n_turns(const saga_train *t, bool has_base);
 /* Tells whether the base is in training. */
 bool saga_train_in_base(const saga_train *t);
 
-/* train_time.c */
+/* progress.c */
 /* Sets the iterations by the minutes that were asked for, by a trial. */
 bool saga_train_spend_minutes(saga_train *t, saga_error *error);
 /* These return the iterations that a stage has, and the current one's number in
@@ -91,7 +91,7 @@ int saga_train_stage_iteration(const saga_train *t);
 /* Calls the progress function; false: it wants to stop. */
 bool saga_train_tell(const saga_train *t);
 
-/* train_begin.c */
+/* begin.c */
 /* Makes a training whose options are checked and whose pictures are there. */
 saga_train *saga_train_make(const saga_capture *capture,
                             const saga_train_options *options,
@@ -117,7 +117,7 @@ void saga_train_set_flat(saga_train *t);
 /* Says how splats fall off: as the networks that are there want it. */
 void saga_train_set_splats(saga_train *t);
 
-/* train_fit.c */
+/* begin_fit.c */
 /* Sets lambda, where the rule has to, and what goes by it. */
 void saga_train_settle_price(saga_train *t);
 /* Builds the hierarchy and the fit; t->dynamic is decided. */
@@ -195,7 +195,7 @@ bool saga_train_keep_base(saga_train *t, saga_error *error);
 /* Has the pictures drawn with the base, once there is one. */
 void saga_train_show_base(saga_train *t);
 
-/* train_save.c */
+/* save.c */
 bool saga_train_save(saga_train *t, saga_error *error);
 bool saga_train_load(saga_train *t, saga_error *error);
 /* Continues after the first segment, from o.networks. */

@@ -4,7 +4,7 @@
  * the capture.
  */
 #include "alloc.h"
-#include "train_header.h"
+#include "save_header.h"
 
 /* Packs what is there: the finished segments, and the one in training if its
  * fit has begun. A base alone is no segment. */

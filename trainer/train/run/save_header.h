@@ -4,8 +4,8 @@
  * stands. It comes first in the file, so that a reader can refuse a checkpoint
  * before it looks at the rest.
  */
-#ifndef SAGA_TRAIN_HEADER_H
-#define SAGA_TRAIN_HEADER_H
+#ifndef SAGA_SAVE_HEADER_H
+#define SAGA_SAVE_HEADER_H
 
 #include "train_state.h"
 
@@ -47,7 +47,7 @@ bool saga_train_header_segments(const saga_train *t,
 bool saga_train_header_options(saga_train_options *o,
                                const saga_train_header *h);
 
-/* train_save.c: reads all behind the cameras. */
+/* save.c: reads all behind the cameras. */
 bool saga_train_load_state(saga_train *t, const saga_train_header *h,
                            saga_checkpoint *c, saga_error *error);
 

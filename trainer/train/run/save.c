@@ -6,7 +6,7 @@
  * file can be packed of one without its capture (saga_train_peek).
  */
 #include "encode_save.h"
-#include "train_header.h"
+#include "save_header.h"
 
 #include <string.h>
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "train_header.h"
+#include "save_header.h"
 
 #include <limits.h>
 #include <stdio.h>
