@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """check_engines.py: guarantees, for films in scenes of other engines
-(ports/three) in headless Chromium, where the example page plays the demo,
+(ports/three, ports/playcanvas) in headless Chromium, where the example page
+plays the demo,
   NAME picture   what the engine draws from a camera of the rig, and from one
                  beside it, has at least 40 dB beside the decoder's own picture
   NAME depth     a wall before the film hides it all, one behind it nothing, one
@@ -35,6 +36,7 @@ SIZE = 320, 180         # of the demo's cameras
 # Engine: version, and which of its files a page needs.
 ENGINES = {
     "three": ("0.187.0", ("build/three.module.js", "build/three.core.js")),
+    "playcanvas": ("2.23.3", ("build/playcanvas.mjs",)),
 }
 
 checks = Verdicts("engines")
@@ -143,6 +145,61 @@ window.draw = () => {
     const got = new Uint8Array(rows.length);
 
     renderer.render(scene, camera);
+    gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, rows);
+    for (let y = 0; y < height; y++)
+        got.set(rows.subarray(4 * width * y, 4 * width * (y + 1)),
+            4 * width * (height - 1 - y));
+    return got;
+};
+""" % (2 * SIZE), "playcanvas": """
+window.view = film.view;
+window.made = () => film.values;
+app.autoRender = false;
+view.pause();
+app.setCanvasFillMode(pc.FILLMODE_NONE, %d, %d);
+app.setCanvasResolution(pc.RESOLUTION_FIXED, %d, %d);
+box.enabled = false;
+camera.camera.clearColor = new pc.Color(...background());
+window.wall = new pc.Entity();
+{
+    const material = new pc.StandardMaterial();
+
+    material.useLighting = false;
+    material.diffuse.set(0, 0, 0);
+    material.emissive.set(1, 0, 1);
+    material.cull = pc.CULLFACE_NONE;
+    material.update();
+    wall.addComponent('render', { type: 'plane', material });
+    wall.setLocalScale(1000, 1, 1000);
+    wall.enabled = false;
+    app.root.addChild(wall);
+}
+window.look = (index, aside) => {
+    film.placeCamera(camera, index);
+    camera.translateLocal(aside, 0, 0);
+};
+window.putWall = (depth) => {
+    wall.enabled = true;
+    wall.setPosition(camera.getPosition());
+    wall.setRotation(camera.getRotation());
+    wall.translateLocal(0, 0, -depth);
+    wall.rotateLocal(90, 0, 0);
+};
+window.removeWall = () => { wall.enabled = false; };
+window.place = () => {
+    film.entity.setPosition(1, -2, 3);
+    film.entity.setEulerAngles(17, 30, -11);
+    film.entity.setLocalScale(2.5, 2.5, 2.5);
+};
+window.draw = () => {
+    const { width, height } = app.graphicsDevice;
+    const { gl } = app.graphicsDevice;
+    const rows = new Uint8Array(4 * width * height);
+    const got = new Uint8Array(rows.length);
+
+    app.frameStart?.();
+    app.render();
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, rows);
     for (let y = 0; y < height; y++)
         got.set(rows.subarray(4 * width * y, 4 * width * (y + 1)),

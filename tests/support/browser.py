@@ -171,6 +171,7 @@ class FileServer(http.server.ThreadingHTTPServer):
     that is set, one answer after the other."""
 
     TYPES = {".html": "text/html", ".js": "text/javascript",
+             ".mjs": "text/javascript",
              ".css": "text/css", ".wasm": "application/wasm"}
 
     def __init__(self, files, ranges=True, share=False):

@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: MIT
+//
+// A .saga film as an entity of a PlayCanvas scene, drawn with WebGL2:
+//
+//     const film = await SagaEntity.load(app, 'scene.saga');
+//     app.root.addChild(film.entity);
+//     film.placeCamera(camera);
+//     film.view.play();
+//
+// A unit of the entity is the capture's. Opaque objects hide it, by the depth of
+// each splat, and it hides them.
+
+import * as pc from 'playcanvas';
+import { EngineView, FLOATS, FRAGMENT_GLSL, VERTEX_GLSL, floatsOf, isSteep }
+    from 'saga-web/engine.js';
+
+const VERTEX = `${VERTEX_GLSL}
+attribute vec3 corner;
+attribute vec4 place;
+attribute vec3 chol;
+attribute vec3 colour;
+
+void main() {
+    gl_Position = saga_place(corner.xy, place, chol, colour);
+}`;
+
+const FRAGMENT = `${FRAGMENT_GLSL}
+void main() {
+    gl_FragColor = saga_mixed();
+}`;
+
+// What floatsOf gives of a splat.
+const SPLAT = [['place', pc.SEMANTIC_ATTR12, 4], ['chol', pc.SEMANTIC_ATTR13, 3],
+    ['colour', pc.SEMANTIC_ATTR14, 3]];
+
+function makeMaterial() {
+    const material = new pc.ShaderMaterial({
+        uniqueName: 'saga', vertexGLSL: VERTEX, fragmentGLSL: FRAGMENT,
+        attributes: { corner: pc.SEMANTIC_POSITION, ...Object.fromEntries(
+            SPLAT.map(([name, semantic]) => [name, semantic])) },
+    });
+
+    material.blendState = new pc.BlendState(true, pc.BLENDEQUATION_ADD,
+        pc.BLENDMODE_ONE, pc.BLENDMODE_ONE_MINUS_SRC_ALPHA);
+    material.depthWrite = false;
+    material.cull = pc.CULLFACE_NONE;
+    material.update();
+    return material;
+}
+
+function makeSquare(device) {
+    const mesh = new pc.Mesh(device);
+
+    mesh.setPositions([-1, -1, 0, 1, -1, 0, -1, 1, 0, 1, 1, 0]);
+    mesh.setIndices([0, 1, 2, 2, 1, 3]);
+    mesh.update(pc.PRIMITIVE_TRIANGLES);
+    return mesh;
+}
+
+export class SagaEntity {
+    // source: an address or a File. options: of the viewer, simd and seconds.
+    static async load(app, source, options) {
+        const film = new SagaEntity(app, options);
+
+        await film.view.open(source);
+        return film;
+    }
+
+    constructor(app, options) {
+        const device = app.graphicsDevice;
+
+        this.device = device;
+        this.format = new pc.VertexFormat(device, SPLAT.map(
+            ([, semantic, components]) => ({ semantic, components,
+                type: pc.TYPE_FLOAT32 })));
+        this.instance = new pc.MeshInstance(makeSquare(device), makeMaterial());
+        this.instance.cull = false;
+        this.instance.visible = false;
+        this.buffer = null;
+        this.entity = new pc.Entity('saga');
+        this.entity.addComponent('render', { meshInstances: [this.instance],
+            castShadows: false, receiveShadows: false });
+        this.modelView = new pc.Mat4();
+        this.values = null; // the camera that the splats were made for
+        // The clock, and events: see viewer.d.ts.
+        this.view = new EngineView((splats) => this.take(splats), options);
+        this.handle = app.scene.on('prerender', (camera) => this.look(camera));
+    }
+
+    take(splats) {
+        const { instance } = this;
+        const data = floatsOf(splats);
+
+        this.values = splats.values;
+        instance.visible = splats.nSplats > 0;
+        if (!instance.visible)
+            return;
+        this.buffer?.destroy();
+        this.buffer = new pc.VertexBuffer(this.device, this.format,
+            data.length / FLOATS, { data: data.buffer });
+        instance.setInstancing(this.buffer);
+        instance.instancingCount = splats.nSplats;
+        instance.setParameter('saga_size', [splats.width, splats.height]);
+        instance.setParameter('saga_steep', Number(isSteep(splats)));
+    }
+
+    // A camera is about to be drawn.
+    look(camera) {
+        const { device, view } = this;
+        const { x, y, z, w } = camera.rect;
+        const size = [z * device.width, w * device.height].map(Math.round);
+        const projection = camera.projectionMatrix.data;
+        const modelView = this.modelView.mul2(camera.viewMatrix,
+            this.entity.getWorldTransform()).data;
+
+        view.lookFrom(modelView, projection, ...size);
+        if (!this.values)
+            return;
+        this.instance.setParameter('saga_viewport',
+            [x * device.width, y * device.height, ...size]);
+        this.instance.setParameter('saga_to_clip', Float32Array.from(
+            view.toClip(this.values, modelView, projection)));
+    }
+
+    // Puts an entity with a camera where a camera of the rig stands.
+    placeCamera(entity, index = 0) {
+        const { fov, matrix } = this.view.rigPlace(index);
+        const place = new pc.Mat4();
+
+        place.data.set(matrix);
+        place.mul2(this.entity.getWorldTransform(), place);
+        entity.setPosition(place.getTranslation());
+        entity.setRotation(new pc.Quat().setFromMat4(place));
+        entity.camera.fov = fov;
+    }
+
+    destroy() {
+        this.handle.off();
+        this.view.clear();
+        this.entity.destroy();
+        this.buffer?.destroy();
+    }
+}
