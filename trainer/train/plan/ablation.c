@@ -12,7 +12,7 @@
 
 static const struct {
     const char *name;
-    size_t offset;               /* of the number in saga_ablation */
+    size_t offset;               /* of the member in saga_ablation */
     long most;
 } words[] = { SAGA_ABLATION_WORDS(ROW) };
 
@@ -23,7 +23,8 @@ enum { N_WORDS = sizeof words / sizeof *words };
 static const char remedy[] = "the words are " SAGA_ABLATION_WORDS(NAME)
     "as `saga help encode` explains";
 
-/* Reads a word of n characters. False if it is none, or its number is none. */
+/* Reads a word of n characters. Returns false if it is unknown or its number is
+ * out of range. */
 static bool read_word(saga_ablation *a, const char *text, size_t n)
 {
     for (int i = 0; i < N_WORDS; i++) {
@@ -31,7 +32,7 @@ static bool read_word(saga_ablation *a, const char *text, size_t n)
         const bool flag = words[i].name[length - 1] != '=';
         char *end = NULL;
 
-        /* A flag is the whole word; one with a number begins it. */
+        /* A flag must be the whole word; a name with '=' must begin it. */
         if (n < length || memcmp(text, words[i].name, length) != 0 ||
             flag != (n == length))
             continue;
@@ -47,7 +48,8 @@ static bool read_word(saga_ablation *a, const char *text, size_t n)
 
 static bool is_allowed(const saga_ablation *a, saga_error *error)
 {
-    /* A power of two, and not below the least of the format; 0: not given. */
+    /* The number of slots is a power of two within the format's limits; 0 means
+     * that it was not given. */
     if (a->slots & (a->slots - 1) || (a->slots && a->slots < SAGA_MIN_SLOTS))
         return saga_fail(error, NULL, remedy, "--ablate slots=%u", a->slots);
     return !a->no_bank || (!a->slots && !a->plain_update) ||

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Research switches say which part of the entropy model is left out, or is
- * otherwise, to learn what it is worth. As text they are a list of words,
- * "no-parent,groups=4".
+ * Research switches leave out or change a part of the entropy model or of the
+ * training, to measure what it is worth. As text they are a list of words, for
+ * example "no-parent,groups=4".
  */
 #ifndef SAGA_ABLATION_H
 #define SAGA_ABLATION_H
@@ -11,27 +11,28 @@
 
 #include <stdint.h>
 
-/* All zero is what serves best. A source that is allowed is still left out
- * where it is not worth its weights. */
+/* All zero is the best setting known. A source that is allowed is still left
+ * out where it saves less than its weights take. */
 typedef struct saga_ablation {
-    uint16_t no_hyper, no_parent, no_bank; /* 1: without these sources */
-    uint16_t no_teachers;        /* 1: no teachers, however far apart cameras
-                                  * are */
-    uint16_t no_steep;           /* 1: splats are normal distributions */
-    uint16_t groups;             /* of each tier, 1..16; 0: 8; 1: none, and
-                                  * neither the source */
-    uint16_t slots;              /* of the memory bank: 32, 64, .. 512; 0: 64,
-                                  * and below 40,000 primitives no bank */
-    uint16_t plain_update;       /* 1: a bank, its update without the
+    uint16_t no_hyper, no_parent, no_bank; /* 1: the source is left out */
+    uint16_t no_teachers;        /* 1: no teachers, however far apart the
+                                  * cameras are */
+    uint16_t no_steep;           /* 1: splats are plain normal distributions */
+    uint16_t groups;             /* groups of each tier, 1..16; 0: the default
+                                  * of 8; 1: a single group, so that groups are
+                                  * no source */
+    uint16_t slots;              /* slots of the memory bank: 32, 64, .. 512; 0:
+                                  * 64, and no bank below 40,000 primitives */
+    uint16_t plain_update;       /* 1: there is a bank, and its update has no
                                   * projection */
-    uint16_t no_base;            /* 1: no base, whatever stands still */
-    uint16_t raw_networks;       /* 1: parameters of all networks in steps of
-                                  * 2^-11, unpriced, 16 bits each where sources
-                                  * are weighed against them */
+    uint16_t no_base;            /* 1: no base, even if things stand still */
+    uint16_t raw_networks;       /* 1: the weights of all networks have a step
+                                  * of 2^-11 and no price; the choice of sources
+                                  * counts 16 bits for each */
 } saga_ablation;
 
-/* The words of the list: member, word, value and padding in the help, largest
- * number, help. A word that ends in '=' has a number; others stand for 1. */
+/* The words of the list: member, word, padding in the help, largest number,
+ * help. A word that ends in '=' is followed by a number; the others set 1. */
 #define SAGA_ABLATION_WORDS(X) \
     X(no_hyper, "no-hyperprior", "  ", 1, \
       "what a network says of each position") \
@@ -56,12 +57,13 @@ typedef struct saga_ablation {
     X(raw_networks, "raw-networks", "   ", 1, \
       "parameters unpriced, in steps of 1/2048")
 
-/* A row of the help, which begins a line. */
+/* A row of the help, on a line of its own. */
 #define SAGA_ABLATION_HELP(member, word, value, most, help) \
     "\n" word value help
 
-/* Sets *a to what the list says; NULL: all zero. False: a word is none, a
- * number is out of range, or words exclude each other. */
+/* Sets *a to what the list says, to all zero where it is NULL. Returns false
+ * with *error set if a word is unknown, a number is out of range, or two words
+ * exclude each other. */
 bool saga_ablation_read(saga_ablation *a, const char *list, saga_error *error);
 
 #endif

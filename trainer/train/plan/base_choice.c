@@ -1,13 +1,14 @@
 /* SPDX-License-Identifier: MIT
  *
- * The base: what stands still in all of the file is trained once, on a still
- * picture of every view, and each segment on top of it.
+ * The base holds what stands still in all of the file. It is trained once, on
+ * one still picture of every view, and each segment is trained on top of it.
  *
  * The first segment to be trained makes the networks, and its warm-up shows how
- * much stands still. Where that is enough, nothing but the networks is kept of
- * it: then come the base, which finds features for them as every other segment
- * does, and all segments, the first one again. They are drawn together with the
- * base as it is decoded, in one order of depth, and learn what it is not.
+ * much stands still. If that is enough for a base, only the networks of this
+ * training are kept. The base is trained next, with these networks, and then
+ * all segments, the first one again. While a segment is trained, the decoded
+ * base is drawn with it, in one depth order, so that the segment learns only
+ * the difference.
  */
 #include "base_choice.h"
 
@@ -18,35 +19,38 @@
 
 #include <math.h>
 
-/* A primitive stands still that lives through the segment, and whose place and
- * angle (of its length and in radians) change less than that in it. */
+/* A primitive stands still if it is visible throughout the segment, and its
+ * place (in standard deviations of its longest axis) and angle (in radians)
+ * change by less than this between the middle of the segment and its ends. */
 #define LEAST_MOTION 0.25
 
-/* log2 of the temporal width, in segments, from which on a primitive counts as
- * always there: the moment of its centre is worth no bits. */
+/* From this log2 of the temporal width (in segments) on, a primitive counts as
+ * always visible, and the time of its centre is worth no bits. */
 #define LONG_LIFE R(0.5)
 
-/* A base that saves less than this part of all primitives is not made. What is
- * drawn before it cannot mend it: of two or three segments those with one had 0
- * to 1.1 dB less than others of as many bytes, and up to 1.3 dB less held out;
- * of four and more they gained (docs/lab/segments.md). */
+/* A base is made only if it saves at least this part of all primitives, since a
+ * segment cannot correct what the base draws. Files of two or three segments
+ * with a base had 0 to 1.1 dB less than files of equal size without one, and up
+ * to 1.3 dB less on held-out views; files of four or more segments gained
+ * (docs/lab/segments.md). */
 #define LEAST_SAVED 0.25
 
-/* The segments keep this part of the primitives at least. */
+/* Each segment keeps at least this part of its primitives. */
 #define LEAST_KEPT 0.125
 
-/* Most primitives of a base, over those that stand still: a bound on what
- * drawing costs. */
+/* A base has at most this many times the primitives that stand still, which
+ * bounds the cost of drawing. */
 #define MOST_TIMES 3
 
 /* Where a size was asked for and a base leaves 1/x of all primitives, base and
- * segments have x^MORE_POWER times as many. The other bytes make each of them
- * more exact: by the rule bits are cheaper where more is drawn, and on a base a
- * primitive takes more of them (docs/lab/size.md). */
+ * segments get x^MORE_POWER times as many. The remaining bytes code each of
+ * them more exactly: the rule of policy.h gives more bits to a primitive the
+ * more of them are drawn, and a primitive on top of a base takes more
+ * (docs/lab/size.md). */
 #define MORE_POWER 0.67
 
-/* Returns the place's change between mid-segment and t, in standard deviations
- * of the primitive's longest axis. */
+/* Returns the change of place between the middle of the segment and t, in
+ * standard deviations of the primitive's longest axis. */
 static double change_of_place(const saga_splat_params *p, size_t i, real t)
 {
     const real pace = saga_splat_ageing(p, i);
@@ -56,7 +60,7 @@ static double change_of_place(const saga_splat_params *p, size_t i, real t)
 
     for (size_t k = 0; k < 3; k++) {
         const real *const b = p->motion + 9 * i + k;
-        /* Horner: ((b3 age + b2) age + b1) age, now less mid-segment. */
+        /* The motion is ((b3 age + b2) age + b1) age. */
         const double d =
             (double)(((b[6] * now + b[3]) * now + b[0]) * now) -
             (double)(((b[6] * middle + b[3]) * middle + b[0]) * middle);
@@ -68,8 +72,9 @@ static double change_of_place(const saga_splat_params *p, size_t i, real t)
     return sqrt(sum) * exp2(-longest);
 }
 
-/* A quaternion that changes by a small part of its length turns by twice as
- * many radians. */
+/* Returns the angle, in radians, by which the primitive turns in half a
+ * segment: twice the change of its quaternion relative to the quaternion's
+ * length. */
 static double change_of_angle(const saga_splat_params *p, size_t i)
 {
     double slope = 0, length = 0;
@@ -81,8 +86,7 @@ static double change_of_angle(const saga_splat_params *p, size_t i)
         slope += s * s;
         length += q * q;
     }
-    /* Slope is per age: times ageing, and half a segment from the middle to
-     * either end. */
+    /* slope is per unit of age; ageing / 2 is the age of half a segment. */
     return length > 0
         ? 2 * sqrt(slope / length) * (double)saga_splat_ageing(p, i) / 2 : 0;
 }
@@ -108,27 +112,28 @@ saga_train_no_base saga_plan_no_base(const saga_base_question *q)
          : q->wanders ? SAGA_TRAIN_WANDERS : SAGA_TRAIN_HAS_BASE;
 }
 
-/* Returns how many times as many primitives are worth their bits where these
- * are sent once for n segments. By the law of the errors (policy.h) it would be
- * the square of that; but all learn from the same few still pictures, and the
- * more there are, the less they know of the places between. */
+/* Returns how many times as many primitives are worth their bits if they are
+ * sent once for n segments. The error law of policy.h would give the square of
+ * this; but all of them learn from the same few still pictures, and the more
+ * there are, the less well they show the views between. */
 static double times_for(int n)
 {
     const double by_law = saga_policy_primitives(1, 1, n, 1) /
                           saga_policy_primitives(1, 1, 1, 1);
 
-    /* The law gives n^(1 / 1.43) = n^0.7; its root is n^0.35. */
+    /* The law gives n^(1 / 1.43) = n^0.7, its square root n^0.35. */
     return fmin(sqrt(by_law), MOST_TIMES);
 }
 
-/* Returns by what to multiply the primitives of a base, and those that each
- * segment keeps: where a size was asked for, what a base saves is spent on
- * more of them, if the level has room for what is drawn together. */
+/* Returns the factor for the number of primitives of the base and of each
+ * segment beside it. It is above 1 where a size was asked for: what the base
+ * saves is spent on more primitives, up to the level's limit on those drawn
+ * together. */
 static double filling(const saga_train_options *o, double base, double kept)
 {
     const double n = o->n_segments;
 
-    /* x is what all segments would have without a base over what is left with
+    /* x is the number of primitives in the file without a base, over that with
      * one. */
     return o->n_bytes == 0 ? 1
          : fmin(pow(n * o->n_primitives / (base + n * kept), MORE_POWER),
@@ -146,18 +151,18 @@ void saga_plan_base(saga_train_base *b, const saga_base_question *q)
     if (b->why)
         return;
     b->n_looked_at = q->n;
-    /* In a still capture everything stands still. */
+    /* In a capture where nothing moves everything stands still. */
     for (uint32_t i = 0; i < b->n_looked_at; i++)
         b->n_still += !q->moves || is_still(&q->flat, i);
-    /* In each of n segments n_still are saved, and the base has `times` of them
-     * once: n_still (1 - times / n) for each segment. */
+    /* Each of n segments saves n_still primitives, and the base has `times`
+     * n_still once: a segment saves n_still (1 - times / n). */
     if (b->n_still * (1 - times / o->n_segments) <
         LEAST_SAVED * b->n_looked_at) {
         b->why = SAGA_TRAIN_MOVES;
         return;
     }
-    /* Segments first, the base has what the level leaves: they are drawn
-     * together. */
+    /* The segments' primitives come first; the base gets what the level's limit
+     * leaves, because they are drawn together. */
     kept = fmax(n - b->n_still, LEAST_KEPT * n);
     more = filling(o, b->n_still * times, kept);
     b->n_kept = (uint32_t)ceil(more * kept);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Does anything move? The rule of motion.h, measured on the warm-up.
+ * Measures the rule of motion.h on the warm-up.
  */
 #include "motion.h"
 
@@ -11,16 +11,15 @@
 #define CHANGE 8                 /* of 255 */
 #define CHANGING_PART 1e-4
 #define EXPLAINED 0.1
-enum { N_VIEWS = 8, N_FRAMES = 8 }; /* most that are looked at */
+enum { N_VIEWS = 8, N_FRAMES = 8 }; /* most that are sampled */
 
-/* Summed over the pixels that change are the square of the change against the
- * middle frame, and of what the warm-up's own change leaves of it. */
+/* Sums over the pixels that change. */
 typedef struct {
     double change, left;
     double changing, pixels;
 } tally;
 
-/* The warm-up, and the pictures that it is measured on. */
+/* The warm-up, and the pictures on which it is measured. */
 typedef struct {
     saga_flat *flat;
     const saga_pictures *pictures;
@@ -32,7 +31,8 @@ static bool changes(const uint8_t *a, const uint8_t *b)
            abs(a[2] - b[2]) > CHANGE;
 }
 
-/* No two pictures of a camera that moves tell the part; this is a guess. */
+/* The guess for a camera that moves, of which no two pictures show the same
+ * view. */
 #define CHANGE_UNKNOWN 0.1
 
 double saga_plan_change(const saga_capture *c)
@@ -52,7 +52,7 @@ double saga_plan_change(const saga_capture *c)
             const uint8_t *const now = saga_capture_frame(
                 c, v, (int)((int64_t)i * c->n_frames / n));
 
-            /* Bytes R, G, B of a pixel; one of them is enough to change it. */
+            /* Pixels are R, G, B; a change of one channel is enough. */
             for (size_t at = 0; at < size; at += 3)
                 changing += changes(now + at, middle + at);
             pixels += (double)(size / 3);
@@ -66,8 +66,8 @@ static void count_pixel(tally *sum, const uint8_t *now, const uint8_t *middle,
                         size_t plane)
 {
     for (size_t k = 0; k < 3; k++) {
-        /* The change against the middle frame, of the truth and as it is drawn:
-         * a still picture's errors cancel. */
+        /* Both changes are against the middle frame, so that errors that the
+         * drawn pictures share cancel. */
         const double want = (now[k] - middle[k]) / 255.0;
         const double have = (double)(drawn[k * plane] -
                                      drawn_middle[k * plane]);
@@ -93,7 +93,8 @@ static void count(tally *sum, const saga_capture *c, int view, int frame,
                         drawn_middle + i, n);
 }
 
-/* Adds one view to the tally; pictures has room for two of the largest view. */
+/* Adds one view to the tally. `pictures` has room for two pictures of the
+ * largest view. */
 static bool tally_view(tally *sum, const asked *a, int view, real *pictures,
                        saga_error *error)
 {
@@ -103,8 +104,8 @@ static bool tally_view(tally *sum, const asked *a, int view, real *pictures,
     saga_sample at = { .view = view, .frame = c->n_frames / 2 };
     double mse;
 
-    /* The middle frame stays in the first picture, the others take turns in the
-     * second. */
+    /* The middle frame stays in the first picture; each other frame is drawn
+     * into the second. */
     if (!saga_flat_render(a->flat, pictures, &mse, at, error))
         return false;
     for (int i = 0; i < n; i++) {
@@ -124,7 +125,7 @@ static bool tally_views(tally *sum, const asked *a, saga_error *error)
     bool ok = pictures != NULL;
 
     for (int i = 0; i < p->n_train && ok; i++)
-        /* Looked at is every (n_train / N_VIEWS)th of them. */
+        /* Every (n_train / N_VIEWS)th training view is measured. */
         if (p->n_train <= N_VIEWS || (i * N_VIEWS) % p->n_train < N_VIEWS)
             ok = tally_view(sum, a, p->train[i], pictures, error);
     free(pictures);
@@ -138,8 +139,9 @@ bool saga_plan_motion(saga_motion_found *found, saga_flat *flat,
     const asked a = { flat, pictures };
     tally sum = { 0, 0, 0, 0 };
 
-    /* Nobody has to look, or nobody can: a camera that moves has no two
-     * pictures of one place. */
+    /* There is nothing to decide if temporal tools are off already or were
+     * asked for, and nothing to measure if the camera moves: no two pictures
+     * show the same view. */
     if (!found->moves || motion == SAGA_TRAIN_MOVING ||
         pictures->capture->moves)
         return true;
@@ -147,7 +149,7 @@ bool saga_plan_motion(saga_motion_found *found, saga_flat *flat,
         return false;
     found->changing = sum.changing / sum.pixels;
     found->explained = sum.change > 0 ? 1 - sum.left / sum.change : 0;
-    /* Noise of a camera changes pixels too, but is hardly explained
+    /* Camera noise changes pixels too, but the warm-up hardly explains it
      * (motion.h). */
     found->moves = found->changing >= CHANGING_PART &&
                    found->explained >= EXPLAINED;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Options are checked against the level and the capture, and those that nobody
- * gave are derived from the others.
+ * Checks options against the level and the capture, and derives those that the
+ * user left open from the others.
  */
 #include "options.h"
 
@@ -92,8 +92,9 @@ static uint32_t at_most(uint32_t a, uint32_t b)
     return a < b ? a : b;
 }
 
-/* Derives a coarse and a fine anchor for each primitive, as far as the level
- * goes: of the budgets that were tried the best (docs/lab/anchors.md). */
+/* Derives one coarse and one fine anchor for each primitive, up to the level's
+ * limits, which was best among the budgets that were tried
+ * (docs/lab/anchors.md). */
 void saga_options_derive(saga_train_options *o)
 {
     const saga_level_caps *const caps = &saga_caps[o->level];
@@ -102,8 +103,8 @@ void saga_options_derive(saga_train_options *o)
         o->n_coarse = at_most(o->n_primitives, caps->n_coarse);
     if (!o->n_fine)
         o->n_fine = at_most(o->n_primitives, caps->n_fine);
-    /* A split that was given is kept; else both stages get an iteration at
-     * least. */
+    /* A given split is kept; otherwise each stage gets at least one
+     * iteration. */
     if (!o->n_warm) {
         o->n_warm = (int)fmax(1, SAGA_WARM_PART * o->n_iterations);
         o->n_render = o->n_iterations - o->n_warm;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * One policy says what lambda and the size of a scene decide about prices,
- * steps and widths. What does not depend on them is a constant of
+ * The policy derives prices, quantiser steps and network widths from lambda and
+ * the size of a scene. Settings that do not depend on them are constants in
  * scene_model.c.
  */
 #ifndef SAGA_POLICY_H
@@ -10,14 +10,18 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* A primitive takes some 75 bits at the price that the rule gives. */
+/* A primitive takes about 75 bits in a file at the lambda of
+ * saga_policy_lambda. */
 #define SAGA_PRIMITIVE_BITS 75.0
 
-/* A bit costs so much in the loss (fit.h). */
+/* The training loss (fit.h) adds these prices to the squared error for each
+ * bit. */
 typedef struct saga_prices {
-    double residual;             /* of a residual, in the pictures' loss, */
-    double start;                /* the same where the fit starts; */
-    double weight;               /* of a weight, in the pictures' loss */
+    double residual;             /* of a bit of a residual, while training */
+    double start;                /* of a bit of a residual, in the solve that
+                                  * starts the fit */
+    double weight;               /* of a bit of a network's weight, while
+                                  * training */
 } saga_prices;
 
 typedef struct saga_policy {
@@ -25,29 +29,31 @@ typedef struct saga_policy {
     double prim_step;            /* step of a primitive's offset, in supports */
     uint8_t width;               /* hidden units of the networks that make
                                   * primitives of shared anchors, before the
-                                  * level's cap, */
-    uint8_t entropy_width;       /* and of the entropy model's */
-    bool bank_pays;              /* a memory bank may be worth its networks, */
-    bool deep_pays;              /* hidden units of F_geo theirs, where anchors
-                                  * are not shared */
+                                  * level's limit */
+    uint8_t entropy_width;       /* hidden units of the entropy networks */
+    bool bank_pays;              /* a memory bank may save more than its
+                                  * networks take */
+    bool deep_pays;              /* a hidden layer of F_geo may save more than
+                                  * it takes, where anchors are not shared */
 } saga_policy;
 
-/* lambda >= 0 weighs bits per training pixel against the mean squared error in
- * 8-bit levels. There are n_pixels > 0 of them: width times height times
- * frames, over all views that are learned from. It is the same trade for every
- * scene; below 1e-3 it counts as that for prices, so
- * that the entropy networks learn what they are to code. n_primitives are those
- * asked for. */
+/* Returns the policy for these sizes. lambda >= 0 is the price of bits per
+ * training pixel against the mean squared error in 8-bit levels, so that it
+ * means the same trade for every scene. Prices use at least 1e-3, since without
+ * a price the entropy networks would not learn. n_pixels > 0 is the number of
+ * training pixels: width times height times frames, summed over all training
+ * views. n_primitives is the number that was asked for. */
 saga_policy saga_policy_of(double lambda, double n_pixels,
                            uint32_t n_primitives);
 
-/* Returns the lambda at which bits are worth as much in more exact primitives
- * as in more of them, where n_primitives reach the mean squared error mse > 0
- * before they are coded. */
+/* Returns the lambda at which a bit lowers the error as much when it codes
+ * primitives more exactly as when it pays for more primitives, where
+ * n_primitives reach the mean squared error mse > 0 (of values 0..1) before
+ * they are coded. */
 double saga_policy_lambda(double mse, double n_pixels, uint32_t n_primitives);
 
-/* Returns how many primitives would be in that balance with lambda > 0, where
- * n_primitives reach mse > 0. */
+/* Returns the number of primitives for which saga_policy_lambda would give
+ * lambda > 0, where n_primitives reach the mean squared error mse > 0. */
 double saga_policy_primitives(double lambda, double mse, double n_pixels,
                               uint32_t n_primitives);
 

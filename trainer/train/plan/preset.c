@@ -8,9 +8,9 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Studio (docs/results/training.md) takes 2.7 CPU minutes by the first. By
- * primitives and iterations the others take some 9 and 40. Names are known here
- * alone: whoever asks has a row. */
+/* With "fast", studio (docs/results/training.md) takes 2.7 CPU minutes; by
+ * their primitives and iterations the others should take some 9 and 40. The
+ * names stand only here; other code asks for a row of the table. */
 static const saga_preset presets[] = {
     { .name = "fast", .primitives = 0.7, .iterations = 8000, .visits = 10,
       .still_minutes = 0.35, .still_visits = 30, .better = "best",
@@ -28,39 +28,43 @@ static const saga_preset presets[] = {
 
 enum { N_PRESETS = sizeof presets / sizeof presets[0] };
 
-/* The built-in scene, studio and person4 were given by hand one primitive for
- * some hundred pixels of a moment (docs/results/training.md). */
+/* One primitive for this number of pixels of a moment. The built-in scene,
+ * studio and person4 did well with about one for a hundred, chosen by hand
+ * (docs/results/training.md). */
 #define PIXELS_OF_ONE 120
 
-/* Moving things want more of them: pixels that change count two times more for
- * each second. */
+/* Moving things need more primitives: for each second, a pixel that changes
+ * counts two more times. */
 #define MOTION_PART 2
 
-/* The longer a segment, the less often is sent what stays: at equal PSNR, ten
- * seconds take half the bytes of ten segments and their base (docs/lab/
- * segments.md). A jump reads one segment. */
+/* The longest segment, because what stays in the scene is sent once for each
+ * segment: at equal PSNR, one segment of ten seconds takes half the bytes of
+ * ten segments of a second with their base (docs/lab/segments.md). The drawback
+ * is that a jump must read a whole segment. */
 #define MOST_SECONDS 10
 
-/* Frames of a segment, if they fit, where ten seconds have fewer: with a
- * picture every few seconds those would be next to nothing. */
+/* A segment has at least this number of frames, if they fit in memory. At low
+ * frame rates, such as a picture every few seconds, ten seconds would be next
+ * to nothing. */
 #define LEAST_FRAMES 24
 
-/* Views of a still beyond this number show the same things again, and so do
- * those of a camera that moves. */
+/* More views of a still, or pictures of a moving camera, than this show the
+ * same things again. */
 #define STILL_VIEWS 10
 
-/* Where pictures of a still are made smaller, so that there is time for as many
- * iterations at least, they keep that many pixels. */
+/* A picture of a still is made smaller only as far as needed for this number of
+ * iterations, and keeps this number of pixels. */
 #define LEAST_ITERATIONS 500
 #define LEAST_PIXELS 1e5
 
-/* Bytes of networks and header, and of a primitive: at the lambda that the rule
- * gives 9 to 14 (docs/results/rd.md). Fewer primitives with a finer step cost
- * nothing, more with a coarser one do (docs/lab/size.md). */
+/* Bytes of the networks and header, and of a primitive. A primitive takes 9 to
+ * 14 bytes at the lambda that the rule gives (docs/results/rd.md). At equal
+ * size, somewhat fewer primitives with a finer step lose nothing; more of them
+ * with a coarser step do (docs/lab/size.md). */
 #define FIXED_NBYTES 4000
 #define PRIMITIVE_NBYTES 11
 
-/* A file too small for that has mostly networks. */
+/* Bytes for a primitive in files so small that networks are most of them. */
 #define SMALL_NBYTES 20
 
 enum { LEAST_PRIMITIVES = 100, MOST_ITERATIONS = 10000000 };
@@ -78,27 +82,28 @@ const saga_preset *saga_preset_called(const char *name)
     return NULL;
 }
 
-/* One of two frames is the shortest in which something can move. */
+/* A segment has at least two frames, the fewest in which anything can move. */
 int saga_plan_segments(const saga_capture *capture, int frames)
 {
     const int all = capture->n_frames;
     int n;
 
-    /* Every view of a camera that moves is one picture: there is no time that
-     * could be cut. */
+    /* A moving camera has one picture for each moment, so the capture cannot be
+     * split by time. */
     if (!frames && capture->moves)
         frames = all;
     if (!frames) {
-        /* In frames: ten seconds, or 24 frames where that is more, if they fit
-         * into half of the memory; a second at least, fit or not. */
+        /* Ten seconds, or 24 frames where that is more, as far as they fit in
+         * half of the memory; but at least a second, even if it does not
+         * fit. */
         const double wanted = fmax(MOST_SECONDS * capture->fps, LEAST_FRAMES);
         const double longest = fmin(wanted, capture->n_fitting);
 
         frames = (int)fmax(2, fmin(rint(fmax(longest, capture->fps)),
                                    SAGA_PLAN_MOST_FRAMES));
     }
-    /* Rounded, so that segments of equal length come near to `frames`, and none
-     * has less than two. */
+    /* The number is rounded, so that segments of equal length come close to
+     * `frames`, and limited, so that none has fewer than two. */
     n = (all + frames / 2) / frames;
     n = n > all / 2 ? all / 2 : n;
     return n < 1 ? 1 : n;
@@ -116,8 +121,9 @@ double saga_plan_primitives_of_size(double n_bytes)
                 n_bytes / SMALL_NBYTES);
 }
 
-/* Straight lines through docs/results/rd.md: 12,000 iterations take 0.27 CPU
- * minutes for 1,000 primitives and 0.7 for pictures of 100,000 pixels. */
+/* The fit is linear in primitives and pixels (docs/results/rd.md): 12,000
+ * iterations take 0.27 CPU minutes for 1,000 primitives and 0.7 for pictures of
+ * 100,000 pixels. */
 double saga_plan_minutes(double n_primitives, double n_iterations,
                          double pixels)
 {
@@ -125,16 +131,16 @@ double saga_plan_minutes(double n_primitives, double n_iterations,
            (0.27 * n_primitives / 1000 + 0.7 * pixels / 100000);
 }
 
-/* Detail that is learned of a primitive grows with the logarithm of the number
- * of iterations for each, in stills of 0.02 to 8 of them
- * (tests/train/test_preset.c has the files). */
+/* What a file learns about a primitive grows with the logarithm of the number
+ * of iterations per primitive. It was measured on stills of 0.02 to 8 of them,
+ * which tests/train/test_preset.c lists. */
 void saga_plan_nbytes(double *least, double *most, double n_primitives,
                       double n_iterations, bool still)
 {
     const double each = log(n_iterations / n_primitives);
     double lo = 9, hi = 14;
 
-    /* A still that is short of iterations has learned less that is coded. */
+    /* With few iterations a still has learned less detail to code. */
     if (still) {
         lo = fmin(lo, fmax(4, 7.5 + 0.75 * each));
         hi = fmin(hi, fmax(7, 10.5 + 0.7 * each));
@@ -145,10 +151,10 @@ void saga_plan_nbytes(double *least, double *most, double n_primitives,
 
 /* --- The capture --------------------------------------------------------- */
 
-/* Sums over the views that are learned from. */
+/* Sums over the training views. */
 typedef struct {
-    double pixels;               /* of a moment */
-    double largest;              /* view's */
+    double pixels;               /* of all views at one moment */
+    double largest;              /* pixels of the largest view */
     double pictures;
     int n_views;
 } extent;
@@ -165,7 +171,7 @@ static extent extent_of(const saga_capture *c)
         e.n_views++;
         e.pixels += (double)v->width * v->height;
         e.largest = fmax(e.largest, (double)v->width * v->height);
-        /* Moments that the view has no picture of are not visited. */
+        /* A moment of which the view has no picture is not trained. */
         e.pictures += c->n_frames - v->n_missing;
     }
     return e;
@@ -180,7 +186,7 @@ static uint32_t within_level(double n, int level)
     return (uint32_t)fmin(fmax(rint(n), LEAST_PRIMITIVES), caps->n_prim);
 }
 
-/* Returns the pixels of a still that count for its primitives. */
+/* Returns the number of pixels of a still that count for its primitives. */
 static double of_still(double pixels, double largest)
 {
     return fmin(pixels, STILL_VIEWS * largest);
@@ -196,7 +202,7 @@ static void plan_primitives(saga_train_options *o, char *why, size_t n,
     const double seconds = saga_capture_seconds(c);
     int k;
 
-    /* A size says more than the capture; segments have equal parts of it. */
+    /* A given size decides alone; the segments share it equally. */
     if (o->n_bytes) {
         o->n_primitives = within_level(
             saga_plan_primitives_of_size((double)o->n_bytes) / o->n_segments,
@@ -208,7 +214,7 @@ static void plan_primitives(saga_train_options *o, char *why, size_t n,
     o->n_primitives = within_level(
         p->primitives * saga_plan_primitives(pixels, changing, seconds),
         o->level);
-    /* k is where the sentence goes on, if it was not cut. */
+    /* k is the length of the sentence so far, if it was not cut. */
     k = snprintf(why, n, "%u primitives: one for %.0f of the %.0f pixels that "
                  "%s views have at a time", o->n_primitives,
                  pixels / o->n_primitives, pixels, pixels < e.pixels
@@ -222,14 +228,15 @@ static void plan_iterations(saga_train_options *o, char *why, size_t n,
                             const saga_capture *c, const saga_preset *p)
 {
     const extent e = extent_of(c);
-    /* CPU minutes of an iteration, by the mean picture. */
+    /* CPU minutes of an iteration, for a picture of mean size. */
     const double each = saga_plan_minutes(o->n_primitives, 1,
                                           e.pixels / e.n_views);
     const double visits =
         e.pictures * (c->n_frames == 1 ? p->still_visits : p->visits);
     double most = MOST_ITERATIONS;
 
-    /* Visits come before the minutes: too few of them draw nothing well. */
+    /* The least number of visits overrides the time limit: pictures with fewer
+     * look bad. */
     if (c->n_frames == 1 && p->still_minutes > 0)
         most = fmax(p->still_minutes / each, visits);
     o->n_iterations = (int)fmin(fmax(p->iterations, visits), most);
@@ -237,8 +244,8 @@ static void plan_iterations(saga_train_options *o, char *why, size_t n,
              o->n_iterations, p->name, o->n_iterations / e.pictures);
 }
 
-/* Returns the iterations of a still that fit into the preset's minutes with its
- * pictures at 1/scale of their size. */
+/* Returns the number of iterations that a still can do within the preset's
+ * minutes, with its pictures at 1/scale of their size. */
 static double still_iterations(const saga_train_options *o,
                                const saga_capture *c, const saga_preset *p,
                                int scale)
@@ -246,8 +253,8 @@ static double still_iterations(const saga_train_options *o,
     const double part = 1.0 / ((double)scale * scale);
     double n = o->n_primitives;
 
-    /* Primitives follow the smaller pictures, unless they or the size are
-     * given. */
+    /* The number of primitives follows the smaller pictures, unless it or the
+     * size was given. */
     if (o->n_primitives == 0)
         n = within_level(o->n_bytes
             ? saga_plan_primitives_of_size((double)o->n_bytes)
@@ -265,13 +272,13 @@ int saga_plan_scale(const saga_train_options *o, const saga_capture *c,
     const double pixels = c->learned_pixels / c->n_learned;
     int n = 1;
 
-    /* Only where time is short: whoever gave iterations or minutes has decided
-     * on it. */
+    /* Pictures are made smaller only to save time, and a user who gave
+     * iterations or minutes has decided on the time. */
     if (c->n_frames != 1 || !(p->still_minutes > 0) || o->n_iterations ||
         o->minutes > 0 || still_iterations(o, c, p, 1) >= visits)
         return 1;
-    /* Stops at the pixels that a picture keeps, also where there is not enough
-     * time then. */
+    /* The loop also stops at the least number of pixels, even if the time is
+     * still short. */
     while (still_iterations(o, c, p, n) < wanted && n < SAGA_MAX_SCALE &&
            pixels / ((n + 1.0) * (n + 1.0)) >= LEAST_PIXELS)
         n++;

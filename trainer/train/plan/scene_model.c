@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Options, ablation and policy make the model of a scene: sizes, formats,
- * steps, and the entropy model's sources.
+ * Options, ablation and policy determine the model of a scene: sizes, formats,
+ * steps, and the sources of the entropy model.
  */
 #include "scene_model.h"
 
@@ -12,8 +12,8 @@ static void set_tiers(saga_model *m, const saga_train_options *o)
     for (int i = 0; i < SAGA_N_TIERS; i++) {
         saga_tier *const l = &m->tier[i];
 
-        /* Ranks to either side of the parent's in which neighbours are looked
-         * for. */
+        /* Neighbours are searched among this number of ranks on either side of
+         * the parent's. */
         l->window = 16;
         l->neighbours = i == SAGA_TIER_COARSE ? 1 : 4;
         l->suffix_bits = 3;
@@ -22,7 +22,8 @@ static void set_tiers(saga_model *m, const saga_train_options *o)
         l->softmax_q8 = 3000;      /* log2(e) / T, T = 1/8 */
     }
     if (o->n_fine >= o->n_primitives) {
-        /* A primitive is where its anchor is, and has its features. */
+        /* Each primitive has a fine anchor of its own, stands where the anchor
+         * stands, and takes the features of the nearest coarse anchor. */
         m->tier[SAGA_TIER_FINE].suffix_bits = 0;
         m->tier[SAGA_TIER_FINE].max_children = 1;
         m->tier[SAGA_TIER_FINE].window = 0;
@@ -30,7 +31,8 @@ static void set_tiers(saga_model *m, const saga_train_options *o)
     }
 }
 
-/* Every kind has its sources, as far as a lets them. */
+/* Gives every kind all sources that exist for it, except those that *a
+ * excludes. */
 static void set_sources(saga_model *m, const saga_ablation *a)
 {
     const uint8_t hyper = a->no_hyper ? 0 : SAGA_SOURCE_HYPER;
@@ -52,8 +54,8 @@ static bool has_bank(const saga_ablation *a, const saga_policy *p,
            (a->slots || a->plain_update || p->bank_pays);
 }
 
-/* The bank serves all kinds, until the rate decides. Its networks are narrow:
- * they are paid for in bytes. */
+/* All kinds read the bank, until rate_choice.h decides which sources pay. Its
+ * networks are narrow, because their weights are in the file. */
 static void set_bank(saga_model *m, const saga_ablation *a,
                      uint32_t most_slots)
 {
@@ -74,8 +76,8 @@ static void set_bank(saga_model *m, const saga_ablation *a,
     m->q_in[SAGA_NET_WRITE_BASE] = SAGA_SLOT_Q;
 }
 
-/* All sources are there, until the rate decides what is worth its weights. The
- * formats are as coarse as features are: inputs reach +-32. */
+/* All sources are on, until rate_choice.h decides which are worth their
+ * weights. Q10 lets inputs reach +-32, as features do. */
 void saga_plan_entropy_model(saga_model *m, const saga_ablation *a,
                              const saga_policy *p, uint32_t most_slots)
 {
@@ -90,28 +92,31 @@ void saga_plan_entropy_model(saga_model *m, const saga_ablation *a,
         set_bank(m, a, most_slots);
 }
 
-/* Is a primitive's coarse and fine anchor its own? Its features are the
- * coefficients of a transform then, and where it is in its anchors says nothing
- * of it. */
+/* Does each primitive have a coarse and a fine anchor of its own? Then its
+ * features are coefficients of a linear transform of its attributes, and its
+ * place within its anchors says nothing about it. */
 static bool has_own_anchors(const saga_train_options *o)
 {
     return o->n_coarse >= o->n_primitives && o->n_fine >= o->n_primitives;
 }
 
-/* Three quarters of the attributes that the tools leave, in fours: opacity, 3
- * scales, 4 of the rotation, 3 colours, and what moves. */
+/* Returns 3/4 of the number of attributes that the tools leave, rounded up to a
+ * multiple of four. The attributes are opacity, 3 scales, 4 of the rotation, 3
+ * colours, and the temporal ones. */
 static uint32_t own_features(const saga_model *m)
 {
     const uint32_t attributes = 11 + 3 * (uint32_t)saga_motion_order(m) +
         (m->tools & SAGA_TOOL_SLOPE ? 4 : 0) +
         (m->tools & SAGA_TOOL_OPACITY_T ? 1 : 0);
 
-    /* 3/4 of them, up to the next four: 12 of 11, 20 of 25. */
+    /* 11 attributes give 12 features, 25 give 20. */
     return (3 * attributes + 15) / 16 * 4;
 }
 
-/* Sets features and hidden units. A pair of these carries a feature, and its
- * negative, through F_geo as it is; three pairs a colour through F_color. */
+/* Sets the number of features and of hidden units. With ReLU, two hidden units
+ * are needed to carry a feature unchanged through F_geo, one for its positive
+ * part and one for its negative; F_color carries three values in this way, the
+ * colour. */
 static void set_networks(saga_model *m, const saga_model_terms *terms)
 {
     const saga_train_options *const o = terms->options;
@@ -127,22 +132,22 @@ static void set_networks(saga_model *m, const saga_model_terms *terms)
         m->q_in[i] = 12;
         m->int8[i] = caps->int8_only != 0;
     }
-    /* Three pairs carry the colour (start_networks.c),
-     * and two units are left. */
+    /* Six units carry the colour (start_networks.c), and two are left. */
     m->width[SAGA_NET_COLOUR] = 8;
     m->width[SAGA_NET_FUSE_C] = m->width[SAGA_NET_FUSE_F] = 0;
-    /* An anchor of one's own has nothing to make of the features. */
-    /* Width 0 of a network that has to be there makes it one layer. */
+    /* Width 0 of a network that must exist makes it a single layer. F_fine has
+     * nothing to combine where a primitive has an anchor of its own. */
     if (o->n_fine >= o->n_primitives)
         m->width[SAGA_NET_FINE] = 0;
     if (own && !terms->policy->deep_pays)
         m->width[SAGA_NET_GEO] = 0;
 }
 
-/* docs/design/training.md says why these are the defaults. Steps are Q16 of
- * their symbol's format: a centre's is two half-cells, a fine offset's a suffix
- * cell, so that all anchors stand in the middle of their cells and cost
- * nothing; a feature's is 1/16. No Fuse. */
+/* docs/design/training.md says why these are the defaults. Steps are Q16 of the
+ * format that their symbol has. The step of a centre is two half-cells and that
+ * of a fine offset a suffix cell, so that all anchors stand in the middle of
+ * their cells and these residuals cost nothing; the step of a feature is 1/16.
+ * The networks Fuse_c and Fuse_f are left out. */
 void saga_plan_model(saga_model *m, const saga_model_terms *terms,
                      uint32_t tools)
 {
@@ -157,11 +162,12 @@ void saga_plan_model(saga_model *m, const saga_model_terms *terms,
     m->step_q16[SAGA_STEP_FEATURE] = 64u << 16;
     m->step_q16[SAGA_STEP_FINE] =
         (32768u >> m->tier[SAGA_TIER_COARSE].suffix_bits) << 16;
-    /* Supports in Q14. */
+    /* Supports are in Q14. */
     m->step_q16[SAGA_STEP_PRIM] = (uint32_t)(p->prim_step * 16384) << 16;
     m->out_q[SAGA_OUT_COARSE] = 10;
     set_networks(m, terms);
-    /* A bank begins anew in each layer, which its twin does not. */
+    /* The decoder starts an empty bank in each layer, but the float twin does
+     * not. */
     saga_plan_entropy_model(m, terms->ablation, p, o->n_layers > 1
                             ? 0 : saga_caps[o->level].n_slots);
 }

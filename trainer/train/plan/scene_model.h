@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The model of a scene, in sizes, formats, steps and sources, follows from what
- * was asked for and from what its price decides.
+ * The model of a scene (sizes, number formats, steps and entropy sources)
+ * follows from the options of the training and from its policy.
  */
 #ifndef SAGA_SCENE_MODEL_H
 #define SAGA_SCENE_MODEL_H
@@ -12,17 +12,17 @@
 #include "policy.h"
 
 typedef struct saga_model_terms {
-    const saga_train_options *options; /* derived */
+    const saga_train_options *options; /* after saga_options_derive */
     const saga_ablation *ablation;
     const saga_policy *policy;
 } saga_model_terms;
 
-/* Makes m, with these tools of the picture and of its splats, SAGA_TOOL_*. */
+/* Fills *m. tools: the SAGA_TOOL_* bits for the picture and its splats. */
 void saga_plan_model(saga_model *m, const saga_model_terms *terms,
                      uint32_t tools);
 
-/* Sets what of the model its entropy model is: sources, groups, sizes. A memory
- * bank has at most most_slots. */
+/* Sets the members of *m that describe the entropy model: sources, groups and
+ * network sizes. A memory bank has at most most_slots slots. */
 void saga_plan_entropy_model(saga_model *m, const saga_ablation *a,
                              const saga_policy *p, uint32_t most_slots);
 

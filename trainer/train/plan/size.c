@@ -1,14 +1,16 @@
 /* SPDX-License-Identifier: MIT
  *
- * A file of a given size. The number of primitives decides on most of it
- * (policy.h); the rest is steered while they are rendered. At some moments the
- * file is made as if training ended there, and the features' step becomes what
- * brings it to the size wanted; the price of a bit goes with the step's square.
- * The last moments come when networks are rounded and hardly anything moves.
+ * Steers a file to a given size. The number of primitives decides most of it
+ * (policy.h); the rest is steered during the rendering. At some moments the
+ * file is made as if training ended there, and the features' step is changed so
+ * that the size would be right. The price of a bit follows with the square of
+ * the step. The last moments come when the networks are rounded and hardly
+ * anything changes.
  *
- * Base and further segments have the networks and the step of the first
- * training, which is steered to its primitives' part of the size. Segments'
- * primitives are what the finished ones left bytes for.
+ * The base and the further segments have the networks and the step of the first
+ * training. That is steered to its share of the size, by its share of the
+ * primitives. The number of primitives in further segments follows from the
+ * bytes that the finished ones left.
  */
 #include "size.h"
 
@@ -17,40 +19,42 @@
 
 #include <math.h>
 
-/* Parts of the rendering that are over. */
+/* The parts of the rendering after which the step is set. */
 static const double moment[] = { 0.05, 0.15, 0.3, 0.5, 0.65, 0.7, 0.8, 0.92 };
 
-/* Most primitives that are drawn of a segment, the base's too, over those
- * that were planned; a segment's own are at least what was planned for it
- * over this. */
+/* Of a segment and the base together, at most this many times the planned
+ * number of primitives are drawn; a segment itself has at least its planned
+ * number divided by this. */
 #define MOST_UNLIKE 1.5
 
-/* Networks and offsets take less the longer they learn, and what they take in
- * the end when sources are chosen and features rounded: until then this part of
- * what they take now, by three scenes (docs/lab/size.md). */
+/* Returns the part of their present bytes that networks and offsets will take
+ * in the end. They shrink while they learn, and again when sources are chosen
+ * and features rounded. Fitted to three scenes (docs/lab/size.md). */
 static double part_in_the_end(double over)
 {
-    /* Two thirds are where rounding begins (fit.h); after them all is
-     * measured. */
+    /* Rounding begins after two thirds (fit.h). From there on the sizes are
+     * final. */
     return over > 2 / 3.0 ? 1 : 0.65 + 0.33 * over;
 }
 
-/* A value whose deviation is s steps takes some log2(1 + 2 pi e s^2) / 2 bits;
- * this is s^2 but for a factor. */
+/* Returns the square of a value's deviation in steps, up to a constant factor,
+ * from its bits: a value with deviation s takes about log2(1 + 2 pi e s^2) / 2
+ * bits. */
 static double spread_of(double bits)
 {
     return exp2(2 * fmax(bits, 0.02)) - 1;
 }
 
-/* Returns by what to multiply the step of n values that take `bits` bits, for
- * `more` bits more. */
+/* Returns the factor on the step with which n values take `bits + more` bits in
+ * place of `bits`. */
 static double step_factor(double bits, double more, double n)
 {
-    /* b = log2(1 + c s^2) / 2 bits make s^2 = (2^(2 b) - 1) / c, and s, in
-     * steps, goes with 1 / step. */
+    /* b = log2(1 + c s^2) / 2 gives s^2 = (2^(2 b) - 1) / c, and s is
+     * proportional to 1 / step. */
     const double ratio = spread_of(bits / n) / spread_of((bits + more) / n);
 
-    /* By no more than a bit a value at a time: the next moment goes on. */
+    /* A moment changes a value by at most one bit; the next moment
+     * continues. */
     return fmin(fmax(sqrt(ratio), 0.5), 2);
 }
 
@@ -62,48 +66,49 @@ double saga_size_moment(int iteration, int n_render)
     return 0;
 }
 
-/* Returns what a file of these sizes spends on all segments together. */
+/* Returns the bytes of a file that do not belong to one segment. */
 static double fixed_nbytes(const saga_encode_sizes *z)
 {
     return (double)(z->header + z->index + z->networks + z->base);
 }
 
-/* Returns the primitives that were planned for a segment, beside the base. */
+/* Returns the planned number of primitives of a segment, without the base. */
 static uint32_t n_planned(const saga_size_terms *t)
 {
     return t->base->n_prim ? t->base->n_kept : t->options->n_primitives;
 }
 
-/* Returns the trainings that the size pays for: how many times the primitives
- * of the first there are in the file, the base's among them. */
+/* Returns the number of primitives in the file, base included, in units of the
+ * number that the first training has. */
 static double n_paid(const saga_size_terms *t)
 {
-    /* In bytes all primitives count alike, those of the base too. */
+    /* All primitives count as taking equal bytes, including the base's. */
     return (t->base->n_prim +
             (double)t->options->n_segments * n_planned(t)) /
            t->options->n_primitives;
 }
 
-/* Returns the bytes that the segment may still take, or is too large by where
- * they are negative, when so much of the rendering is over. */
+/* Returns by how many bytes the segment may still grow, after the part `over`
+ * of the rendering; negative if it is too large. */
 static double left_for(const saga_size_terms *t, double over)
 {
     const saga_encode_sizes *const z = t->sizes;
     const double saved = 1 - part_in_the_end(over);
-    /* The size, less what the file has once, is shared by all trainings. What
-     * networks will still save is left for values. */
+    /* All trainings share the size, less what the file holds once. Bytes that
+     * the networks are still going to save go to values. */
     const double all = (double)t->options->n_bytes - fixed_nbytes(z) +
                        saved * (double)z->networks;
 
-    /* This training's share, with what offsets will still save, less what its
-     * values take now. */
+    /* The share of this training, plus what its offsets are still going to
+     * save, less what its values take now. */
     return all / n_paid(t) + saved * (double)z->prim -
            ((double)z->total - fixed_nbytes(z));
 }
 
 double saga_size_step(const saga_size_terms *t, double over, double n)
 {
-    /* Offsets and tree are what they are: features take up all that is left. */
+    /* Offsets and tree cannot be steered, so features take all bytes that are
+     * left. */
     return step_factor(t->sizes->spent[SAGA_SYM_FEATURE],
                        8 * left_for(t, over), n);
 }
@@ -117,13 +122,13 @@ uint32_t saga_size_share(const saga_size_terms *t, int n_done,
 
     if (t->options->n_bytes == 0 || n_done == 0)
         return n_planned(t);
-    /* Bytes that a primitive took in the finished segments. */
+    /* Bytes per primitive in the finished segments. */
     of_one = ((double)z->total - fixed_nbytes(z)) / (double)n_finished;
-    /* The bytes that are left for each of the segments to come. */
+    /* Bytes left for each of the segments to come. */
     left = ((double)t->options->n_bytes - (double)z->total) /
            (t->options->n_segments - n_done);
-    /* Between two thirds of the plan and half as many more as are drawn, the
-     * base's counted; the level's limit is for both together. */
+    /* At least two thirds of the plan; with the base, at most 1.5 times what
+     * was planned to be drawn, and within the level's limit. */
     return (uint32_t)fmin(fmin(fmax(left / of_one, n / MOST_UNLIKE),
                                MOST_UNLIKE * (n + base) - base),
                           saga_caps[t->options->level].n_prim - base);

@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: MIT
  *
- * Which of the picture's tools does the scene need? The warm-up is asked before
- * the hierarchy is made: its pictures are drawn without each tool in turn, and
- * what the squared error grows by, at the price of bits, is what the tool is
- * worth, less what training wins back. What it costs are its networks' weights:
- * a value of a primitive is coded no finer than it pays for.
+ * Chooses the tools of the picture that a scene needs, at the end of the
+ * warm-up, before the hierarchy is made. The warm-up's pictures are drawn
+ * without each tool, one after the other. The growth of the squared error,
+ * divided by the price of bits, is the tool's worth, less what training would
+ * win back. Its cost is what the weights of its networks take. Its values in
+ * the features count nothing, since each is coded only as finely as pays.
  */
 #include "tool_choice.h"
 
@@ -16,17 +17,18 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* The bits of a weight are about the same in all files (policy.c); a row has a
- * format and a bias besides, a layer its steps. */
+/* A weight takes about as many bits in all files (policy.c); a row also has a
+ * format and a bias, and a layer its steps. */
 enum { WEIGHT_BITS = 4, ROW_BITS = 13, LAYER_BITS = 38 };
 
-/* Pictures that are looked at: at most this many, and one for each of these
- * iterations of the warm-up, since each is drawn some ten times. Fewer than
- * LEAST say nothing. */
+/* At most this many pictures are drawn, and one for each 32 iterations of the
+ * warm-up, since each is drawn some ten times. Fewer than 4 would decide
+ * nothing. */
 enum { MOST_PICTURES = 32, ITERATIONS_OF_ONE = 32, LEAST_PICTURES = 4 };
 
-/* Steps in which colours by direction are found, each of which lowers the
- * error. A spread of directions below this part of the mean one is noise. */
+/* Steps that find the colours by direction, each of which lowers the error.
+ * Directions that spread less than this part of the mean spread count as
+ * noise. */
 enum { N_STEPS = 3 };
 #define SPREAD_FLOOR 0.1
 
@@ -35,7 +37,7 @@ const char *const saga_train_tool_names[SAGA_TRAIN_N_TOOLS] = {
     "linear rotation", "temporal opacity", "view-dependent colour"
 };
 
-/* Picture of a training view; each view is in one of two halves. */
+/* A picture of a training view. Every view belongs to one of two halves. */
 typedef struct {
     saga_sample picture;
     int half;
@@ -45,13 +47,14 @@ typedef struct {
     const saga_tool_question *q;
     saga_tool_choice *to;
     saga_canvas canvas;
-    saga_splat_params p;         /* the warm-up with the tools kept so far */
-    uint32_t n;                  /* primitives */
+    saga_splat_params p;         /* the warm-up with the tools that are kept so
+                                  * far */
+    uint32_t n;                  /* number of primitives */
     look look[MOST_PICTURES];
     int n_looks;
 } trial;
 
-/* --- What is looked at --------------------------------------------------- */
+/* --- Pictures ------------------------------------------------------------- */
 
 static void choose_pictures(trial *a)
 {
@@ -63,7 +66,7 @@ static void choose_pictures(trial *a)
     const int every = most > 0 ? (n + most - 1) / most : n;
     const int each = most / n > 0 ? most / n : 1;
 
-    /* Every `every`th view, dealt to the halves in turn; their frames are in
+    /* Every `every`th view is taken, alternately for either half, at frames in
      * the middle of equal parts of the segment. */
     for (int k = 0; k < n && most >= LEAST_PICTURES; k += every)
         for (int i = 0; i < each; i++) {
@@ -78,7 +81,7 @@ static void choose_pictures(trial *a)
         }
 }
 
-/* Returns the pictures of a half; all of them where half is below 0. */
+/* Returns the number of pictures in a half, or of all where half < 0. */
 static int count_pictures(const trial *a, int half)
 {
     int n = 0;
@@ -94,8 +97,8 @@ static void aim(trial *a, int i)
     saga_pictures_truth(&a->canvas, a->q->pictures, a->look[i].picture);
 }
 
-/* Returns the mean squared error of all pictures, drawn with p; below 0 where
- * memory is short. */
+/* Returns the mean squared error of all pictures drawn with p, or -1 with
+ * *error set if memory is short. */
 static double error_of(trial *a, const saga_splat_params *p,
                        saga_error *error)
 {
@@ -107,19 +110,21 @@ static double error_of(trial *a, const saga_splat_params *p,
             return -1;
         sum += saga_canvas_mse(&a->canvas);
     }
-    /* Pictures count alike, whatever their size. */
+    /* Each picture has the same weight, whatever its size. */
     return sum / a->n_looks;
 }
 
 /* --- Without a tool ------------------------------------------------------ */
 
-/* On ages of -1 to 1 the best line through age^3 is 3/5 age, the best constant
- * through age^2 1/3. */
+/* Drops the highest order of motion, and changes the lower ones so that the
+ * path stays as close as possible for ages of -1 to 1: the best line through
+ * age^3 is 3/5 age, the best constant through age^2 is 1/3. */
 static void lower_order(saga_splat_params *p, uint32_t n, int order)
 {
     for (size_t i = 0; i < n; i++)
         for (size_t k = 0; k < 3; k++) {
-            /* b[0], b[3] and b[6] are the orders 1, 2 and 3 on axis k. */
+            /* b[0], b[3] and b[6] are the coefficients of order 1, 2 and 3 on
+             * axis k. */
             real *const b = p->motion + 9 * i + k;
 
             /* The integral of (a^3 - c a)^2 for a in -1..1 is least at c =
@@ -132,7 +137,8 @@ static void lower_order(saga_splat_params *p, uint32_t n, int order)
         }
 }
 
-/* A primitive without a width is as old as if it had half a segment. */
+/* Drops the temporal width. Without one a primitive ages as if its width were
+ * half a segment, so its motion is rescaled to stay as it was. */
 static void drop_opacity(saga_splat_params *p, uint32_t n)
 {
     for (size_t i = 0; i < n; i++) {
@@ -141,8 +147,9 @@ static void drop_opacity(saga_splat_params *p, uint32_t n)
         for (size_t k = 0; k < 3; k++) {
             real *const b = p->motion + 9 * i + k;
 
-            /* Without a width the age is 2 dt. The old one was `faster` times
-             * that, so that order k takes faster^k. */
+            /* Without a width the age is 2 dt; with it, it was `faster` times
+             * as much, so that the coefficient of order k is multiplied by
+             * faster^k. */
             b[0] *= faster;
             b[3] *= faster * faster;
             b[6] *= faster * faster * faster;
@@ -153,7 +160,7 @@ static void drop_opacity(saga_splat_params *p, uint32_t n)
     p->log2_width = NULL;
 }
 
-/* Makes p what it would be without a temporal tool. */
+/* Changes p to what it is without one temporal tool. */
 static void drop_tool(saga_splat_params *p, uint32_t n, int tool)
 {
     if (tool == SAGA_TRAIN_SLOPE)
@@ -169,8 +176,8 @@ void saga_plan_reduce(saga_splat_params *p, uint32_t n, uint32_t tools)
     const int order = (int)((tools & SAGA_TOOL_MOTION_MASK) >>
                             SAGA_TOOL_MOTION_SHIFT);
 
-    /* In the order in which tools are asked for: what comes out is what was
-     * judged. */
+    /* The tools are dropped in the order in which they were judged, so that the
+     * result is the one that was judged. */
     for (int k = 3; k > order; k--)
         drop_tool(p, n, 3 - k);
     if (!(tools & SAGA_TOOL_SLOPE))
@@ -190,7 +197,7 @@ static uint32_t tools_without(uint32_t tools, int tool)
 
 /* --- Worth and cost ------------------------------------------------------ */
 
-/* Returns what the networks of a scene with these tools take, about. */
+/* Returns about how many bits the networks of a scene with these tools take. */
 static double network_bits(const saga_tool_question *q, uint32_t tools)
 {
     saga_net_shape shape;
@@ -207,17 +214,18 @@ static double network_bits(const saga_tool_question *q, uint32_t tools)
     return n;
 }
 
-/* Bytes that training wins back where there is no third order, or no rotation:
- * what was worth up to two fifths of all primitives' bytes before was worth
- * nothing, or less, after it (docs/lab/motion.md). */
+/* Returns the bytes that training without a tool wins back. Without motion of
+ * third order or rotation the warm-up lost as much as two fifths of all
+ * primitives' bytes are worth, but after training nothing, or it gained
+ * (docs/lab/motion.md). */
 static double won_back(const saga_train_options *o, int tool)
 {
     return tool == SAGA_TRAIN_MOTION_3 || tool == SAGA_TRAIN_SLOPE
         ? SAGA_PRIMITIVE_BITS / 8 / 2 * o->n_primitives : 0;
 }
 
-/* Says what the tool is worth whose pictures have that much less squared
- * error, and takes it out unless it pays; bytes. */
+/* Judges a tool whose use lowers the pictures' mean squared error by `less`,
+ * and removes it unless it pays. Returns true if it is kept. */
 static bool judge(trial *a, int tool, double less)
 {
     const saga_tool_question *const q = a->q;
@@ -225,8 +233,8 @@ static bool judge(trial *a, int tool, double less)
     const uint32_t without = tools_without(tools, tool);
     saga_train_tool *const r = &a->to->tool[tool];
 
-    /* L = 255^2 MSE + lambda bits / pixels: an error is worth 255^2 MSE pixels
-     * / lambda bits, here in bytes. */
+    /* L = 255^2 MSE + lambda bits / pixels, so an error is worth 255^2 MSE
+     * pixels / lambda bits. */
     r->worth = less * 255 * 255 * saga_pictures_pixels(q->pictures) /
                (8 * q->lambda);
     r->cost = (network_bits(q, tools) - network_bits(q, without)) / 8 +
@@ -238,7 +246,8 @@ static bool judge(trial *a, int tool, double less)
     return r->kept;
 }
 
-/* Motion of an order below one that pays is not asked: it pays as well. */
+/* If an order of motion pays, the lower orders are kept without being
+ * judged. */
 static bool needs_asking(const saga_tool_choice *c, int tool)
 {
     if (tool == SAGA_TRAIN_MOTION_3 || tool > SAGA_TRAIN_MOTION_1)
@@ -253,8 +262,8 @@ static bool ask_temporal(trial *a, int tool, double *mse, saga_error *error)
     bool ok = saga_params_gather(&q, &a->p, NULL, a->n, error);
 
     if (ok) {
-        /* A copy is drawn without the tool. If it is not worth its bytes the
-         * copy stays, and further tools are judged on it. */
+        /* A copy is drawn without the tool. If the tool does not pay, the copy
+         * replaces the primitives for the tools to come. */
         drop_tool(&q, a->n, tool);
         more = error_of(a, &q, error);
         ok = more >= 0;
@@ -270,16 +279,17 @@ static bool ask_temporal(trial *a, int tool, double *mse, saga_error *error)
     return ok;
 }
 
-/* --- By direction -------------------------------------------------------- */
+/* --- Colour by direction ------------------------------------------------- */
 
-/* Sums over what the pictures of a half show of a primitive: of alpha T times
- * 1, the direction, its products; of what is missing of its colour times 1 and
- * the direction. */
+/* Sums for a primitive over the pictures of a half. The first three are of the
+ * weight alpha T times 1, the direction, and the products of its components;
+ * the last two of what is missing in the colour, times 1 and the direction. */
 typedef struct {
     real w, d[3], dd[6], g[3], dg[9];
 } sums;
 
-/* A colour's change by direction, about the mean one: R by x, y, z, G, B. */
+/* A linear change of the colour by direction, about the mean direction: 3x3,
+ * rows R, G, B, columns x, y, z. */
 typedef struct {
     real mean[3], by[9];
 } slant;
@@ -287,9 +297,10 @@ typedef struct {
 typedef struct {
     sums *sum;                   /* (n) */
     slant *slant;                /* (n) */
-    real *weight;                /* (n) of one picture */
-    saga_splat_params d;         /* gradients */
-    saga_splat_params p;         /* the trial's, but for colours: ours */
+    real *weight;                /* (n) alpha T summed over one picture */
+    saga_splat_params d;         /* gradients, reused for each picture */
+    saga_splat_params p;         /* the trial's primitives with `colour`
+                                  * below */
     real *colour;                /* (n, 3) */
 } slanted;
 
@@ -297,8 +308,8 @@ static void direction(real d[3], const trial *a, size_t i)
 {
     real n = 0;
 
-    /* Towards the camera. F_color is told the opposite, which a linear change
-     * does not mind. */
+    /* From the primitive towards the camera. F_color takes the opposite
+     * direction, which makes no difference to a linear change. */
     for (size_t k = 0; k < 3; k++) {
         d[k] = a->canvas.camera.centre[k] - a->p.mean[3 * i + k];
         n += d[k] * d[k];
@@ -308,7 +319,7 @@ static void direction(real d[3], const trial *a, size_t i)
         d[k] = n > 0 ? d[k] / n : 0;
 }
 
-/* Sets the colours as the canvas's camera sees them. */
+/* Sets the colours as the camera of the canvas sees them. */
 static void colour(slanted *s, const trial *a)
 {
     for (size_t i = 0; i < a->n; i++) {
@@ -326,12 +337,11 @@ static void colour(slanted *s, const trial *a)
     }
 }
 
-/* Adds the picture that the canvas was drawn for. The gradient of a colour is
- * -2 / n_seen times alpha T times what is missing, summed over the pixels. */
+/* Adds the drawn picture to the sums. */
 static void add_picture(slanted *s, const trial *a)
 {
-    /* The gradient is -2 / n_seen sum alpha T (what is missing): this takes the
-     * factor away. */
+    /* The gradient of a colour is -2 / n_seen sum alpha T (what is missing);
+     * this takes the factor away. */
     const real half = R(-0.5 * saga_canvas_n_seen(&a->canvas));
 
     for (size_t i = 0; i < a->n; i++) {
@@ -339,7 +349,7 @@ static void add_picture(slanted *s, const trial *a)
         sums *const x = &s->sum[i];
         real d[3];
 
-        /* Not seen in this picture. */
+        /* The picture does not show it. */
         if (!(w > 0))
             continue;
         direction(d, a, i);
@@ -358,8 +368,9 @@ static void add_picture(slanted *s, const trial *a)
     }
 }
 
-/* Adds a step to a primitive's slant. Weights alpha T of all primitives at a
- * pixel sum up to 1 at most, so that steps of all at once cannot go too far. */
+/* Adds a step to the slant of a primitive. The weights alpha T of all
+ * primitives at a pixel add up to at most 1, so all can step at once without
+ * overshooting. */
 static void add_step(slant *b, const sums *x)
 {
     saga_matrix a = { { 0 } };
@@ -368,16 +379,16 @@ static void add_step(slant *b, const sums *x)
     /* No picture of this half shows it. */
     if (!(x->w > 0))
         return;
-    /* The spread is the trace of the directions' covariance: 0, 2 and 5 are the
+    /* The spread is the trace of the directions' covariance; 0, 2 and 5 are the
      * diagonal of the packed triangle. */
     for (size_t k = 0; k < 3; k++) {
         b->mean[k] = x->d[k] / x->w;
         spread += (double)(x->dd[k == 0 ? 0 : k == 1 ? 2 : 5] -
                            x->d[k] * b->mean[k]);
     }
-    /* Regression of what is missing on the direction, both about their means: A
-     * by = v, A the covariance with a ridge, so that a primitive seen from one
-     * side alone gets no slant. */
+    /* A regression of what is missing on the direction, both about their means,
+     * solves A by = v. A is the covariance, with a ridge so that a primitive
+     * seen from one side only gets no slant. */
     for (size_t c = 0; c < 3; c++) {
         double v[3];
 
@@ -403,8 +414,8 @@ static bool learn(slanted *s, trial *a, int i, saga_error *error)
 
     aim(a, i);
     colour(s, a);
-    /* Backward passes add. Gradients but for colours are not looked at, but
-     * have to be there. */
+    /* Backward passes add to the gradients. Only those of colours are used, but
+     * the others need memory too. */
     memset(s->weight, 0, n * sizeof *s->weight);
     saga_clear(all, saga_params_spans(all, &s->d, n));
     if (!saga_splat_learn(&l, &a->canvas, &s->p, a->n, error))
@@ -413,12 +424,11 @@ static bool learn(slanted *s, trial *a, int i, saga_error *error)
     return true;
 }
 
-/* Finds what the pictures of a half say about direction. */
+/* Finds the slants from the pictures of one half. */
 static bool learn_half(slanted *s, trial *a, int half, saga_error *error)
 {
     memset(s->slant, 0, a->n * sizeof *s->slant);
-    /* One step leaves something missing where primitives cover a pixel in
-     * part. */
+    /* A single step is too short where primitives only partly cover a pixel. */
     for (int step = 0; step < N_STEPS; step++) {
         memset(s->sum, 0, a->n * sizeof *s->sum);
         for (int i = 0; i < a->n_looks; i++)
@@ -430,7 +440,7 @@ static bool learn_half(slanted *s, trial *a, int half, saga_error *error)
     return true;
 }
 
-/* Adds the squared error of the other half's pictures, with `part` of the
+/* Adds to *sum the squared error of the other half's pictures, drawn with the
  * slants that this half found. */
 static bool test_half(double *sum, slanted *s, trial *a, int half,
                       saga_error *error)
@@ -454,14 +464,15 @@ static void scale_slants(slanted *s, uint32_t n, real by)
             s->slant[i].by[k] *= by;
 }
 
-/* Returns by how much the parabola through error[0], [1] and [2] at 0, 1/2
- * and 1 goes below error[0] between 0 and 1. */
+/* error holds the errors at 0, 1/2 and 1. Returns by how much the parabola
+ * through them falls below error[0] between 0 and 1. */
 static double dip(const double error[3])
 {
     /* error(x) = error[0] + b x + a x^2 through the three points. */
     const double a = 2 * (error[2] - 2 * error[1] + error[0]);
     const double b = 4 * error[1] - error[2] - 3 * error[0];
-    /* Its lowest point within 0..1; an end, where it is not convex. */
+    /* The lowest point within 0..1, which is an end if the parabola is not
+     * convex. */
     const double x = a > 0 ? fmin(fmax(-b / (2 * a), 0), 1)
                            : error[2] < error[0];
 
@@ -470,7 +481,7 @@ static double dip(const double error[3])
 
 static bool make_slanted(slanted *s, const trial *a, saga_error *error)
 {
-    /* Nothing temporal learns. */
+    /* Colours need no temporal attributes. */
     const uint32_t attrs = saga_attrs_of_tools(a->to->tools, true);
 
     memset(s, 0, sizeof *s);
@@ -494,21 +505,21 @@ static void free_slanted(slanted *s)
     saga_params_free(&s->d);
 }
 
-/* Asks whether colours should depend on the direction. One half of the views
- * says how, and the other half is drawn with all of that and with half of it,
- * to know how much is best there: what cannot be foretold is no shine, but a
- * view's own. */
+/* Judges whether colours should depend on the direction. One half of the views
+ * finds the slants, and the other half is drawn with all and with half of them,
+ * to interpolate how much is best there. What does not help in other views is
+ * no reflection but a peculiarity of one view. */
 static bool ask_view(trial *a, double mse, saga_error *error)
 {
     double sum[3] = { mse, 0, 0 };
     slanted s;
     bool ok = true;
 
-    /* A half that teaches has to be tested by another. */
+    /* Both halves are needed, one to learn and one to test. */
     if (count_pictures(a, 0) == 0 || count_pictures(a, 1) == 0)
         return true;
     ok = make_slanted(&s, a, error);
-    /* Each half teaches, the other tests: sum[2] with all of the slants, sum[1]
+    /* Each half learns, the other tests: sum[2] with the whole slants, sum[1]
      * with half of them. */
     for (int half = 0; half < 2 && ok; half++) {
         ok = learn_half(&s, a, half, error) &&
@@ -530,8 +541,8 @@ static bool ask_all(trial *a, saga_error *error)
     double mse = error_of(a, &a->p, error);
     bool ok = mse >= 0;
 
-    /* From the third order of motion on; what does not pay is gone for all
-     * further questions, colours by direction come last. */
+    /* The highest order of motion comes first and colour by direction last; a
+     * tool that does not pay is gone for all later ones. */
     for (int i = 0; i < SAGA_TRAIN_VIEW && ok; i++)
         if (q->moves && q->terms.options->motion != SAGA_TRAIN_MOVING &&
             needs_asking(a->to, i))

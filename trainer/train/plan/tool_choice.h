@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * A scene gets those tools of the picture that are worth more than they cost.
+ * Chooses the tools of the picture (motion, rotation, fading, view-dependent
+ * colour) that are worth more bytes than they cost in a scene.
  */
 #ifndef SAGA_TOOL_CHOICE_H
 #define SAGA_TOOL_CHOICE_H
@@ -9,7 +10,8 @@
 #include "scene_model.h"
 #include "splat.h"
 
-/* Temporal tools are asked from the last order of motion on. */
+/* Temporal tools are judged in this order, from the highest order of motion
+ * on. */
 enum {
     SAGA_TRAIN_MOTION_3, SAGA_TRAIN_MOTION_2, SAGA_TRAIN_MOTION_1,
     SAGA_TRAIN_SLOPE, SAGA_TRAIN_OPACITY_T, SAGA_TRAIN_VIEW,
@@ -18,37 +20,39 @@ enum {
 
 extern const char *const saga_train_tool_names[SAGA_TRAIN_N_TOOLS];
 
-/* A tool of the picture is kept if it is worth more than it costs: bytes. Worth
- * is what the squared error of the warm-up's pictures grows by without it, at
- * the price of bits; of view-dependent colour what views lose that had no part
- * in finding it. */
+/* The verdict on a tool, in bytes. Its worth is the growth of the squared error
+ * on the warm-up's pictures without it, divided by the price of bits. The worth
+ * of view-dependent colour is measured on views that had no part in finding
+ * it. */
 typedef struct saga_train_tool {
-    double worth, cost;          /* cost: of its weights, and what training
-                                  * without it wins back */
+    double worth, cost;          /* cost: bytes of its weights, and of the error
+                                  * that training without the tool would win
+                                  * back */
     bool asked, kept;
 } saga_train_tool;
 
-/* The choice is made from the warm-up at its end. */
+/* The choice is made at the end of the warm-up. */
 typedef struct saga_tool_question {
-    saga_model_terms terms;      /* which networks' weights follow from */
+    saga_model_terms terms;      /* determine the sizes of the networks */
     double lambda;               /* > 0 */
     const saga_pictures *pictures;
-    saga_splat_params flat;      /* (n) the warm-up's primitives */
+    saga_splat_params flat;      /* (n) primitives of the warm-up */
     uint32_t n;
-    bool moves;                  /* it has temporal tools, and keeps them */
+    bool moves;                  /* the warm-up has temporal tools and keeps
+                                  * them */
 } saga_tool_question;
 
 typedef struct saga_tool_choice {
-    uint32_t tools;              /* of the picture, SAGA_TOOL_* */
-    saga_train_tool tool[SAGA_TRAIN_N_TOOLS]; /* why */
+    uint32_t tools;              /* SAGA_TOOL_* bits of the picture */
+    saga_train_tool tool[SAGA_TRAIN_N_TOOLS]; /* the verdicts behind them */
 } saga_tool_choice;
 
-/* Chooses; fails where memory is short. */
+/* Chooses the tools. Returns false with *error set if memory is short. */
 bool saga_plan_tools(saga_tool_choice *to, const saga_tool_question *q,
                      saga_error *error);
 
-/* Makes n primitives, which have all temporal attributes, what they are without
- * the tools that are not in `tools`. */
+/* Changes n primitives that have all temporal attributes to what they are
+ * without the tools that `tools` lacks. */
 void saga_plan_reduce(saga_splat_params *p, uint32_t n, uint32_t tools);
 
 #endif
