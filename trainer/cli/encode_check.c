@@ -296,13 +296,6 @@ static int compare_segment(saga_encode_session *s, saga_film *film, int segment,
     return status;
 }
 
-/* A set without pictures is 0 / 0: NaN, which is not printed and is null in
- * JSON. */
-static saga_train_quality quality_of(const double sum[2], const int n[2])
-{
-    return (saga_train_quality){ sum[0] / n[0], sum[1] / n[1], n[0], n[1] };
-}
-
 int saga_encode_check(saga_encode_session *s)
 {
     tally t = { .has_float = false };
@@ -328,13 +321,13 @@ int saga_encode_check(saga_encode_session *s)
     if (!status && !s->rows)
         status = written_but(s);
     for (int k = 0; k + 1 < s->o->layers; k++)
-        s->cut[k].quality = quality_of(s->cut[k].sum, s->cut[k].n);
+        s->cut[k].quality = saga_quality_of(s->cut[k].sum, s->cut[k].n);
     close_cuts(s);
     saga_film_close(&film);
     saga_bytes_free(&bytes);
-    s->decoded = quality_of(t.sum, t.n);
+    s->decoded = saga_quality_of(t.sum, t.n);
     if (saga_encode_exposure(s) > 0)
-        s->evened = quality_of(t.even, t.n);
-    s->agreement = quality_of(t.agree, t.n_agree);
+        s->evened = saga_quality_of(t.even, t.n);
+    s->agreement = saga_quality_of(t.agree, t.n_agree);
     return status;
 }

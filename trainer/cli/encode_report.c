@@ -18,7 +18,7 @@
 
 /* --- Pieces -------------------------------------------------------------- */
 
-static json_t *quality_of(const saga_train_quality *q)
+static json_t *quality_of(const saga_quality *q)
 {
     json_t *const o = json_object();
 
@@ -29,7 +29,7 @@ static json_t *quality_of(const saga_train_quality *q)
     return o;
 }
 
-static json_t *layer_of(size_t nbytes, const saga_train_quality *q)
+static json_t *layer_of(size_t nbytes, const saga_quality *q)
 {
     json_t *const o = json_object();
 
@@ -195,7 +195,7 @@ static const char *reason_of_lambda(const saga_encode_session *s)
 
 static void put_decoded(json_t *o, const saga_encode_session *s)
 {
-    const saga_train_quality *const q = &s->decoded;
+    const saga_quality *const q = &s->decoded;
 
     saga_put_real(o, "seconds", saga_clock_seconds() - s->started);
     saga_put(o, "psnr", quality_of(q));

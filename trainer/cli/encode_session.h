@@ -28,7 +28,7 @@ typedef struct saga_encode_cut {
     size_t nbytes;
     double sum[2];               /* dB: training, held out */
     int n[2];                    /* pictures */
-    saga_train_quality quality;
+    saga_quality quality;
 } saga_encode_cut;
 
 /* A session has what is open and what came out. */
@@ -45,10 +45,10 @@ typedef struct saga_encode_session {
     int scale;                   /* N of 1/N that its pictures are loaded at */
     saga_capture capture;        /* of one segment */
     saga_train *train;
-    saga_train_quality decoded;  /* by the integer decoder, from the file */
-    saga_train_quality evened;   /* the same beside the evened pictures that
+    saga_quality decoded;  /* by the integer decoder, from the file */
+    saga_quality evened;   /* the same beside the evened pictures that
                                   * training saw; 0 pictures: all alike */
-    saga_train_quality agreement; /* of its pictures with the float ones of
+    saga_quality agreement; /* of its pictures with the float ones of
                                    * the same symbols, PSNR */
     saga_verdict verdict;        /* of the training views */
     saga_shutter *shutter;       /* (views) sums, */

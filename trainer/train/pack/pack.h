@@ -8,7 +8,9 @@
 
 #include "encode.h"
 #include "fit.h"
+#include "pictures.h"
 #include "quantise.h"
+#include "saga.h"
 #include "scene.h"
 
 /* A file in the making: its networks as they are decoded, which every segment
@@ -39,6 +41,12 @@ bool saga_pack_begin(saga_packed *file, const saga_pack_input *in,
                      const saga_header *header, const saga_rig_camera *rig,
                      saga_error *error);
 
+/* pack_head.c: does so with the cube, the rate and all cameras of these
+ * pictures, and names the cameras. */
+bool saga_pack_open(saga_packed *file, const saga_pack_input *in,
+                    const saga_pictures *pictures, int level,
+                    saga_error *error);
+
 /* Puts a segment of n_frames at a place among those of the file
  * (saga_encoder_insert). The networks of the choice's scene are the file's.
  * decoded: NULL, or takes the scene a decoder has, decoded symbols and
@@ -52,6 +60,9 @@ bool saga_pack_segment(saga_packed *file, uint32_t place, uint32_t n_frames,
 bool saga_pack_base(saga_packed *file, saga_quantise_report *report,
                     saga_scene *decoded, const saga_pack_input *in,
                     saga_error *error);
+
+/* pack_level.c: compares what a file needs with the caps of a level. */
+bool saga_pack_within(const saga_info *info, int level, saga_error *error);
 
 /* Takes an empty one too, and leaves it so. */
 void saga_packed_free(saga_packed *file);

@@ -1,145 +1,58 @@
 /* SPDX-License-Identifier: MIT
  *
- * The trained state becomes a file: header, rig, packing, and a look at whether
- * it keeps within its level.
+ * The trained state becomes a file, of which quality, counts and prices are kept
+ * for the report; the first segment is tried beforehand, to see whether it keeps
+ * within its level.
  */
 #include "train_state.h"
 
 #include "alloc.h"
 #include "fit_polish.h"
-#include "utf8.h"
 
-#include <inttypes.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-/* --- Header and rig ------------------------------------------------------ */
+/* --- Quality ------------------------------------------------------------- */
 
-/* Returns the mantissa of value = mantissa 2^exponent, with 30 bits. */
-static int32_t mantissa_of(double value, int exponent)
+static bool flat_psnr(void *user, double *psnr, saga_sample picture,
+                      saga_error *error)
 {
-    return (int32_t)lround(ldexp(value, -exponent));
+    double mse;
+
+    if (!saga_flat_render(user, NULL, &mse, picture, error))
+        return false;
+    *psnr = -10 * log10(mse + 1e-12);
+    return true;
 }
 
-static int exponent_of(double value)
+static bool measure_scene(saga_train *t, saga_quality *q,
+                          const saga_scene *scene, saga_twin *twin,
+                          saga_error *error)
 {
-    int e;
-
-    /* |value| < 2^e, so that the mantissa stays within 30 bits. */
-    frexp(value, &e);
-    return e - 30;
+    return saga_quality_add_scene(q, &t->pictures, scene, twin, error);
 }
 
-/* Sets frames per second as a fraction: n, n / 1.001, or thousandths. */
-static void set_rate(saga_header *h, double fps)
+/* Makes the twin of the decoded scene. */
+static bool make_decoded(saga_train *t, saga_error *error)
 {
-    const double ntsc = fps * 1.001;
+    const saga_scene *const s = &t->decoded;
+    saga_twin *const w = &t->decoded_twin;
 
-    /* Whole rates are exact, and so are 24000 / 1001 and its like, which a
-     * capture may have rounded to 23.976. */
-    h->fps_den = fabs(fps - rint(fps)) < 1e-6 ? 1
-                : fabs(ntsc - rint(ntsc)) < 1e-4 ? 1001 : 1000;
-    h->fps_num = (uint32_t)fmax(1, h->fps_den == 1 ? rint(fps)
-                                : h->fps_den == 1001 ? 1000 * rint(ntsc)
-                                : rint(1000 * fps));
+    if (!saga_twin_init(w, s, error) ||
+        !saga_twin_refresh(w, s, s->coarse_feature, error))
+        return false;
+    /* Once for all pictures: time and camera come later. */
+    saga_twin_geometry(w, s, s->coarse_feature);
+    return true;
 }
 
-static void set_header(saga_header *h, const saga_train *t, int level)
+bool saga_train_draw(saga_train *t, float *image, int view, int frame,
+                     saga_error *error)
 {
-    const saga_cube *const cube = &t->pictures.cube;
-    double most = 1e-9;
-
-    memset(h, 0, sizeof *h);
-    /* A box unit is 2^-23 of half the cube, in the world's unit. */
-    h->unit_exponent = exponent_of(cube->unit / 8388608.0);
-    h->unit_mantissa = mantissa_of(cube->unit / 8388608.0, h->unit_exponent);
-    /* One exponent for all axes, by the largest of them. */
-    for (int i = 0; i < 3; i++)
-        most = fmax(most, fabs(cube->centre[i]));
-    h->centre_exponent = exponent_of(most);
-    for (int i = 0; i < 3; i++)
-        h->centre_mantissa[i] = mantissa_of(cube->centre[i],
-                                            h->centre_exponent);
-    h->n_cameras = (uint16_t)t->capture->n_views;
-    h->level = (uint8_t)level;
-    set_rate(h, t->capture->fps);
-}
-
-static void copy_camera(saga_rig_camera *r, const saga_camera *c,
-                        uint32_t number)
-{
-    memcpy(r->rotation_q30, c->rotation_q30, sizeof r->rotation_q30);
-    memcpy(r->centre, c->centre, sizeof r->centre);
-    memcpy(r->focal_q16, c->focal_q16, sizeof r->focal_q16);
-    memcpy(r->principal_q16, c->principal_q16, sizeof r->principal_q16);
-    memcpy(r->background_q15, c->background_q15, sizeof r->background_q15);
-    r->near_plane = c->near_plane;
-    r->width = c->width;
-    r->height = c->height;
-    r->number = number;
-}
-
-/* The rig has all cameras of the capture, held-out ones too, in its order. */
-static saga_rig_camera *make_rig(saga_train *t, const saga_header *h,
-                                 saga_error *error)
-{
-    const size_t n = (size_t)t->capture->n_views;
-    saga_rig_camera *const rig = saga_calloc(n, sizeof *rig, "the cameras",
-                                             error);
-    saga_metric m;
-
-    /* By the header's rounded numbers: a decoder knows no others, and cameras
-     * have to stand where its cube is. */
-    m.unit = ldexp(h->unit_mantissa, h->unit_exponent);
-    for (int i = 0; i < 3; i++)
-        m.centre[i] = ldexp(h->centre_mantissa[i], h->centre_exponent);
-    for (size_t i = 0; rig && i < n; i++) {
-        saga_camera c;
-
-        memset(&c, 0, sizeof c);
-        for (int k = 0; k < 3; k++)
-            /* Training drew this behind everything. */
-            c.background_q15[k] = (uint16_t)lrint(
-                32768 * (t->pictures.background[k] / 255.0));
-        if (!saga_camera_of_shot(&c, &m, &t->capture->views[i],
-                                 saga_pictures_near(&t->pictures, (int)i),
-                                 error)) {
-            free(rig);
-            return NULL;
-        }
-        copy_camera(&rig[i], &c, (uint32_t)i);
-    }
-    return rig;
-}
-
-/* Names of what the rig has, in its order, as UTF-8. A name that a file cannot
- * have, of control characters, is left empty. */
-static bool name_rig(saga_encoder *e, const saga_capture *c, saga_error *error)
-{
-    const size_t n = (size_t)c->n_views;
-    saga_naming *const names = saga_calloc(n, sizeof *names, "the names",
-                                           error);
-    bool ok;
-
-    for (size_t i = 0; names && i < n; i++) {
-        const char *const name = c->views[i].name;
-        size_t k = 0;
-
-        /* Stops at the end, or at a control character: then 0 bytes are
-         * taken. */
-        while ((unsigned char)name[k] >= 0x20 && name[k] != 0x7f)
-            k++;
-        saga_utf8_copy(names[i].name, sizeof names[i].name, name,
-                       name[k] ? 0 : k);
-    }
-    if (names && c->metres > 0) {
-        names->metre_exponent = exponent_of(c->metres);
-        names->metre_mantissa = mantissa_of(c->metres, names->metre_exponent);
-    }
-    ok = names && saga_encoder_names(e, names, error);
-    free(names);
-    return ok;
+    return saga_quality_draw(image, &t->pictures, &t->decoded,
+                             &t->decoded_twin, (saga_sample){ view, frame, 0 },
+                             error);
 }
 
 /* --- Packing ------------------------------------------------------------- */
@@ -149,22 +62,11 @@ static bool begin_file(saga_packed *file, saga_train *t, int level,
                        saga_error *error)
 {
     saga_splat_camera cam;
-    saga_header h;
-    saga_rig_camera *rig;
-    bool ok;
 
-    set_header(&h, t, level);
-    /* The header comes first: the rig is in its units. */
-    rig = make_rig(t, &h, error);
-    if (!rig)
-        return false;
     /* The ranges of the colours' activations are measured from one camera. */
     saga_pictures_camera(&cam, &t->pictures, (saga_sample){ 0 });
     saga_twin_colour(twin, saga_fit_scene(t->fit), cam.centre);
-    ok = saga_pack_begin(file, in, &h, rig, error) &&
-         name_rig(file->encoder, t->capture, error);
-    free(rig);
-    return ok;
+    return saga_pack_open(file, in, &t->pictures, level, error);
 }
 
 /* Tells whether what is trained becomes a segment of the file: neither a base
@@ -278,15 +180,16 @@ static bool pack(saga_train *t, int level, manner how, saga_error *error)
                                  saga_fit_weights(t->fit),
                                  t->room };
     const bool measured = final && is_segment(t);
-    bool ok = twin && (!measured || saga_train_measure_scene(
-                                        &r->model, t, saga_fit_scene(t->fit),
-                                        twin, error));
+    bool ok = twin && (!measured || measure_scene(t, &r->model,
+                                                      saga_fit_scene(t->fit),
+                                                      twin, error));
 
     /* The float model was measured on the fit's twin; what is decoded is there
      * once it is packed. */
     ok = ok && pack_at(t, level, how, twin, &in, error);
     if (ok && measured)
-        ok = saga_train_measure_decoded(t, error);
+        ok = make_decoded(t, error) &&
+             measure_scene(t, &r->coded, &t->decoded, &t->decoded_twin, error);
     free(feature);
     if (is_segment(t))
         keep_counts(&r->n, &t->scene.n);
@@ -310,39 +213,6 @@ static bool pack(saga_train *t, int level, manner how, saga_error *error)
 }
 
 /* --- Levels -------------------------------------------------------------- */
-
-static bool within(const char *what, uint64_t value, uint64_t cap,
-                   const saga_train *t, saga_error *error)
-{
-    const char *const remedy = t->o.level < SAGA_N_PROFILES - 1
-        ? "take fewer --primitives or --layers, or a higher --level"
-        : "take fewer --primitives or --layers";
-
-    return value <= cap ||
-           saga_fail(error, NULL, remedy, "the file would need %" PRIu64 " %s, "
-                     "level %d has %" PRIu64, value, what, t->o.level, cap);
-}
-
-static bool within_level(const saga_info *i, const saga_train *t,
-                         saga_error *error)
-{
-    const saga_level_caps *const caps = &saga_caps[t->o.level];
-
-    return within("coarse anchors", i->base_coarse + i->max_coarse,
-                  caps->n_coarse, t, error) &&
-           within("fine anchors", i->base_fine + i->max_fine, caps->n_fine, t,
-                  error) &&
-           within("primitives", i->base_primitives + i->max_primitives,
-                  caps->n_prim, t, error) &&
-           within("weights", i->n_weights, caps->n_weights, t, error) &&
-           within("bytes of the decoder's memory", i->work_nbytes,
-                  caps->work_nbytes, t, error) &&
-           within("anchors in all layers and the base together",
-                  (uint64_t)i->n_layers * (i->max_coarse + i->max_fine) +
-                  i->base_coarse + i->base_fine, caps->n_anchors, t, error) &&
-           within("units of a decoder's work a segment", i->work, caps->work, t,
-                  error);
-}
 
 /* Asks what the decoder says to the bytes; they are dropped when it refuses. */
 static bool probe(saga_train *t, saga_error *error)
@@ -368,7 +238,7 @@ bool saga_train_check_level(saga_train *t, saga_error *error)
     const bool ok = t->turn > 0 ||
                     (pack(t, SAGA_N_PROFILES - 1, TRIAL, error) &&
                      probe(t, error) &&
-                     within_level(&t->report.info, t, error));
+                     saga_pack_within(&t->report.info, t->o.level, error));
 
     free(t->bytes);
     t->bytes = NULL;
@@ -397,13 +267,14 @@ bool saga_train_pack(saga_train *t, saga_error *error)
     /* Sized segments go by what the finished ones' primitives took (size.c). */
     if (is_segment(t)) {
         t->n_finished += t->scene.n.prim;
-        return saga_train_measure_flat(t, error) &&
+        return saga_quality_add(&t->report.warm, t->capture, flat_psnr, t->flat,
+                                error) &&
                pack(t, t->o.level, FINAL, error) && probe(t, error);
     }
     /* Networks for a base; or the base, which is kept as it is decoded, since
      * all segments are drawn on it. */
     return pack(t, t->o.level, FINAL, error) &&
-           (!saga_train_in_base(t) || (saga_train_make_decoded(t, error) &&
+           (!saga_train_in_base(t) || (make_decoded(t, error) &&
                                        saga_train_keep_base(t, error)));
 }
 

@@ -29,6 +29,7 @@
 #include "capture.h"
 #include "encode.h"
 #include "options.h"
+#include "quality.h"
 #include "quantise.h"
 #include "saga.h"
 #include "tool_choice.h"
@@ -54,13 +55,6 @@ struct saga_train_progress {
                                   * rendering */
     double done;                 /* 0..1 of all segments' work, an estimate */
 };
-
-/* Means over at most some 60 pictures of each set in a segment, evenly
- * spread. */
-typedef struct saga_train_quality {
-    double training, held_out;   /* PSNR, dB; NaN: no such picture */
-    int n_training, n_held_out;
-} saga_train_quality;
 
 /* The sources of one kind of residual are worth so much, in bytes. */
 typedef struct saga_train_kind {
@@ -103,10 +97,10 @@ typedef struct saga_train_report {
     double weight_bits;          /* of all weights of the networks with inputs,
                                   * but the entropy model's, and of scales by
                                   * row or column */
-    saga_train_quality warm;     /* the flat warm-up */
-    saga_train_quality model;    /* the float model, coarse features and
+    saga_quality warm;     /* the flat warm-up */
+    saga_quality model;    /* the float model, coarse features and
                                   * networks rounded */
-    saga_train_quality coded;    /* decoded symbols and weights, in float */
+    saga_quality coded;    /* decoded symbols and weights, in float */
 } saga_train_report;
 
 typedef struct saga_train saga_train;

@@ -159,17 +159,6 @@ bool saga_train_steer(saga_train *t, saga_error *error);
  * many as fill what the finished segments left of it. */
 uint32_t saga_train_share(const saga_train *t);
 
-/* quality.c: adds the segment to the report's qualities. */
-bool saga_train_measure_flat(saga_train *t, saga_error *error);
-/* Measures the pictures that twin, which stands for scene, draws. */
-bool saga_train_measure_scene(saga_train_quality *q, const saga_train *t,
-                              const saga_scene *scene, saga_twin *twin,
-                              saga_error *error);
-/* Makes the twin of the decoded scene. */
-bool saga_train_make_decoded(saga_train *t, saga_error *error);
-/* Does so first. */
-bool saga_train_measure_decoded(saga_train *t, saga_error *error);
-
 /* finish.c */
 /* Packs at level 3 and compares with the caps of the level asked for. */
 bool saga_train_check_level(saga_train *t, saga_error *error);
