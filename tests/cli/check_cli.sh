@@ -752,7 +752,7 @@ expect 2 check "$tmp/none"
 says "$tmp/none"
 expect 1 check "$tmp/dim/images"
 says 'holds no capture of a known format'
-says '`saga help check` tells the layouts'
+says '`saga help check` lists the layouts'
 expect 2 check "$tmp/dim" --html "$tmp/none/x.html"
 says "$tmp/none/x.html"
 verdict check

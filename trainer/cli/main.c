@@ -52,7 +52,7 @@ static const char last_words[] =
     "First steps:\n"
     "\n"
     "  saga synth demo                  the built-in scene, as a capture\n"
-    "  saga encode demo -o demo.saga    learns it; takes minutes\n"
+    "  saga encode demo -o demo.saga    trains on it; takes minutes\n"
     "  saga info demo.saga              what the file holds\n"
     "  saga eval demo.saga demo         how good it is\n"
     "  saga view demo.saga              shows it in the browser\n"

@@ -32,7 +32,8 @@ static bool list(saga_listing *listing, const char *path,
 
 const saga_loader saga_blender_loader = {
     "Blender", "transforms_train.json",
-    "transforms_train.json, transforms_test.json, pictures without an ending "
-    "in the file; D-NeRF's have a time for each picture: one camera that moves",
+    "transforms_train.json, transforms_test.json, in which pictures are named "
+    "without extension; the files of D-NeRF have a time for each picture of "
+    "their one moving camera",
     is_there, list
 };

@@ -191,7 +191,8 @@ static bool list(saga_listing *listing, const char *path,
 
 const saga_loader saga_frame_folders_loader = {
     "frame folders", "folders of frames",
-    "frame000/, frame001/ ..., each one of the other layouts for one moment; "
-    "or with one COLMAP model beside them",
+    "frame000/, frame001/ ..., each of which holds one moment in one of the "
+    "other layouts, or all of which share a COLMAP model that lies next to "
+    "them",
     is_there, list
 };

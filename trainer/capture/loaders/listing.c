@@ -135,7 +135,7 @@ static bool unknown_format(const saga_listing *listing, const char *path,
          *l && n < sizeof looked; l++)
         n += (size_t)snprintf(looked + n, sizeof looked - n, "%s%s",
                               (*l)->sign, l[1] ? ", "
-                              : "; `saga help check` tells the layouts");
+                              : "; `saga help check` lists the layouts");
     return saga_fail(error, path, looked,
                      "holds no capture of a known format");
 }

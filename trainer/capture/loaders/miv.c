@@ -525,7 +525,8 @@ static bool list(saga_listing *listing, const char *folder,
 const saga_loader saga_miv_loader = {
     "MPEG MIV", "MIV's JSON with .yuv",
     "NAME.json and VIEW_texture_WxH_yuv420p10le.yuv, perspective or "
-    "equirectangular (a sphere becomes faces of a cube); "
-    "VIEW_depth_WxH_yuv420p16le.yuv gives points; not tried on foreign files",
+    "equirectangular (a sphere is converted to the faces of a cube); points "
+    "are taken from VIEW_depth_WxH_yuv420p16le.yuv; tested on files of our own "
+    "only",
     is_there, list
 };

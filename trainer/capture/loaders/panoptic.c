@@ -323,6 +323,6 @@ static bool list(saga_listing *listing, const char *folder,
 
 const saga_loader saga_panoptic_loader = {
     "Panoptic Sports", "train_meta.json",
-    "train_meta.json, test_meta.json, ims/; not tried on foreign files",
+    "train_meta.json, test_meta.json, ims/; tested on files of our own only",
     is_there, list
 };
