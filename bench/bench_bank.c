@@ -38,7 +38,6 @@ static int16_t random_q12(uint64_t *state)
 static void fill(bench *b, uint32_t n_slots, uint32_t width)
 {
     uint64_t state = 1;
-    uint32_t p, d;
 
     b->m.n_slots = n_slots;
     b->m.width = width;
@@ -48,21 +47,19 @@ static void fill(bench *b, uint32_t n_slots, uint32_t width)
         exit(1);
     saga_bank_lay(&b->m, b->block);
     saga_bank_start(&b->m);
-    for (p = 0; p < N_QUERIES; p++)
-        for (d = 0; d < SAGA_MAX_SLOT_WIDTH; d++)
+    for (uint32_t p = 0; p < N_QUERIES; p++)
+        for (uint32_t d = 0; d < SAGA_MAX_SLOT_WIDTH; d++)
             b->query[p][d] = random_q12(&state);
-    for (p = 0; p < SAGA_MAX_SLOTS; p++) {
+    for (uint32_t p = 0; p < SAGA_MAX_SLOTS; p++) {
         b->gate[p] = (int32_t)(random_bits(&state) & 32767u);
-        for (d = 0; d < SAGA_MAX_SLOT_WIDTH; d++)
+        for (uint32_t d = 0; d < SAGA_MAX_SLOT_WIDTH; d++)
             b->write[p][d] = random_q12(&state);
     }
 }
 
 static void write_all(bench *b, int plain)
 {
-    uint32_t p;
-
-    for (p = 0; p < b->m.n_slots; p++)
+    for (uint32_t p = 0; p < b->m.n_slots; p++)
         saga_bank_update(&b->m, p, b->write[p], b->gate[p], plain);
 }
 
@@ -85,12 +82,11 @@ static void run_reads(bench *b)
 {
     int16_t out[SAGA_MAX_SLOT_WIDTH];
     bench_times t = { { 0 }, 0 };
-    uint32_t i, k;
 
-    for (i = 0; i < REPEATS; i++) {
+    for (uint32_t i = 0; i < REPEATS; i++) {
         const double start = bench_now_ms();
 
-        for (k = 0; k < READS; k++) {
+        for (uint32_t k = 0; k < READS; k++) {
             saga_bank_read(out, &b->m, b->query[k % N_QUERIES]);
             b->sum = b->sum * 31 + (uint16_t)out[0];
         }
@@ -103,12 +99,11 @@ static void run_reads(bench *b)
 static void run_writes(bench *b, int plain)
 {
     bench_times t = { { 0 }, 0 };
-    uint32_t i, k;
 
-    for (i = 0; i < REPEATS; i++) {
+    for (uint32_t i = 0; i < REPEATS; i++) {
         const double start = bench_now_ms();
 
-        for (k = 0; k < WRITES; k++)
+        for (uint32_t k = 0; k < WRITES; k++)
             write_all(b, plain);
         bench_add(&t, bench_now_ms() - start);
         b->sum = b->sum * 31 + (uint16_t)b->m.slot[0];
@@ -123,9 +118,8 @@ void bench_bank(void)
         uint32_t n_slots, width;
     } sizes[] = { { 32, 32 }, { 64, 64 }, { 512, 64 } };
     static bench b;
-    size_t i;
 
-    for (i = 0; i < sizeof sizes / sizeof *sizes; i++) {
+    for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
         fill(&b, sizes[i].n_slots, sizes[i].width);
         run_reads(&b);
         run_writes(&b, 0);

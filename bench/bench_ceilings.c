@@ -19,10 +19,9 @@ enum { ADDS = 10000000, BLOCK = 1 << 26, NEAR = 1 << 17, TIMES = 1000000,
 static void add(void *data)
 {
     uint32_t x = 1;
-    int i;
 
     (void)data;
-    for (i = 0; i < ADDS; i++) {
+    for (int i = 0; i < ADDS; i++) {
         x += 3;
         __asm__ volatile("" : "+r"(x));
     }
@@ -38,9 +37,8 @@ static void copy(void *data)
 static void copy_near(void *data)
 {
     uint8_t *const p = data;
-    int i;
 
-    for (i = 0; i < BLOCK / NEAR; i++) {
+    for (int i = 0; i < BLOCK / NEAR; i++) {
         memcpy(p + NEAR, p, NEAR);
         __asm__ volatile("" : : "r"(p) : "memory");
     }
@@ -56,17 +54,16 @@ enum { MACS = 16 };
 static void multiply_int16(void *data)
 {
     __m256i sum[CHAINS], x = _mm256_set1_epi16(3), w = x;
-    int i, k;
 
-    for (k = 0; k < CHAINS; k++)
+    for (int k = 0; k < CHAINS; k++)
         sum[k] = x;
-    for (i = 0; i < TIMES; i++)
+    for (int i = 0; i < TIMES; i++)
         UNROLL
-        for (k = 0; k < CHAINS; k++) {
+        for (int k = 0; k < CHAINS; k++) {
             __asm__ volatile("" : "+x"(x));
             sum[k] = _mm256_add_epi32(sum[k], _mm256_madd_epi16(x, w));
         }
-    for (k = 1; k < CHAINS; k++)
+    for (int k = 1; k < CHAINS; k++)
         sum[0] = _mm256_add_epi32(sum[0], sum[k]);
     memcpy(data, &sum[0], sizeof *sum);
 }
@@ -76,17 +73,16 @@ enum { MACS = 8 };
 static void multiply_int16(void *data)
 {
     __m128i sum[CHAINS], x = _mm_set1_epi16(3), w = x;
-    int i, k;
 
-    for (k = 0; k < CHAINS; k++)
+    for (int k = 0; k < CHAINS; k++)
         sum[k] = x;
-    for (i = 0; i < TIMES; i++)
+    for (int i = 0; i < TIMES; i++)
         UNROLL
-        for (k = 0; k < CHAINS; k++) {
+        for (int k = 0; k < CHAINS; k++) {
             __asm__ volatile("" : "+x"(x));
             sum[k] = _mm_add_epi32(sum[k], _mm_madd_epi16(x, w));
         }
-    for (k = 1; k < CHAINS; k++)
+    for (int k = 1; k < CHAINS; k++)
         sum[0] = _mm_add_epi32(sum[0], sum[k]);
     memcpy(data, &sum[0], sizeof *sum);
 }
@@ -96,15 +92,14 @@ enum { MACS = 1 };
 static void multiply_int16(void *data)
 {
     int32_t sum[CHAINS] = { 0 }, x = 3;
-    int i, k;
 
-    for (i = 0; i < TIMES; i++)
+    for (int i = 0; i < TIMES; i++)
         UNROLL
-        for (k = 0; k < CHAINS; k++) {
+        for (int k = 0; k < CHAINS; k++) {
             __asm__ volatile("" : "+r"(x));
             sum[k] += (int16_t)x * 5;
         }
-    for (k = 1; k < CHAINS; k++)
+    for (int k = 1; k < CHAINS; k++)
         sum[0] += sum[k];
     memcpy(data, sum, sizeof *sum);
 }
@@ -136,18 +131,17 @@ typedef float floats __attribute__((vector_size(16)));
 static void multiply_float(void *data)
 {
     floats sum[FLOAT_CHAINS], x;
-    int i, k;
 
     memset(&x, 0, sizeof x);
-    for (k = 0; k < FLOAT_CHAINS; k++)
+    for (int k = 0; k < FLOAT_CHAINS; k++)
         sum[k] = x;
-    for (i = 0; i < TIMES; i++)
+    for (int i = 0; i < TIMES; i++)
         UNROLL
-        for (k = 0; k < FLOAT_CHAINS; k++) {
+        for (int k = 0; k < FLOAT_CHAINS; k++) {
             OPAQUE(x);
             sum[k] = FMA(sum[k], x);
         }
-    for (k = 1; k < FLOAT_CHAINS; k++)
+    for (int k = 1; k < FLOAT_CHAINS; k++)
         sum[0] = FMA(sum[0], sum[k]);
     memcpy(data, &sum[0], sizeof *sum);
 }

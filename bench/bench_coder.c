@@ -76,30 +76,29 @@ static void run_residuals(const char *what, uint32_t index)
     double ideal = 0, p;
     uint64_t r = 1;
     size_t n;
-    int i, k;
 
     saga_range_enc_init(&e, bytes, cap);
-    for (i = 0; i < N; i++) {
+    for (int i = 0; i < N; i++) {
         want[i] = draw(saga_prob_scale(index),
                        (uint32_t)gen_range(&r, 0, SAGA_PROB_TOTAL - 1), &p);
         ideal -= log2(p);
         saga_range_enc_residual(&e, want[i], index);
     }
     n = saga_range_enc_finish(&e);
-    for (i = 0; i < BLOCK; i++)
+    for (int i = 0; i < BLOCK; i++)
         scale[i] = (uint8_t)index;
-    for (k = 0; k < REPEATS; k++) {
+    for (int k = 0; k < REPEATS; k++) {
         static int32_t q[N];
         const double start = bench_now_ms();
         saga_range_dec d;
 
         saga_range_dec_init(&d, bytes, n);
-        for (i = 0; i < N; i += BLOCK)
+        for (int i = 0; i < N; i += BLOCK)
             d.coder.residual(&d.coder, nowhere, q + i, NULL, 1 << 16, scale,
                              BLOCK);
         bench_add(&t, bench_now_ms() - start);
         check(saga_range_dec_finish(&d));
-        for (i = 0; i < N; i++)
+        for (int i = 0; i < N; i++)
             check(q[i] == want[i]);
     }
     report(what, &t, n, ideal);
@@ -123,12 +122,11 @@ static void run_adaptive(const char *what, uint32_t n_sym, int one_in)
     saga_range_enc e;
     uint64_t r = 1;
     size_t n;
-    int i, k;
 
     /* N symbols are coded: 0, and one of the others once in one_in. */
     saga_range_enc_init(&e, bytes, cap);
     saga_adaptive_init(&m, n_sym);
-    for (i = 0; i < N; i++) {
+    for (int i = 0; i < N; i++) {
         const uint32_t sym = gen_range(&r, 1, one_in) > 1 ? 0
             : (uint32_t)gen_range(&r, 1, (int32_t)n_sym - 1);
 
@@ -140,18 +138,18 @@ static void run_adaptive(const char *what, uint32_t n_sym, int one_in)
     }
     n = saga_range_enc_finish(&e);
     /* Decoding alone is timed, and has to give them back. */
-    for (k = 0; k < REPEATS; k++) {
+    for (int k = 0; k < REPEATS; k++) {
         static uint8_t got[N];
         const double start = bench_now_ms();
         saga_range_dec d;
 
         saga_adaptive_init(&m, n_sym);
         saga_range_dec_init(&d, bytes, n);
-        for (i = 0; i < N; i++)
+        for (int i = 0; i < N; i++)
             got[i] = (uint8_t)d.coder.adaptive(&d.coder, nowhere, &m, n_sym);
         bench_add(&t, bench_now_ms() - start);
         check(saga_range_dec_finish(&d));
-        for (i = 0; i < N; i++)
+        for (int i = 0; i < N; i++)
             check(got[i] == want[i]);
     }
     report(what, &t, n, ideal);

@@ -57,7 +57,6 @@ static void run_once(const uint8_t *bytes, size_t n, const saga_info *info,
     saga_camera camera;
     uint32_t number;
     double t[N_STAGES + 1];
-    int k;
 
     check(saga_find(&seg, bytes, n, 0, 1), "find");
     check(saga_rig(&camera, &number, bytes, n, 0), "rig");
@@ -76,7 +75,7 @@ static void run_once(const uint8_t *bytes, size_t n, const saga_info *info,
     t[DRAW] = bench_now_ms();
     draw(dec, pixels, scratch, scratch_nbytes);
     t[N_STAGES] = bench_now_ms();
-    for (k = 0; k < N_STAGES; k++)
+    for (int k = 0; k < N_STAGES; k++)
         bench_add(&times[k], t[k + 1] - t[k]);
     free(pixels);
     free(scratch);
@@ -86,9 +85,8 @@ static void run_once(const uint8_t *bytes, size_t n, const saga_info *info,
 static void report(const saga_info *info)
 {
     bench_row *r;
-    int i;
 
-    for (i = 0; i < N_STAGES; i++) {
+    for (int i = 0; i < N_STAGES; i++) {
         r = bench_row_add(stage_name[i], &times[i]);
         r->count = i == OPEN ? info->n_weights : info->max_primitives;
         r->each = i == OPEN ? "a weight" : "a primitive";
@@ -109,13 +107,12 @@ void bench_decode(void)
     uint8_t *bytes;
     size_t n;
     void *work;
-    int i;
 
     gen_stream_make(&g, &o);
     gen_stream_encode(&g, &bytes, &n);
     check(saga_probe(&info, bytes, n), "probe");
     work = bench_need(info.work_nbytes);
-    for (i = 0; i < REPETITIONS; i++)
+    for (int i = 0; i < REPETITIONS; i++)
         run_once(bytes, n, &info, work);
     report(&info);
     free(work);

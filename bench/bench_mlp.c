@@ -42,12 +42,10 @@ static uint32_t random_bits(uint64_t *state)
 static void fill(bench *b, const uint16_t *dim)
 {
     uint64_t state = 1;
-    uint32_t row, k;
-    size_t i, l;
 
-    for (l = 0; l < LAYERS; l++) {
-        for (row = 0; row < dim[l + 1]; row++) {
-            for (k = 0; k < saga_mlp_pad(dim[l]); k++) {
+    for (size_t l = 0; l < LAYERS; l++) {
+        for (uint32_t row = 0; row < dim[l + 1]; row++) {
+            for (uint32_t k = 0; k < saga_mlp_pad(dim[l]); k++) {
                 const int w = (int)(random_bits(&state) % 255) - 127;
                 const size_t at = saga_mlp_weight_at(dim[l], dim[l + 1], row,
                                                      k);
@@ -59,7 +57,7 @@ static void fill(bench *b, const uint16_t *dim)
             b->shift[l][row] = 9;
         }
     }
-    for (i = 0; i < POINTS * WIDTH; i++)
+    for (size_t i = 0; i < POINTS * WIDTH; i++)
         b->in[i] = (int16_t)(random_bits(&state) % 8192 - 4096);
 }
 
@@ -69,9 +67,8 @@ static void run_points(bench *b, const saga_layer *layer, uint32_t batch)
 {
     const size_t in = saga_mlp_pad(layer[0].n_in);
     const size_t out = saga_mlp_pad(layer[2].n_out);
-    size_t i;
 
-    for (i = 0; i < POINTS; i += batch) {
+    for (size_t i = 0; i < POINTS; i += batch) {
         saga_mlp_layer(b->hidden[0], &layer[0], b->in + i * in, batch);
         saga_mlp_layer(b->hidden[1], &layer[1], b->hidden[0], batch);
         saga_mlp_layer(b->out + i * out, &layer[2], b->hidden[1], batch);
@@ -99,10 +96,9 @@ static void run(bench *b, const uint16_t *dim, int int8, uint32_t batch)
     double macs = 0;
     char name[56];
     bench_row *r;
-    size_t l;
 
     fill(b, dim);
-    for (l = 0; l < LAYERS; l++) {
+    for (size_t l = 0; l < LAYERS; l++) {
         layer[l].weight = int8 ? (const void *)b->w8[l] : b->w16[l];
         layer[l].bias = b->bias[l];
         layer[l].shift = b->shift[l];
@@ -125,9 +121,8 @@ static void run(bench *b, const uint16_t *dim, int int8, uint32_t batch)
 void bench_mlp(void)
 {
     bench *const b = bench_need(sizeof *b);
-    size_t i;
 
-    for (i = 0; i < sizeof shapes / sizeof *shapes; i++) {
+    for (size_t i = 0; i < sizeof shapes / sizeof *shapes; i++) {
         run(b, shapes[i], 0, 1);
         run(b, shapes[i], 0, BATCH);
         run(b, shapes[i], 1, 1);

@@ -40,8 +40,6 @@ static void run(const saga_net *shape, size_t m, int reps)
     saga_net_work work;
     bench_times forward, backward;
     double flop = 0;
-    size_t i;
-    int r, l;
 
     memset(&forward, 0, sizeof forward);
     backward = forward;
@@ -50,11 +48,11 @@ static void run(const saga_net *shape, size_t m, int reps)
     saga_net_bind(&net, w);
     saga_net_bind(&d, w + n);
     saga_net_init(&net, 1);
-    for (i = 0; i < 2 * m * (n_in + n_out); i++)
+    for (size_t i = 0; i < 2 * m * (n_in + n_out); i++)
         x[i] = saga_rng_float(saga_rng_stream(2, 2), i) - 0.5f;
-    for (l = 0; l < net.n_layers; l++)
+    for (int l = 0; l < net.n_layers; l++)
         flop += 2.0 * net.dim[l] * net.dim[l + 1] * (double)m;
-    for (r = 0; r < reps; r++) {
+    for (int r = 0; r < reps; r++) {
         double at = bench_now_ms();
 
         saga_net_forward(y, &work, x, m, &net);
@@ -82,13 +80,11 @@ static void run_rest(size_t m, int reps)
     saga_error error = { "" };
     bench_times times[2];
     bench_row *row;
-    size_t i;
-    int r;
 
     memset(times, 0, sizeof times);
-    for (i = 0; i < m * 16; i++)
+    for (size_t i = 0; i < m * 16; i++)
         x[i] = saga_rng_float(saga_rng_stream(1, 1), i) - 0.5f;
-    for (r = 0; r < reps; r++) {
+    for (int r = 0; r < reps; r++) {
         double at = bench_now_ms();
 
         saga_embedding_forward(pe, PE, x, m, AXES, OCTAVES);

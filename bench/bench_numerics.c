@@ -180,17 +180,17 @@ static void softmax(data *d)
         const int32_t *const x = d->x + i;
         int32_t *const y = d->y + i, most = x[0];
         uint32_t sum = 0, r;
-        int shift, k;
+        int shift;
 
-        for (k = 1; k < SLOTS; k++)
+        for (int k = 1; k < SLOTS; k++)
             most = fx_max(most, x[k]);
-        for (k = 0; k < SLOTS; k++)
+        for (int k = 0; k < SLOTS; k++)
             y[k] = (most - x[k]) >> 2;
         saga_exp2_neg_each(y, SLOTS);
-        for (k = 0; k < SLOTS; k++)
+        for (int k = 0; k < SLOTS; k++)
             sum += (uint32_t)y[k];
         r = saga_recip32(sum, &shift);
-        for (k = 0; k < SLOTS; k++)
+        for (int k = 0; k < SLOTS; k++)
             y[k] = (int32_t)fx_rshift64((int64_t)y[k] * r, shift - 14);
     }
 }
@@ -530,7 +530,6 @@ static void prepare_places(data *d, gen_rng *r)
     enum { HALF = 1 << 18, HALF_T = 1 << 13 };
     saga_coarse *const coarse = calloc(ANCHORS, sizeof *coarse);
     int16_t *const feature = calloc(ANCHORS * FEATURES, sizeof *feature);
-    int q, i;
 
     if (!coarse || !feature)
         exit(1);
@@ -547,12 +546,12 @@ static void prepare_places(data *d, gen_rng *r)
     d->sc.coarse_feature = feature;
     /* Anchors in a row, 16384 apart but for noise; a query near each, in the
      * integers' units and in cubes of 1. */
-    for (q = 0; q < ANCHORS; q++) {
+    for (int q = 0; q < ANCHORS; q++) {
         saga_position *const p = &d->query[q];
 
         coarse[q].depth_x = 5;
         coarse[q].depth_t = 2;
-        for (i = 0; i < 3; i++) {
+        for (int i = 0; i < 3; i++) {
             coarse[q].x[i] = gen_int(r, -(1 << 20), 1 << 20) +
                              (q - ANCHORS / 2) * 16384;
             p->x[i] = coarse[q].x[i] + gen_int(r, -HALF, HALF);
@@ -567,24 +566,24 @@ static void prepare_places(data *d, gen_rng *r)
         d->place_f64[q][3] = coarse[q].t / 65536.0;
         d->query_f64[q][3] = p->t / 65536.0;
         d->where_f64[q][3] = (p->t - 32768) / 131072.0;
-        for (i = 0; i < FEATURES; i++) {
+        for (int i = 0; i < FEATURES; i++) {
             feature[q * FEATURES + i] = (int16_t)gen_int(r, -8192, 8192);
             d->feature_f64[q * FEATURES + i] =
                 feature[q * FEATURES + i] / 4096.0;
         }
     }
-    for (i = 0; i < 4; i++)
+    for (int i = 0; i < 4; i++)
         d->size_f64[i] = i < 3 ? HALF / 8388608.0 : HALF_T / 65536.0;
     /* The same numbers in float. */
-    for (i = 0; i < 4; i++)
+    for (int i = 0; i < 4; i++)
         d->size_f32[i] = (float)d->size_f64[i];
-    for (q = 0; q < ANCHORS; q++)
-        for (i = 0; i < 4; i++) {
+    for (int q = 0; q < ANCHORS; q++)
+        for (int i = 0; i < 4; i++) {
             d->place_f32[q][i] = (float)d->place_f64[q][i];
             d->query_f32[q][i] = (float)d->query_f64[q][i];
             d->where_f32[q][i] = (float)d->where_f64[q][i];
         }
-    for (i = 0; i < ANCHORS * FEATURES; i++)
+    for (int i = 0; i < ANCHORS * FEATURES; i++)
         d->feature_f32[i] = (float)d->feature_f64[i];
 }
 
@@ -672,15 +671,14 @@ static void prepare_prims(data *d, gen_rng *r)
         saga_primitive *const p = &d->still[i];
         ref_primitive as_real;
         F64(prim) *const q = &d->still_f64[i];
-        int k;
 
-        for (k = 0; k < 4; k++) {
+        for (int k = 0; k < 4; k++) {
             p->quat[k] = (int16_t)gen_int(r, -4096, 4096);
             p->slope[k] = (int16_t)gen_int(r, -1024, 1024);
         }
-        for (k = 0; k < 9; k++)
+        for (int k = 0; k < 9; k++)
             p->motion[k] = (int16_t)gen_int(r, -2048, 2048);
-        for (k = 0; k < 3; k++)
+        for (int k = 0; k < 3; k++)
             p->support[k] = 1 << 15;
         p->opacity = (int16_t)gen_int(r, -8192, 16384);
         p->t_centre = gen_int(r, 0, 65535);
@@ -735,7 +733,6 @@ static void prepare_alphas(data *d, gen_rng *r)
 static void prepare_picture(data *d, gen_rng *r)
 {
     static saga_primitive prims[SPLATS];
-    uint32_t i;
 
     gen_front_camera(&d->camera, WIDE, HIGH);
     memset(d->camera.background_q15, 0, sizeof d->camera.background_q15);
@@ -743,7 +740,7 @@ static void prepare_picture(data *d, gen_rng *r)
     d->n_splats = gen_splats(d->splats, NULL, prims, &gen_still_format,
                              SPLATS, &d->camera, 32768);
     d->n_pairs = 0;
-    for (i = 0; i < d->n_splats; i++) {
+    for (uint32_t i = 0; i < d->n_splats; i++) {
         const saga_splat *const s = &d->splats[i];
         F64(splat) *const q = &d->drawn_f64[i];
         ref_splat as_real;

@@ -202,13 +202,13 @@ static uint32_t count_rounds(const file *f, int tier)
 {
     const saga_scaffold *const sc = &f->sc;
     const uint32_t n = tier ? sc->n.fine : sc->n.coarse;
-    uint32_t in_group[SAGA_MAX_GROUPS] = { 0 }, rounds = 0, i;
+    uint32_t in_group[SAGA_MAX_GROUPS] = { 0 }, rounds = 0;
 
     if (sc->bank.n_slots == 0 || !saga_tier_writes(sc->model, tier))
         return 0;
-    for (i = 0; i < n; i++)
+    for (uint32_t i = 0; i < n; i++)
         in_group[tier ? sc->fine[i].group : sc->coarse[i].group]++;
-    for (i = 0; i < SAGA_MAX_GROUPS; i++)
+    for (uint32_t i = 0; i < SAGA_MAX_GROUPS; i++)
         rounds += (in_group[i] + sc->model->bank_blocks - 1u) /
                  sc->model->bank_blocks;
     return rounds;
@@ -262,7 +262,6 @@ static void open_whole(file *f)
 static void make_view(file *f)
 {
     const uint32_t n = f->sc.n.prim;
-    uint32_t i;
 
     saga_prim_format_of(&f->format, f->sc.model);
     f->prims = need(n * sizeof *f->prims);
@@ -273,7 +272,7 @@ static void make_view(file *f)
     f->sorted = need(n * sizeof *f->keys);
     f->tmp = need(n * sizeof *f->keys);
     saga_reconstruct(&f->sc, f->prims, f->colours, f->plan.colour_stride);
-    for (i = 0; i < n; i++) {
+    for (uint32_t i = 0; i < n; i++) {
         saga_animate(&f->animated[i], &f->prims[i], &f->format, T_MID);
         if (!saga_project(&f->splats[f->n_splats], &f->animated[i],
                           &f->camera, 0))
@@ -332,10 +331,9 @@ static void range_decoding(file *f)
     const tape *const t = &f->tape;
     saga_range_dec d[3];
     int32_t q[SAGA_MAX_FEATURES];
-    size_t i;
 
     memcpy(d, t->start, sizeof d);
-    for (i = 0; i < t->n_calls; i++) {
+    for (size_t i = 0; i < t->n_calls; i++) {
         const call *const c = &t->calls[i];
         saga_coder *const coder = &d[c->layer].coder;
 
@@ -364,9 +362,8 @@ static void entropy_networks(file *f)
     const saga_model *const m = f->sc.model;
     const uint32_t n[SAGA_N_KINDS] = { f->sc.n.coarse, f->sc.n.fine,
                                        f->sc.n.fine };
-    int k;
 
-    for (k = 0; k < SAGA_N_KINDS; k++) {
+    for (int k = 0; k < SAGA_N_KINDS; k++) {
         if (m->sources[k] & SAGA_SOURCE_HYPER)
             run_net(f, SAGA_NET_HYPER, n[k]);
         run_net(f, SAGA_NET_E_COARSE + k, n[k]);
@@ -378,12 +375,11 @@ static void bank_networks(file *f)
     const saga_model *const m = f->sc.model;
     const uint32_t n[SAGA_N_KINDS] = { f->sc.n.coarse, f->sc.n.fine,
                                        f->sc.n.fine };
-    int k;
 
-    for (k = 0; k < SAGA_N_KINDS; k++)
+    for (int k = 0; k < SAGA_N_KINDS; k++)
         if (m->sources[k] & SAGA_SOURCE_BANK)
             run_net(f, SAGA_NET_QUERY, n[k]);
-    for (k = 0; k < SAGA_N_TIERS; k++)
+    for (int k = 0; k < SAGA_N_TIERS; k++)
         if (saga_tier_writes(m, k))
             run_net(f, SAGA_NET_AGG, n[k]);
     run_net(f, SAGA_NET_SLOT, m->bank_slots);
@@ -398,14 +394,13 @@ static void memory_bank(file *f)
     const uint32_t n[SAGA_N_KINDS] = { f->sc.n.coarse, f->sc.n.fine,
                                        f->sc.n.fine };
     int16_t value[SAGA_MAX_SLOT_WIDTH] = { 4096, 1000, -3000 };
-    uint32_t i, p;
-    int k;
 
-    for (k = 0; k < SAGA_N_KINDS; k++)
-        for (i = 0; model->sources[k] & SAGA_SOURCE_BANK && i < n[k]; i++)
+    for (int k = 0; k < SAGA_N_KINDS; k++)
+        for (uint32_t i = 0; model->sources[k] & SAGA_SOURCE_BANK && i < n[k];
+             i++)
             saga_bank_read(m->round->read, m, value);
-    for (i = 0; i < f->rounds; i++)
-        for (p = 0; p < m->n_slots; p++)
+    for (uint32_t i = 0; i < f->rounds; i++)
+        for (uint32_t p = 0; p < m->n_slots; p++)
             saga_bank_update(m, p, value, 8192,
                              (model->tools & SAGA_TOOL_PLAIN_WRITE) != 0);
 }
@@ -446,10 +441,9 @@ static void interpolate(file *f, int tier, const saga_position *p,
 static void place_under_parent(saga_position *p, const file *f, uint32_t rank)
 {
     const saga_fine *const a = &f->sc.fine[rank];
-    int i;
 
     saga_position_cell(p, &f->sc.coarse[a->parent]);
-    for (i = 0; i < 3; i++)
+    for (int i = 0; i < 3; i++)
         p->x[i] = a->x[i];
     p->t = a->t;
 }
@@ -459,14 +453,13 @@ static void context_interpolation(file *f)
     const saga_scaffold *const sc = &f->sc;
     const uint8_t *const sources = sc->model->sources;
     saga_position p;
-    uint32_t i;
 
-    for (i = 0; i < sc->n.coarse; i++)
+    for (uint32_t i = 0; i < sc->n.coarse; i++)
         if (sources[SAGA_KIND_COARSE] & SAGA_SOURCE_GROUPS) {
             saga_position_cell(&p, &sc->coarse[i]);
             interpolate(f, SAGA_TIER_COARSE, &p, i, sc->coarse[i].group);
         }
-    for (i = 0; i < sc->n.fine; i++) {
+    for (uint32_t i = 0; i < sc->n.fine; i++) {
         place_under_parent(&p, f, i);
         if (sources[SAGA_KIND_FINE] & SAGA_SOURCE_PARENT)
             interpolate(f, SAGA_TIER_COARSE, &p, sc->fine[i].parent,
@@ -480,13 +473,12 @@ static void scaffold_interpolation(file *f)
 {
     const saga_scaffold *const sc = &f->sc;
     saga_position p;
-    uint32_t i, k;
 
-    for (i = 0; i < sc->n.fine; i++) {
+    for (uint32_t i = 0; i < sc->n.fine; i++) {
         place_under_parent(&p, f, i);
         interpolate(f, SAGA_TIER_COARSE, &p, sc->fine[i].parent,
                     SAGA_ALL_GROUPS);
-        for (k = 0; k < sc->fine[i].n_prim; k++) {
+        for (uint32_t k = 0; k < sc->fine[i].n_prim; k++) {
             saga_position_fine(&p, &sc->fine[i]);
             saga_position_move(&p, sc->prim_offset[sc->fine[i].first_prim + k]);
             interpolate(f, SAGA_TIER_FINE, &p, i, SAGA_ALL_GROUPS);
@@ -506,21 +498,19 @@ static void embeddings(file *f)
     const int32_t x[3] = { 1 << 20, -54321, 777 };
     const int16_t offset[4] = { 9000, -300, 77, 12345 };
     int16_t e[8 * SAGA_MAX_OCTAVES];
-    uint32_t i;
-    int k;
 
-    for (k = 0; k < SAGA_N_KINDS; k++)
+    for (int k = 0; k < SAGA_N_KINDS; k++)
         if (sc->model->sources[k] & (SAGA_SOURCE_HYPER | SAGA_SOURCE_BANK))
             places += n[k];
-    for (k = 0; k < SAGA_N_TIERS; k++)
+    for (int k = 0; k < SAGA_N_TIERS; k++)
         if (saga_tier_writes(sc->model, k))
             places += n[k];
-    for (i = 0; i < places; i++) {
+    for (uint32_t i = 0; i < places; i++) {
         saga_embed(e, sc->model, x, (int32_t)(i & 65535u),
                    sc->net.cpu);
         f->sum += (uint16_t)e[i & 7u];
     }
-    for (i = 0; i < sc->n.fine + sc->n.prim; i++) {
+    for (uint32_t i = 0; i < sc->n.fine + sc->n.prim; i++) {
         saga_embed_offset(e, sc->model, offset, sc->net.cpu);
         f->sum += (uint16_t)e[i & 7u];
     }
@@ -532,21 +522,18 @@ static void embeddings(file *f)
 static void animate(file *f)
 {
     const uint32_t n = f->sc.n.prim;
-    uint32_t i;
 
-    for (i = 0; i < n; i++)
+    for (uint32_t i = 0; i < n; i++)
         saga_animate(&f->animated[i], &f->prims[i], &f->format, T_MID);
     if (f->sc.model->tools & SAGA_TOOL_VIEW)
-        for (i = 0; i < f->n_splats; i++)
+        for (uint32_t i = 0; i < f->n_splats; i++)
             saga_animate_mean(f->animated[i].x, &f->prims[i], &f->format,
                               T_MID);
 }
 
 static void project(file *f)
 {
-    uint32_t i;
-
-    for (i = 0; i < f->sc.n.prim; i++)
+    for (uint32_t i = 0; i < f->sc.n.prim; i++)
         f->sum += (uint32_t)saga_project(&f->splats[f->n_splats],
                                          &f->animated[i], &f->camera, 0);
 }
@@ -555,13 +542,12 @@ static void shade(file *f)
 {
     const uint32_t most = saga_shade_points(&f->sc);
     saga_seen seen;
-    uint32_t i, k;
 
     if (!(f->sc.model->tools & SAGA_TOOL_VIEW))
         return;
-    for (i = 0; i < f->n_splats; i += seen.n) {
+    for (uint32_t i = 0; i < f->n_splats; i += seen.n) {
         seen.n = f->n_splats - i < most ? f->n_splats - i : most;
-        for (k = 0; k < seen.n; k++) {
+        for (uint32_t k = 0; k < seen.n; k++) {
             seen.base[k] = f->colours +
                            (size_t)(i + k) * f->plan.colour_stride;
             memcpy(seen.x[k], f->animated[i + k].x, sizeof seen.x[k]);
@@ -620,14 +606,13 @@ static void line(const char *name, double ms, double whole, int json, int more)
 static void report(const file *f, bench_times *t, int json)
 {
     double whole = 1, rest = 0;
-    int k;
 
     printf(json ? "{\"file\": \"%s\", \"coarse\": %u, \"fine\": %u, "
                   "\"primitives\": %u, \"symbols\": %llu, \"components\": [\n"
                 : "%s: %u coarse, %u fine, %u primitives, %llu symbols\n",
            f->path, (unsigned)f->sc.n.coarse, (unsigned)f->sc.n.fine,
            (unsigned)f->sc.n.prim, (unsigned long long)f->tape.n_symbols);
-    for (k = 0; k < N_COMPONENTS; k++) {
+    for (int k = 0; k < N_COMPONENTS; k++) {
         const double ms = bench_median(&t[k]);
         const int last = k + 1 == N_COMPONENTS || !components[k + 1].part;
 
@@ -647,12 +632,11 @@ static void bench_file(const char *path, int json)
 {
     static bench_times t[N_COMPONENTS];
     static file f;
-    int i, k;
 
     open_file(&f, path);
     memset(t, 0, sizeof t);
-    for (i = 0; i < REPEATS; i++)
-        for (k = 0; k < N_COMPONENTS; k++) {
+    for (int i = 0; i < REPEATS; i++)
+        for (int k = 0; k < N_COMPONENTS; k++) {
             double start;
 
             if (components[k].run == range_decoding)
@@ -667,9 +651,8 @@ static void bench_file(const char *path, int json)
 int main(int argc, char **argv)
 {
     const int json = argc > 1 && strcmp(argv[1], "--json") == 0;
-    int i;
 
-    for (i = 1 + json; i < argc; i++)
+    for (int i = 1 + json; i < argc; i++)
         bench_file(argv[i], json);
     return 0;
 }

@@ -28,12 +28,10 @@ static saga_splat_params random_scene(uint32_t n, const saga_splat_camera *cam,
 {
     saga_error error = { "" };
     saga_splat_params p;
-    uint32_t i;
-    int k;
 
     if (!saga_params_alloc(&p, SAGA_ATTRS_ALL, n, &error))
         exit(1);
-    for (i = 0; i < n && sigma_px > 0; i++) {
+    for (uint32_t i = 0; i < n && sigma_px > 0; i++) {
         const saga_rng r = saga_rng_stream(7, i);
         const real z = 2 + 4 * saga_rng_float(r, 0);
 
@@ -42,7 +40,7 @@ static saga_splat_params random_scene(uint32_t n, const saga_splat_camera *cam,
         p.mean[3 * i + 1] = (saga_rng_float(r, 2) - 0.5f) * R(cam->height) *
                             z / cam->focal[1];
         p.mean[3 * i + 2] = z;
-        for (k = 0; k < 3; k++) {
+        for (int k = 0; k < 3; k++) {
             p.log2_scale[3 * i + (uint32_t)k] =
                 R(log2(sigma_px * (double)(z / cam->focal[0])) +
                   spread * saga_rng_normal(r, 3 + (uint64_t)k));
@@ -50,7 +48,7 @@ static saga_splat_params random_scene(uint32_t n, const saga_splat_camera *cam,
                 saga_rng_float(r, 6 + (uint64_t)k);
             p.support[3 * i + (uint32_t)k] = 0.1f;
         }
-        for (k = 0; k < 4; k++)
+        for (int k = 0; k < 4; k++)
             p.quat[4 * i + (uint32_t)k] =
                 R(saga_rng_normal(r, 10 + (uint64_t)k));
         /* an opacity below 1, 1 / (1 + 2^-normal) = 8 / (1 + 2^(3 - o)) */
@@ -89,17 +87,15 @@ static void run(uint32_t n, int width, int height, double sigma_px,
     saga_error error = { "" };
     saga_canvas c;
     bench_times times[N_STAGES];
-    size_t k;
-    int rep, s;
 
     memset(times, 0, sizeof times);
     if (!saga_canvas_init(&c, plane, &error))
         exit(1);
     c.camera = cam;
     c.t = 0.5f;
-    for (k = 0; k < 3 * plane; k++)
+    for (size_t k = 0; k < 3 * plane; k++)
         c.d_image[k] = saga_rng_float(saga_rng_stream(3, 3), k) - 0.5f;
-    for (rep = 0; rep < reps + 1; rep++) {
+    for (int rep = 0; rep < reps + 1; rep++) {
         double at;
 
         /* A whole pass warms the caches; its stages are then timed alone. */
@@ -121,7 +117,7 @@ static void run(uint32_t n, int width, int height, double sigma_px,
         saga_splat_animate_backward(&d, &c, &p, all);
         lap(&times[ANIMATE_B], &at);
     }
-    for (s = 0; s < N_STAGES; s++) {
+    for (int s = 0; s < N_STAGES; s++) {
         char name[56];
         bench_row *r;
 

@@ -40,10 +40,9 @@ static void splats(void *data)
 {
     scene *const s = data;
     const saga_look look = { &gen_still_format, &s->cam, 32768 };
-    uint32_t i;
 
     s->n_splats = 0;
-    for (i = 0; i < N; i += SAGA_RUN) {
+    for (uint32_t i = 0; i < N; i += SAGA_RUN) {
         const uint32_t n = N - i < SAGA_RUN ? N - i : SAGA_RUN;
         uint32_t seen = saga_splats(s->splats + s->n_splats, s->prims + i, n,
                                     &look, s->cpu);
@@ -55,9 +54,7 @@ static void splats(void *data)
 
 static void set_keys(scene *s)
 {
-    uint32_t i;
-
-    for (i = 0; i < s->n_splats; i++) {
+    for (uint32_t i = 0; i < s->n_splats; i++) {
         gen_colour(s->splats[i].colour_q15, i);
         s->keys[i] = (saga_key){ s->splats[i].depth, i };
     }
@@ -70,12 +67,11 @@ static void colour(void *data)
     scene *const s = data;
     const uint32_t most = saga_shade_points(&s->sc);
     saga_seen seen;
-    uint32_t i, k;
 
     s->sc.net.cpu = s->cpu;
-    for (i = 0; i < s->n_splats; i += seen.n) {
+    for (uint32_t i = 0; i < s->n_splats; i += seen.n) {
         seen.n = s->n_splats - i < most ? s->n_splats - i : most;
-        for (k = 0; k < seen.n; k++) {
+        for (uint32_t k = 0; k < seen.n; k++) {
             seen.base[k] = s->base + (size_t)HIDDEN * (i + k);
             saga_animate_mean(seen.x[k], s->prims + i + k, &gen_still_format,
                               32768);

@@ -54,9 +54,8 @@ bench_row *bench_row_add(const char *name, bench_times *times)
 bench_row *bench_measure(const char *name, void (*stage)(void *), void *data)
 {
     bench_times times = { .n = 0 };
-    int i;
 
-    for (i = 0; i < REPETITIONS; i++) {
+    for (int i = 0; i < REPETITIONS; i++) {
         const double start = bench_now_ms();
 
         stage(data);
@@ -88,9 +87,7 @@ static int is_ceiling(const bench_row *r)
  * bench_ceilings. */
 static double ceiling(bench_kind kind)
 {
-    int i;
-
-    for (i = 0; i < n_rows; i++)
+    for (int i = 0; i < n_rows; i++)
         if (rows[i].kind == kind && is_ceiling(rows + i))
             return rows[i].work / rows[i].best;
     return 0;
@@ -145,24 +142,21 @@ static void print_row(const bench_row *r, const char *path)
 
 static void print_table(const char *path)
 {
-    int i;
-
     printf("%-40s %9s %9s %9s %-11s %9s %15s %7s %8s %s\n", "", "best ms",
            "median", "ns", "", "cycles", "rate", "of top", "wanted",
            path ? "before" : "");
-    for (i = 0; i < n_rows; i++)
+    for (int i = 0; i < n_rows; i++)
         print_row(rows + i, path);
 }
 
 static int write_json(const char *path)
 {
     FILE *const f = fopen(path, "w");
-    int i;
 
     if (!f)
         return 0;
     fprintf(f, "[\n");
-    for (i = 0; i < n_rows; i++) {
+    for (int i = 0; i < n_rows; i++) {
         const bench_row *const r = rows + i;
         const double top = ceiling(r->kind);
 
@@ -181,9 +175,9 @@ static int write_json(const char *path)
  * ceilings are always run. */
 static int run_parts(char **names, int n)
 {
-    int i, k, wanted, known = 0;
+    int k, wanted, known = 0;
 
-    for (i = 0; i < N_PARTS; i++) {
+    for (int i = 0; i < N_PARTS; i++) {
         for (wanted = n == 0, k = 0; k < n; k++)
             wanted |= !strcmp(names[k], parts[i].name);
         known += wanted;

@@ -37,16 +37,15 @@ static void draw(saga_shot *v, const saga_room_state *state, int frame)
 {
     uint8_t *to = v->rgb + (size_t)frame * saga_view_frame_nbytes(v);
     double origin[3], at[3], rgb[3];
-    int x, y, k;
 
     saga_view_lift(v, (const double[2]){ 0, 0 }, 0, origin);
-    for (y = 0; y < v->height; y++)
-        for (x = 0; x < v->width; x++) {
+    for (int y = 0; y < v->height; y++)
+        for (int x = 0; x < v->width; x++) {
             saga_view_lift(v, (const double[2]){ x + 0.5, y + 0.5 }, 1, at);
-            for (k = 0; k < 3; k++)
+            for (int k = 0; k < 3; k++)
                 at[k] -= origin[k];
             saga_room_radiance(state, origin, at, rgb);
-            for (k = 0; k < 3; k++)
+            for (int k = 0; k < 3; k++)
                 *to++ = (uint8_t)(255.5 * sqrt(fmin(rgb[k], 1)));
         }
 }
@@ -55,7 +54,6 @@ static void built_in(saga_capture *c)
 {
     saga_synth_options o = saga_synth_defaults(SAGA_SYNTH_ROOM);
     saga_room_state state;
-    int i, k;
 
     o.width = 480;
     o.height = 270;
@@ -67,12 +65,12 @@ static void built_in(saga_capture *c)
     c->fps = o.fps;
     c->scale = 1;
     c->views = calloc((size_t)c->n_views, sizeof *c->views);
-    for (i = 0; i < c->n_views; i++) {
+    for (int i = 0; i < c->n_views; i++) {
         saga_shot *const v = c->views + i;
 
         saga_synth_view(&o, i, v);
         v->rgb = malloc((size_t)c->n_frames * saga_view_frame_nbytes(v));
-        for (k = 0; k < c->n_frames; k++) {
+        for (int k = 0; k < c->n_frames; k++) {
             saga_room_at(&state, k / c->fps);
             draw(v, &state, k);
         }
@@ -86,7 +84,6 @@ void bench_train(void)
     saga_capture capture;
     saga_train *train;
     watch w;
-    int s;
 
     memset(&w, 0, sizeof w);
     o.n_warm = 200;
@@ -101,7 +98,7 @@ void bench_train(void)
         fprintf(stderr, "bench: %s\n", error.message);
         exit(1);
     }
-    for (s = 0; s < SAGA_TRAIN_PACK; s++) {
+    for (int s = 0; s < SAGA_TRAIN_PACK; s++) {
         char name[56];
         bench_row *r;
 

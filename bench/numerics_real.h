@@ -77,15 +77,14 @@ static void NAME(interpolate)(data *d)
 static void NAME(softmax_of)(REAL *y, const REAL *x, int n)
 {
     REAL most = x[0], sum = 0;
-    int i;
 
-    for (i = 1; i < n; i++)
+    for (int i = 1; i < n; i++)
         most = x[i] > most ? x[i] : most;
-    for (i = 0; i < n; i++) {
+    for (int i = 0; i < n; i++) {
         y[i] = MATH(exp2)(x[i] - most);
         sum += y[i];
     }
-    for (i = 0; i < n; i++)
+    for (int i = 0; i < n; i++)
         y[i] /= sum;
 }
 
@@ -183,12 +182,11 @@ static void NAME(bank_write)(data *d)
         const REAL gate = (REAL)(p + 1) / SLOTS;
         const REAL along = NAME(dot)(s, v, SLOTS);
         REAL scale;
-        int i;
 
-        for (i = 0; i < SLOTS; i++)
+        for (int i = 0; i < SLOTS; i++)
             s[i] += gate * (v[i] - along * s[i]);
         scale = 1 / MATH(sqrt)(NAME(dot)(s, s, SLOTS));
-        for (i = 0; i < SLOTS; i++)
+        for (int i = 0; i < SLOTS; i++)
             s[i] *= scale;
     }
 }
@@ -208,15 +206,14 @@ static void NAME(animate)(data *d)
         const REAL u = dt / width;
         const REAL age = NAME(clamped)(dt / (width < (REAL)0.5 ? width
                                                  : (REAL)0.5), -4, 4);
-        int i;
 
-        for (i = 0; i < 3; i++) {
+        for (int i = 0; i < 3; i++) {
             b->mean[i] = a->mean[i] + a->support[i] * age *
                          (a->motion[i] + age * (a->motion[3 + i] +
                                                 age * a->motion[6 + i]));
             b->scale[i] = MATH(exp2)(a->log2_scale[i]);
         }
-        for (i = 0; i < 4; i++)
+        for (int i = 0; i < 4; i++)
             b->quat[i] = a->quat[i] + a->slope[i] * age;
         b->q0 = MATH(log2)(1 + MATH(exp2)(SAGA_PEAK_LOG2 - a->opacity)) +
                 (REAL)1.4426950408889634 * NAME(clamped)(u * u, 0, 256);

@@ -48,26 +48,26 @@ static void set_structure(saga_scene *s, const ref_file *in)
 {
     const saga_tier *const l = s->model.tier;
     const uint32_t bits = l[SAGA_TIER_COARSE].suffix_bits;
-    uint32_t i, k, v[4];
+    uint32_t v[4];
 
     memcpy(s->split, in->s.split, s->n_nodes);
     memcpy(s->occupancy, in->s.occupancy,
            s->n_nodes * sizeof *s->occupancy);
     memcpy(s->coarse, in->sc.coarse, s->n.coarse * sizeof *s->coarse);
     memcpy(s->fine, in->sc.fine, s->n.fine * sizeof *s->fine);
-    for (i = 0; i < s->n.coarse; i++) {
-        for (k = 0; k < 3; k++)
+    for (uint32_t i = 0; i < s->n.coarse; i++) {
+        for (uint32_t k = 0; k < 3; k++)
             v[k] = s->coarse[i].cell[k];
         v[3] = s->coarse[i].cell_t;
         s->coarse[i].group = (uint8_t)saga_morton_group(
             v, l[SAGA_TIER_COARSE].n_groups);
     }
-    for (i = 0; i < s->n.fine; i++) {
-        for (k = 0; k < 4; k++)
+    for (uint32_t i = 0; i < s->n.fine; i++) {
+        for (uint32_t k = 0; k < 4; k++)
             v[k] = saga_morton_axis(in->s.fine_suffix[i], bits, k);
         s->fine[i].group = (uint8_t)saga_morton_group(
             v, l[SAGA_TIER_FINE].n_groups);
-        for (k = 0; k < s->fine[i].n_prim; k++)
+        for (uint32_t k = 0; k < s->fine[i].n_prim; k++)
             s->prim_fine[s->fine[i].first_prim + k] = i;
     }
 }

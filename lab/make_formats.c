@@ -86,18 +86,18 @@ static void blend_splat(session *s, const ref_splat *exact_splat,
     const int width = s->camera.width;
     const double floor_t = SAGA_T_FLOOR_Q16 / 65536.0;
     ref_splat p = *exact_splat;
-    int box[4], i, x, y;
+    int box[4];
 
-    for (i = 0; i < 2; i++)
+    for (int i = 0; i < 2; i++)
         p.mean[i] = nearest(p.mean[i], f->mean);
-    for (i = 0; i < 3; i++) {
+    for (int i = 0; i < 3; i++) {
         p.chol[i] = nearest(p.chol[i], f->factor);
         p.colour[i] = nearest(p.colour[i], f->colour);
     }
     p.q0 = nearest(p.q0, f->q);
     ref_box(box, &p, &s->camera);
-    for (y = box[1]; y < box[3]; y++)
-        for (x = box[0]; x < box[2]; x++) {
+    for (int y = box[1]; y < box[3]; y++)
+        for (int x = box[0]; x < box[2]; x++) {
             const int at = y * width + x;
             const double q = nearest(ref_q_at(&p, x, y), f->q);
             double w;
@@ -107,7 +107,7 @@ static void blend_splat(session *s, const ref_splat *exact_splat,
             w = fmin(down(look_up(q, f->table), f->alpha),
                      SAGA_ALPHA_CAP_Q16 / 65536.0);
             w = nearest(w * s->trans[at], f->trans);
-            for (i = 0; i < 3; i++)
+            for (int i = 0; i < 3; i++)
                 s->rgb[3 * at + i] += w * p.colour[i];
             s->trans[at] -= w;
             s->n_pairs++;
@@ -117,17 +117,16 @@ static void blend_splat(session *s, const ref_splat *exact_splat,
 static void draw(session *s, const format *f)
 {
     const int n = s->camera.width * s->camera.height;
-    int i;
 
     s->n_pairs = 0;
-    for (i = 0; i < n; i++)
+    for (int i = 0; i < n; i++)
         s->trans[i] = 1;
-    for (i = 0; i < 3 * n; i++)
+    for (int i = 0; i < 3 * n; i++)
         s->rgb[i] = 0;
     for (uint32_t k = 0; k < s->n; k++)
         if (s->visible[s->order[k]])
             blend_splat(s, s->splat + s->order[k], f);
-    for (i = 0; i < 3 * n; i++)
+    for (int i = 0; i < 3 * n; i++)
         s->rgb[i] += s->trans[i / 3] * s->camera.background_q15[i % 3] /
                      32768.0;
 }
@@ -250,12 +249,11 @@ static void round_weights(ref_nets *n, int bits)
                 const uint32_t n_in = n->shape[net].dim[i];
                 double *const w = n->weight[net][i] + row * n_in;
                 double most = 0, step;
-                uint32_t k;
 
-                for (k = 0; k < n_in; k++)
+                for (uint32_t k = 0; k < n_in; k++)
                     most = fmax(most, fabs(w[k]));
                 step = most / (ldexp(1, bits - 1) - 1);
-                for (k = 0; k < n_in && step > 0; k++)
+                for (uint32_t k = 0; k < n_in && step > 0; k++)
                     w[k] = step * floor(w[k] / step + 0.5);
             }
 }

@@ -303,9 +303,8 @@ TEST_WITH(files_of_the_user_should_stay, NULL, clear)
         "a.saga-part-12x", "ba.saga-part-1-2", "a.ckpt.saga-part-1-2"
     };
     const int n = (int)(sizeof names / sizeof *names);
-    int i;
 
-    for (i = 0; i < n; i++)
+    for (int i = 0; i < n; i++)
         fclose(fopen(names[i], "w"));
     write_text("a", "text");
     assert_int_equal(count(), n + 1);

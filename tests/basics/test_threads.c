@@ -58,11 +58,10 @@ static void note(void *user, size_t part)
 TEST(every_part_should_be_done_once)
 {
     static record r;
-    size_t i, n;
 
-    for (i = 0; i < sizeof counts / sizeof *counts; i++) {
+    for (size_t i = 0; i < sizeof counts / sizeof *counts; i++) {
         omp_set_num_threads(counts[i]);
-        for (n = 0; n <= MANY; n = 3 * n + 1) {
+        for (size_t n = 0; n <= MANY; n = 3 * n + 1) {
             memset(&r, 0, sizeof r);
             saga_parallel(&(saga_tasks){ .run = note, .user = &r, .n = n });
             for (size_t k = 0; k < MANY; k++)
@@ -76,14 +75,13 @@ TEST(every_part_should_be_done_once)
 TEST(short_work_should_follow_upon_short_work)
 {
     static record r;
-    size_t i;
 
     omp_set_num_threads(3);
     memset(&r, 0, sizeof r);
-    for (i = 0; i < 20000; i++)
+    for (size_t i = 0; i < 20000; i++)
         saga_parallel(&(saga_tasks){ .run = note, .user = &r,
                                      .n = 1 + i % 7 });
-    for (i = 0; i < 7; i++)
+    for (size_t i = 0; i < 7; i++)
         assert_int_equal(r.done[i], 20000 / 7 * (7 - i) +
                                     (i < 20000 % 7 ? 20000 % 7 - i : 0));
 }

@@ -49,10 +49,10 @@ static int play(const char *path)
 
 static int write_seeds(const char *dir)
 {
-    int k, ok = 1;
+    int ok = 1;
 
     (void)LLVMFuzzerTestOneInput(NULL, 0);
-    for (k = 0; k < INPUT_N_KINDS && ok; k++) {
+    for (int k = 0; k < INPUT_N_KINDS && ok; k++) {
         char path[1024];
         size_t n;
         uint8_t *const p = input_seed((input_kind)k, &n);
@@ -69,11 +69,11 @@ static int write_seeds(const char *dir)
 
 int main(int argc, char **argv)
 {
-    int rc = 0, i;
+    int rc = 0;
 
     if (argc == 3 && strcmp(argv[1], "--seeds") == 0)
         return write_seeds(argv[2]);
-    for (i = 1; i < argc && rc == 0; i++)
+    for (int i = 1; i < argc && rc == 0; i++)
         rc = play(argv[i]);
     return rc;
 }

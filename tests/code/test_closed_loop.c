@@ -21,25 +21,22 @@ static void make_wanted(wanted *w, const saga_counts *n, uint32_t features,
                         uint64_t *r)
 {
     const uint32_t count[3] = { n->coarse, n->fine, n->prim };
-    uint32_t i, k;
 
-    for (k = 0; k < 3; k++) {
+    for (uint32_t k = 0; k < 3; k++) {
         w->x[k] = zeroed(4 * (size_t)count[k], sizeof(double));
-        for (i = 0; i < 4 * count[k]; i++)
+        for (uint32_t i = 0; i < 4 * count[k]; i++)
             w->x[k][i] = i % 4 == 3 ? gen_range(r, 0, 65535)
                                     : gen_range(r, -(1 << 23), 1 << 23);
     }
     w->feature = zeroed((size_t)n->coarse * features, sizeof(float));
     w->decoded = zeroed((size_t)n->coarse * features, sizeof(float));
-    for (i = 0; i < n->coarse * features; i++)
+    for (uint32_t i = 0; i < n->coarse * features; i++)
         w->feature[i] = (float)gen_range(r, -4096, 4096) / 1024;
 }
 
 static void free_wanted(wanted *w)
 {
-    int k;
-
-    for (k = 0; k < 3; k++)
+    for (int k = 0; k < 3; k++)
         free(w->x[k]);
     free(w->feature);
     free(w->decoded);
@@ -72,9 +69,8 @@ static void assert_near(const gen_stream *g, const wanted *w)
     const saga_model *const m = &g->header.model;
     const int q = m->out_q[SAGA_OUT_COARSE];
     const double step = m->step_q16[SAGA_STEP_FEATURE] / 65536.0;
-    uint32_t i;
 
-    for (i = 0; i < g->segment[0].n.coarse * m->features; i++)
+    for (uint32_t i = 0; i < g->segment[0].n.coarse * m->features; i++)
         assert_true(fabs((double)w->feature[i] - (double)w->decoded[i]) <=
                     ldexp(step / 2 + 0.51, -q));
 }
@@ -130,9 +126,7 @@ static void check_loop(uint32_t i)
 
 TEST(quantised_values_should_return_from_the_bytes)
 {
-    uint32_t i;
-
     printf("seeds from %" PRIu64 "\n", testing_seed(1));
-    for (i = 0; i < 60; i++)
+    for (uint32_t i = 0; i < 60; i++)
         check_loop(i);
 }

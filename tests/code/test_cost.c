@@ -45,12 +45,10 @@ static void plain_residual(saga_coder *c, saga_at at, int32_t *q,
                            const int16_t *mu, uint32_t step_q16,
                            const uint8_t *scale, uint32_t n)
 {
-    uint32_t i;
-
     (void)mu;
     (void)step_q16;
     (void)scale;
-    for (i = 0; i < n; i++)
+    for (uint32_t i = 0; i < n; i++)
         q[i] = i == 0 ? 0 : i & 1u ? 1 : -1;
     c->error = at.index == BROKEN;
 }
@@ -139,11 +137,10 @@ static saga_encode_sizes encode(const gen_stream *g, uint32_t first,
                                               &error);
     uint8_t *bytes;
     size_t n;
-    uint32_t i;
 
     if (!e)
         fail_msg("%s", error.message);
-    for (i = first; i < first + n_segments; i++)
+    for (uint32_t i = first; i < first + n_segments; i++)
         if (!saga_encoder_segment(e, &g->segment[i], g->n_frames[i], &error))
             fail_msg("%s", error.message);
     if (!saga_encoder_finish(e, &bytes, &n, &sizes, &error))
@@ -166,13 +163,12 @@ static int chunk_of(int component)
 static void sum_chunks(double sum[N_CHUNKS], const double bits[SAGA_N_SYMS])
 {
     double by_component[SAGA_N_COMPONENTS];
-    int i;
 
     memset(sum, 0, N_CHUNKS * sizeof *sum);
-    for (i = 0; i < SAGA_N_SYMS; i++)
+    for (int i = 0; i < SAGA_N_SYMS; i++)
         assert_true(bits[i] >= 0);
     saga_cost_components(by_component, bits);
-    for (i = 0; i < SAGA_N_COMPONENTS; i++)
+    for (int i = 0; i < SAGA_N_COMPONENTS; i++)
         sum[chunk_of(i)] += by_component[i];
 }
 
@@ -194,9 +190,7 @@ static int agrees(double bits, double nbytes)
  * byte, all the same. */
 TEST(spent_should_be_the_bytes_of_random_streams)
 {
-    uint64_t k;
-
-    for (k = 0; k < 200; k++) {
+    for (uint64_t k = 0; k < 200; k++) {
         const gen_options o = {
             .seed = testing_seed(1) + k, .level = (int)(k % 4),
             .n_coarse = k % 5 ? 0 : 100, .picture = k % 8 == 7
@@ -204,13 +198,12 @@ TEST(spent_should_be_the_bytes_of_random_streams)
         double bits[N_CHUNKS], nbytes[N_CHUNKS];
         saga_encode_sizes z;
         gen_stream g;
-        int i;
 
         gen_stream_make(&g, &o);
         z = encode(&g, 0, 1);
         sum_chunks(bits, z.spent);
         chunk_bytes(nbytes, &z);
-        for (i = 0; i < N_CHUNKS; i++)
+        for (int i = 0; i < N_CHUNKS; i++)
             if (bits[i] > 8 * nbytes[i] + 0.01 ||
                 bits[i] < 8 * nbytes[i] - 16 || !agrees(bits[i], nbytes[i]))
                 fail_msg("seed %d, chunk %d: %.1f bits spent, %.0f bytes",
@@ -224,13 +217,12 @@ TEST(segments_should_add_up)
     const gen_options o = { .seed = testing_seed(1), .n_segments = 3 };
     saga_encode_sizes all, one[3];
     gen_stream g;
-    uint32_t i, k;
 
     gen_stream_make(&g, &o);
     all = encode(&g, 0, 3);
-    for (i = 0; i < 3; i++)
+    for (uint32_t i = 0; i < 3; i++)
         one[i] = encode(&g, i, 1);
-    for (k = 0; k < SAGA_N_SYMS; k++) {
+    for (uint32_t k = 0; k < SAGA_N_SYMS; k++) {
         const double sum = k < SAGA_SYM_NET_STEP
             ? one[0].bits[k] + one[1].bits[k] + one[2].bits[k]
             : one[0].bits[k];
@@ -262,12 +254,11 @@ static void draw_layer(saga_layer_symbols *l, const saga_net_shape *s, int i,
                        uint64_t *r)
 {
     const size_t n_in = s->dim[i];
-    size_t k;
 
-    for (k = 0; k < n_in * s->dim[i + 1]; k++)
+    for (size_t k = 0; k < n_in * s->dim[i + 1]; k++)
         l->weight[k] = draw(r, gen_scale_of(l, k / n_in, k % n_in),
                             s->int8 ? 127 : 2000);
-    for (k = 0; k < s->dim[i + 1]; k++)
+    for (size_t k = 0; k < s->dim[i + 1]; k++)
         l->bias[k] = draw(r, l->bias_scale, SAGA_MAX_RESIDUAL);
 }
 
@@ -278,7 +269,6 @@ static uint32_t constant_entropy(saga_layer_symbols *l,
 {
     const int32_t sigma = fx_min(2 << sigma_q, 32767);
     const uint32_t n_out = s->dim[i + 1];
-    uint32_t k;
 
     memset(l->weight, 0, (size_t)s->dim[i] * n_out * sizeof *l->weight);
     memset(l->shift, 0, n_out);
@@ -286,7 +276,7 @@ static uint32_t constant_entropy(saga_layer_symbols *l,
     l->scale_mode = SAGA_SCALE_TENSOR;
     l->bias_shift = 0;
     l->bias_scale = 63;
-    for (k = 0; k < n_out; k++)
+    for (uint32_t k = 0; k < n_out; k++)
         l->bias[k] = i + 1 == s->n_layers && k >= n_out / 2 ? sigma : 0;
     return SAGA_SCALE_UNIT +
         (uint32_t)fx_rshift(sigma * SAGA_SCALE_PER_OCTAVE, sigma_q);
@@ -294,9 +284,7 @@ static uint32_t constant_entropy(saga_layer_symbols *l,
 
 static void draw_residuals(int32_t *q, size_t n, uint64_t *r, uint32_t scale)
 {
-    size_t i;
-
-    for (i = 0; i < n; i++)
+    for (size_t i = 0; i < n; i++)
         q[i] = draw(r, scale, SAGA_MAX_RESIDUAL);
 }
 
@@ -307,11 +295,10 @@ static void redraw(gen_stream *g, uint64_t *r)
     saga_symbols *const s = &g->segment[0];
     uint32_t scale = 0;
     saga_net_shape shape;
-    int net, i;
 
-    for (net = 0; net < SAGA_N_NETS; net++) {
+    for (int net = 0; net < SAGA_N_NETS; net++) {
         saga_model_net(&shape, m, net);
-        for (i = 0; i < shape.n_layers; i++) {
+        for (int i = 0; i < shape.n_layers; i++) {
             saga_layer_symbols *const l = &g->nets.layer[net][i];
 
             if (net >= SAGA_NET_E_COARSE && net <= SAGA_NET_E_PRIM)
@@ -329,9 +316,7 @@ static void redraw(gen_stream *g, uint64_t *r)
 
 TEST(length_should_be_the_bytes_of_likely_streams)
 {
-    uint64_t k;
-
-    for (k = 0; k < 200; k++) {
+    for (uint64_t k = 0; k < 200; k++) {
         const gen_options o = {
             .seed = testing_seed(1) + k, .level = (int)(k % 4), .picture = 1,
             .n_coarse = k % 5 ? 0 : 100
@@ -340,14 +325,13 @@ TEST(length_should_be_the_bytes_of_likely_streams)
         double bits[N_CHUNKS], nbytes[N_CHUNKS];
         saga_encode_sizes z;
         gen_stream g;
-        int i;
 
         gen_stream_make(&g, &o);
         redraw(&g, &r);
         z = encode(&g, 0, 1);
         sum_chunks(bits, z.bits);
         chunk_bytes(nbytes, &z);
-        for (i = 0; i < N_CHUNKS; i++)
+        for (int i = 0; i < N_CHUNKS; i++)
             if (!agrees(bits[i], nbytes[i]))
                 fail_msg("seed %d, chunk %d: %.1f bits, %.0f bytes",
                          (int)o.seed, i, bits[i], nbytes[i]);
@@ -360,12 +344,11 @@ TEST(length_should_be_the_bytes_of_likely_streams)
 TEST(components_should_hold_all_kinds)
 {
     double bits[SAGA_N_SYMS], sum[SAGA_N_COMPONENTS], total = 0;
-    uint32_t i;
 
-    for (i = 0; i < SAGA_N_SYMS; i++)
+    for (uint32_t i = 0; i < SAGA_N_SYMS; i++)
         bits[i] = 1 << i;
     saga_cost_components(sum, bits);
-    for (i = 0; i < SAGA_N_COMPONENTS; i++) {
+    for (uint32_t i = 0; i < SAGA_N_COMPONENTS; i++) {
         assert_true(sum[i] > 0);
         assert_true(saga_component_name((saga_component)i)[0] != 0);
         assert_null(strchr(saga_component_key((saga_component)i), ' '));

@@ -131,9 +131,9 @@ static void expect_leaf(page *p, uint32_t depth_x)
  * one bit of their numbers. */
 static uint32_t n_before(uint32_t mask, uint32_t i, int touching)
 {
-    uint32_t n = 0, k, apart;
+    uint32_t n = 0, apart;
 
-    for (k = 0; k < i; k++) {
+    for (uint32_t k = 0; k < i; k++) {
         apart = k ^ i;
         if (mask >> k & 1u && (!touching || apart == 1 || apart == 2 ||
                                apart == 4 || apart == 8))
@@ -148,7 +148,6 @@ static void expect_node(page *p, uint32_t depth_x)
     const saga_models *const m = p->w->sc.models;
     const uint32_t split = s->split[p->node], mask = s->occupancy[p->node];
     const uint32_t n = split == 3 ? 16 : split == 1 ? 8 : 2;
-    uint32_t i;
 
     p->node++;
     expect(p, SAGA_SYM_SPLIT, &m->split[depth_x]);
@@ -156,14 +155,14 @@ static void expect_node(page *p, uint32_t depth_x)
         expect_leaf(p, depth_x);
         return;
     }
-    for (i = 0; i < n; i++) {
+    for (uint32_t i = 0; i < n; i++) {
         const uint32_t seen = n_before(mask, i, 0);
 
         expect(p, SAGA_SYM_OCCUPANCY,
                &m->occupancy[split - 1][seen > 3 ? 3 : seen]
                             [n_before(mask, i, 1)]);
     }
-    for (i = 0; i < n; i++)
+    for (uint32_t i = 0; i < n; i++)
         if (mask >> i & 1u)
             expect_node(p, depth_x + (split & 1u));
 }
@@ -193,9 +192,9 @@ static void expect_halving(page *p, const request *q)
 
 TEST(models_should_be_those_of_the_page)
 {
-    uint32_t later = 0, i;
+    uint32_t later = 0;
 
-    for (i = 0; i < N_STREAMS; i++) {
+    for (uint32_t i = 0; i < N_STREAMS; i++) {
         const gen_options o = { .seed = 100 + i, .level = 1,
                                 .n_coarse = i % 4 ? 0 : 40,
                                 .bank = (int)(i % 3) };

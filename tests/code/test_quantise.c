@@ -27,12 +27,10 @@ static double real_in(uint64_t *r, double lo, double hi)
 static void make_layer(layer *l, uint32_t n_in, uint32_t n_out, int q_in,
                        int int8, double octaves, uint64_t *r)
 {
-    uint32_t row, k;
-
-    for (row = 0; row < n_out; row++) {
+    for (uint32_t row = 0; row < n_out; row++) {
         const double range = 0.3 * exp2(real_in(r, -octaves, octaves) / 2);
 
-        for (k = 0; k < n_in; k++)
+        for (uint32_t k = 0; k < n_in; k++)
             l->weight[row * n_in + k] = (float)(range * real_in(r, -1, 1));
         l->bias[row] = (float)real_in(r, -1, 1);
         l->q_out[row] = (uint8_t)gen_range(r, 8, 10);
@@ -52,12 +50,11 @@ static void check_row(const saga_nets *nets, const uint8_t *block, int net,
                       const float *weight, const float *bias)
 {
     saga_layer got;
-    uint32_t k;
     int e;
 
     saga_nets_layer(&got, nets, block, net, i);
     e = got.shift[row] + l->q_out[row] - l->v.q_in;
-    for (k = 0; k < l->v.n_in; k++) {
+    for (uint32_t k = 0; k < l->v.n_in; k++) {
         const size_t at = saga_mlp_weight_at(l->v.n_in, l->v.n_out, row, k);
         const int w = got.int8 ? ((const int8_t *)got.weight)[at]
                                : ((const int16_t *)got.weight)[at];
@@ -123,13 +120,11 @@ static void check_model(uint64_t seed, double octaves)
     uint64_t r = seed;
     gen_stream g;
     saga_net_shape s;
-    uint32_t row;
-    int net, i;
 
     gen_stream_make(&g, &o);
-    for (net = 0; net < SAGA_N_NETS; net++) {
+    for (int net = 0; net < SAGA_N_NETS; net++) {
         saga_model_net(&s, &g.header.model, net);
-        for (i = 0; i < s.n_layers; i++) {
+        for (int i = 0; i < s.n_layers; i++) {
             make_layer(&l[net][i], s.dim[i], s.dim[i + 1],
                        gen_range(&r, 10, 14), s.int8, octaves, &r);
             set_finer(&l[net][i], &g, net, i);
@@ -140,12 +135,12 @@ static void check_model(uint64_t seed, double octaves)
     if (!e)
         fail_msg("seed %d: %s", (int)seed, error.message);
     block = saga_encoder_params(e, &nets);
-    for (net = 0; net < SAGA_N_NETS; net++) {
+    for (int net = 0; net < SAGA_N_NETS; net++) {
         saga_model_net(&s, &g.header.model, net);
-        for (i = 0; i < s.n_layers; i++) {
+        for (int i = 0; i < s.n_layers; i++) {
             saga_dequantise_layer(weight, bias, &g.nets.layer[net][i],
                                   &l[net][i].v);
-            for (row = 0; row < s.dim[i + 1]; row++)
+            for (uint32_t row = 0; row < s.dim[i + 1]; row++)
                 check_row(nets, block, net, i, row, &l[net][i], weight, bias);
         }
     }
@@ -156,9 +151,7 @@ static void check_model(uint64_t seed, double octaves)
 /* Valid rows whatever the rows' ranges; int16 and int8 networks. */
 TEST(quantiser_should_say_what_the_decoder_has)
 {
-    uint64_t seed;
-
-    for (seed = 1; seed <= N_MODELS; seed++)
+    for (uint64_t seed = 1; seed <= N_MODELS; seed++)
         check_model(seed, seed % 2 ? 2 : 12);
 }
 
@@ -171,14 +164,13 @@ static void check_rounding(const layer *l, double part, double slack)
 {
     static float weight[64 * 32], bias[32];
     saga_layer_symbols s = { .finer = NULL };
-    uint32_t i;
 
     quantise(&s, l);
     saga_dequantise_layer(weight, bias, &s, &l->v);
-    for (i = 0; i < 64 * 32; i++)
+    for (uint32_t i = 0; i < 64 * 32; i++)
         assert_true(fabs((double)weight[i] - (double)l->weight[i]) <=
                     (double)l->v.step * part + slack);
-    for (i = 0; i < 32; i++)
+    for (uint32_t i = 0; i < 32; i++)
         assert_true(fabs((double)bias[i] - (double)l->bias[i]) <=
                     (double)l->v.bias_step * part);
     saga_layer_symbols_free(&s);
@@ -191,9 +183,8 @@ TEST(quantiser_should_round_to_half_a_step)
 {
     static layer l;
     uint64_t r = 5;
-    uint32_t k;
 
-    for (k = 0; k < 50; k++) {
+    for (uint32_t k = 0; k < 50; k++) {
         make_layer(&l, 64, 32, 12, 0, 0, &r);
         check_rounding(&l, 0.5001, 0x1p-12);
     }
@@ -206,12 +197,11 @@ TEST(quantiser_should_keep_steps_where_shifts_end)
 {
     static layer l;
     uint64_t r = 7;
-    uint32_t i;
 
     make_layer(&l, 64, 32, 13, 0, 0, &r);
-    for (i = 0; i < 64 * 32; i++)
+    for (uint32_t i = 0; i < 64 * 32; i++)
         l.weight[i] *= 0x1p-7f;
-    for (i = 0; i < 32; i++) {
+    for (uint32_t i = 0; i < 32; i++) {
         l.bias[i] *= 0x1p-7f;
         l.q_out[i] = (uint8_t)(i % 2 ? 7 : 13);
     }
@@ -228,15 +218,14 @@ TEST(quantiser_should_keep_what_is_rounded_already)
     static float weight[64 * 32], bias[32];
     saga_layer_symbols s = { .finer = NULL };
     uint64_t r = 6;
-    uint32_t i;
 
     make_layer(&l, 64, 32, 12, 0, 0, &r);
     l.v.step = 0.037f;
-    for (i = 0; i < 64 * 32; i++)
+    for (uint32_t i = 0; i < 64 * 32; i++)
         l.weight[i] = 0.037f * (float)(int)(l.weight[i] / 0.037f);
     quantise(&s, &l);
     saga_dequantise_layer(weight, bias, &s, &l.v);
-    for (i = 0; i < 64 * 32; i++) {
+    for (uint32_t i = 0; i < 64 * 32; i++) {
         assert_int_equal(s.weight[i], lround((double)l.weight[i] / 0.037));
         assert_true(fabs((double)weight[i] - (double)l.weight[i]) <=
                     0x1p-12 + 1e-6);
@@ -253,14 +242,13 @@ TEST(quantiser_should_meet_8_bits)
     static float weight[64 * 32], bias[32];
     saga_layer_symbols s = { .finer = NULL };
     uint64_t r = 8;
-    uint32_t row, k;
 
     make_layer(&l, 64, 32, 12, 1, 0, &r);
     l.v.step = l.v.bias_step = (float)step;
-    for (row = 0; row < 32; row++) {
+    for (uint32_t row = 0; row < 32; row++) {
         const double unit = row % 3 ? step : 2 * step;
 
-        for (k = 0; k < 64; k++)
+        for (uint32_t k = 0; k < 64; k++)
             l.weight[row * 64 + k] = (float)(unit * gen_range(&r, -127, 127));
         l.weight[row * 64] = (float)(unit * 127);
         l.bias[row] = (float)(unit * gen_range(&r, -99, 99));
@@ -285,12 +273,11 @@ static void check_scales(int mode)
     saga_layer_symbols s = { .finer = NULL };
     double bits = 0, least;
     uint64_t r = 9;
-    uint32_t row, k;
 
     make_layer(&l, 64, 32, 12, 0, 0, &r);
     l.v.step = 0x1p-8f;
-    for (row = 0; row < 32; row++)
-        for (k = 0; k < 64; k++) {
+    for (uint32_t row = 0; row < 32; row++)
+        for (uint32_t k = 0; k < 64; k++) {
             const uint32_t line = mode == SAGA_SCALE_ROW ? row % 8
                                 : mode == SAGA_SCALE_COLUMN ? k % 8 : 0;
 
@@ -299,8 +286,8 @@ static void check_scales(int mode)
         }
     quantise(&s, &l);
     assert_int_equal(s.scale_mode, mode);
-    for (row = 0; row < 32; row++)
-        for (k = 0; k < 64; k++) {
+    for (uint32_t row = 0; row < 32; row++)
+        for (uint32_t k = 0; k < 64; k++) {
             const uint32_t line = mode == SAGA_SCALE_ROW ? row % 8
                                 : mode == SAGA_SCALE_COLUMN ? k % 8 : 0;
             const uint32_t scale = gen_scale_of(&s, row, k);
@@ -316,8 +303,6 @@ static void check_scales(int mode)
 
 TEST(quantiser_should_choose_scales_as_weights_spread)
 {
-    int mode;
-
-    for (mode = 0; mode < SAGA_N_SCALE_MODES; mode++)
+    for (int mode = 0; mode < SAGA_N_SCALE_MODES; mode++)
         check_scales(mode);
 }

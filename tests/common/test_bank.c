@@ -44,18 +44,15 @@ static int16_t *slot_of(const saga_bank *m, uint32_t p)
 static double dot(const double *a, const double *b, uint32_t n)
 {
     double sum = 0;
-    uint32_t i;
 
-    for (i = 0; i < n; i++)
+    for (uint32_t i = 0; i < n; i++)
         sum += a[i] * b[i];
     return sum;
 }
 
 static void to_real(double *to, const int16_t *from, uint32_t n)
 {
-    uint32_t i;
-
-    for (i = 0; i < n; i++)
+    for (uint32_t i = 0; i < n; i++)
         to[i] = from[i];
 }
 
@@ -91,13 +88,12 @@ static void update(int16_t *slot, const int16_t *write, int32_t gate,
     enum { AT = 13 };
     saga_bank m = bank_of(32, width);
     saga_bank before = bank_of(32, width);
-    uint32_t p;
 
     saga_bank_put(&m, AT, slot);
     saga_bank_update(&m, AT, write, gate, plain);
     memcpy(slot, slot_of(&m, AT), 2 * width);
     saga_bank_put(&before, AT, slot);
-    for (p = 0; p < 32; p++)
+    for (uint32_t p = 0; p < 32; p++)
         assert_memory_equal(slot_of(&m, p), slot_of(&before, p),
                             2 * saga_mlp_pad(width));
     assert_memory_equal(m.column, before.column, 64 * width);
@@ -109,13 +105,12 @@ static void update(int16_t *slot, const int16_t *write, int32_t gate,
 static void random_slot(int16_t *slot, gen_rng *r, uint32_t width)
 {
     double u[MAX_D];
-    uint32_t d;
 
-    for (d = 0; d < width; d++)
+    for (uint32_t d = 0; d < width; d++)
         u[d] = gen_normal(r);
     if (gen_int(r, 0, 9) == 0)
         u[gen_int(r, 0, (int32_t)width - 1)] = 1e6;
-    for (d = 0; d < width; d++)
+    for (uint32_t d = 0; d < width; d++)
         slot[d] = (int16_t)lrint(4096 * u[d] / sqrt(dot(u, u, width)));
 }
 
@@ -128,15 +123,14 @@ static void check_start(uint32_t n_slots, uint32_t width)
     const double least = ((double)n_slots * n_slots / width - n_slots) /
                          ((double)n_slots * (n_slots - 1));
     double sum = 0;
-    uint32_t p, k, d;
 
-    for (p = 0; p < n_slots; p++) {
+    for (uint32_t p = 0; p < n_slots; p++) {
         const int16_t *const s = slot_of(&m, p);
 
         assert_unit(s, width);
-        for (d = 0; d < width; d++)
+        for (uint32_t d = 0; d < width; d++)
             assert_int_equal(abs(s[d]), lrint(4096 / sqrt(width)));
-        for (k = 0; k < p; k++) {
+        for (uint32_t k = 0; k < p; k++) {
             double a[MAX_D], b[MAX_D], cosine;
 
             to_real(a, s, width);
@@ -155,10 +149,8 @@ static void check_start(uint32_t n_slots, uint32_t width)
 
 TEST(slots_should_start_apart_and_of_unit_length)
 {
-    uint32_t i, width;
-
-    for (i = 0; i < N_SLOTS; i++)
-        for (width = 8; width <= MAX_D; width += 8)
+    for (uint32_t i = 0; i < N_SLOTS; i++)
+        for (uint32_t width = 8; width <= MAX_D; width += 8)
             check_start(all_slots[i], width);
 }
 
@@ -172,10 +164,9 @@ TEST(first_slots_should_be_those_worked_out_by_hand)
         { -1, -1, 1, 1, 1, -1, -1, 1 }       /* 3 */
     };
     saga_bank m = bank_of(32, 8);
-    uint32_t p, d;
 
-    for (p = 0; p < 4; p++)
-        for (d = 0; d < 8; d++)
+    for (uint32_t p = 0; p < 4; p++)
+        for (uint32_t d = 0; d < 8; d++)
             assert_int_equal(slot_of(&m, p)[d], 1448 * sign[p][d]);
     drop(&m);
 }
@@ -188,20 +179,19 @@ static double read_reference(double *out, const saga_bank *m,
                              const int16_t *query)
 {
     double z[MAX_L], q[MAX_D], s[MAX_D], most = -1e300, sum = 0;
-    uint32_t p, d;
 
     to_real(q, query, m->width);
-    for (d = 0; d < m->width; d++)
+    for (uint32_t d = 0; d < m->width; d++)
         out[d] = 0;
-    for (p = 0; p < m->n_slots; p++) {
+    for (uint32_t p = 0; p < m->n_slots; p++) {
         to_real(s, slot_of(m, p), m->width);
         z[p] = dot(q, s, m->width) / 4194304;
         most = fmax(most, z[p]);
     }
-    for (p = 0; p < m->n_slots; p++)
+    for (uint32_t p = 0; p < m->n_slots; p++)
         sum += exp2(z[p] - most);
-    for (p = 0; p < m->n_slots; p++)
-        for (d = 0; d < m->width; d++)
+    for (uint32_t p = 0; p < m->n_slots; p++)
+        for (uint32_t d = 0; d < m->width; d++)
             out[d] += exp2(z[p] - most) / sum * slot_of(m, p)[d];
     return sum;
 }
@@ -209,10 +199,9 @@ static double read_reference(double *out, const saga_bank *m,
 static double greatest(const saga_bank *m)
 {
     double most = 0;
-    uint32_t p, d;
 
-    for (p = 0; p < m->n_slots; p++)
-        for (d = 0; d < m->width; d++)
+    for (uint32_t p = 0; p < m->n_slots; p++)
+        for (uint32_t d = 0; d < m->width; d++)
             most = fmax(most, abs(slot_of(m, p)[d]));
     return most;
 }
@@ -222,14 +211,13 @@ static double check_read(const saga_bank *m, const int16_t *query)
 {
     double want[MAX_D], e, bound, worst = 0;
     int16_t got[MAX_D + 1];
-    uint32_t d;
 
     got[m->width] = 0x5a5a;
     saga_bank_read(got, m, query);
     assert_int_equal(got[m->width], 0x5a5a);
     e = read_reference(want, m, query);
     bound = 0.5 + m->n_slots * ldexp(1 + 1.3 / e, -15) * greatest(m);
-    for (d = 0; d < m->width; d++)
+    for (uint32_t d = 0; d < m->width; d++)
         worst = fmax(worst, fabs(got[d] - want[d]));
     assert_true(worst <= bound);
     return worst / bound;
@@ -240,23 +228,22 @@ TEST(read_should_stay_within_bound_of_double)
     gen_rng r = gen_seeded(1);
     int16_t query[MAX_D];
     double worst = 0;
-    uint32_t i, k, p, d;
 
-    for (i = 0; i < 200; i++) {
+    for (uint32_t i = 0; i < 200; i++) {
         saga_bank m = bank_of(all_slots[i % N_SLOTS],
                               8u * (uint32_t)gen_int(&r, 1, 8));
 
-        for (p = 0; p < m.n_slots; p++) {
+        for (uint32_t p = 0; p < m.n_slots; p++) {
             int16_t slot[MAX_D];
 
             random_slot(slot, &r, m.width);
             saga_bank_put(&m, p, slot);
         }
-        for (k = 0; k < 20; k++) {
+        for (uint32_t k = 0; k < 20; k++) {
             /* From flat to one slot alone; past the width anything. */
             const int32_t size = 1 << gen_int(&r, 0, 15);
 
-            for (d = 0; d < MAX_D; d++)
+            for (uint32_t d = 0; d < MAX_D; d++)
                 query[d] = any16(&r, size < 32767 ? size : 32767);
             worst = fmax(worst, check_read(&m, query));
         }
@@ -268,17 +255,16 @@ TEST(read_should_stay_within_bound_of_double)
 TEST(zero_query_should_read_the_mean_of_all_slots)
 {
     static const int16_t zero[MAX_D];
-    uint32_t i, p, d;
 
-    for (i = 0; i < N_SLOTS; i++) {
+    for (uint32_t i = 0; i < N_SLOTS; i++) {
         saga_bank m = bank_of(all_slots[i], 40);
         int16_t got[MAX_D];
 
         saga_bank_read(got, &m, zero);
-        for (d = 0; d < 40; d++) {
+        for (uint32_t d = 0; d < 40; d++) {
             double sum = 0;
 
-            for (p = 0; p < m.n_slots; p++)
+            for (uint32_t p = 0; p < m.n_slots; p++)
                 sum += slot_of(&m, p)[d];
             assert_int_equal(got[d], floor(sum / m.n_slots + 0.5));
         }
@@ -291,10 +277,9 @@ TEST(query_along_a_slot_should_read_it_exactly)
 {
     saga_bank m = bank_of(64, 64);
     int16_t query[MAX_D], got[MAX_D];
-    uint32_t p, d;
 
-    for (p = 0; p < 64; p++) {
-        for (d = 0; d < 64; d++)
+    for (uint32_t p = 0; p < 64; p++) {
+        for (uint32_t d = 0; d < 64; d++)
             query[d] = (int16_t)(slot_of(&m, p)[d] * 16);
         saga_bank_read(got, &m, query);
         assert_memory_equal(got, slot_of(&m, p), sizeof got);
@@ -305,18 +290,17 @@ TEST(query_along_a_slot_should_read_it_exactly)
 TEST(extreme_queries_should_read_something_in_range)
 {
     gen_rng r = gen_seeded(2);
-    uint32_t i, k, d;
 
-    for (i = 0; i < N_SLOTS; i++) {
+    for (uint32_t i = 0; i < N_SLOTS; i++) {
         saga_bank m = bank_of(all_slots[i], 64);
 
-        for (k = 0; k < 100; k++) {
+        for (uint32_t k = 0; k < 100; k++) {
             int16_t query[MAX_D];
 
-            for (d = 0; d < MAX_D; d++)
+            for (uint32_t d = 0; d < MAX_D; d++)
                 query[d] = gen_int(&r, 0, 1) ? 32767 : -32767;
             if (k < all_slots[i])      /* the largest score there is */
-                for (d = 0; d < MAX_D; d++)
+                for (uint32_t d = 0; d < MAX_D; d++)
                     query[d] = slot_of(&m, k)[d] < 0 ? -32767 : 32767;
             check_read(&m, query);
         }
@@ -331,21 +315,20 @@ TEST(mean_should_be_the_rounded_quotient)
     gen_rng r = gen_seeded(3);
     int32_t sum[MAX_D];
     int16_t got[MAX_D];
-    uint32_t i, d;
 
-    for (i = 0; i < 20000; i++) {
+    for (uint32_t i = 0; i < 20000; i++) {
         const uint32_t count = i < 1000 ? i + 1
                              : i < 1010 ? SAGA_MAX_ROUND - (i - 1000)
                              : (uint32_t)gen_int(&r, 1, SAGA_MAX_ROUND);
 
-        for (d = 0; d < MAX_D; d++)
+        for (uint32_t d = 0; d < MAX_D; d++)
             sum[d] = (int32_t)(gen_uniform(&r, -32767, 32767) * count);
         sum[0] = 32767 * (int32_t)count;
         sum[1] = -sum[0];
         saga_bank_mean(got, sum, MAX_D, count);
         assert_int_equal(got[0], 32767);
         assert_int_equal(got[1], -32767);
-        for (d = 0; d < MAX_D; d++) {
+        for (uint32_t d = 0; d < MAX_D; d++) {
             const double want = (double)sum[d] / count;
 
             assert_true(fabs(got[d] - want) <=
@@ -353,7 +336,7 @@ TEST(mean_should_be_the_rounded_quotient)
         }
     }
     saga_bank_mean(got, sum, MAX_D, 0);
-    for (d = 0; d < MAX_D; d++)
+    for (uint32_t d = 0; d < MAX_D; d++)
         assert_int_equal(got[d], 0);
 }
 
@@ -365,12 +348,11 @@ static double update_reference(double *out, const double *s, const double *v,
 {
     const double along = plain ? 0 : dot(v, s, width) / dot(s, s, width);
     double length;
-    uint32_t d;
 
-    for (d = 0; d < width; d++)
+    for (uint32_t d = 0; d < width; d++)
         out[d] = s[d] + gate * (v[d] - along * s[d]);
     length = sqrt(dot(out, out, width));
-    for (d = 0; d < width; d++)
+    for (uint32_t d = 0; d < width; d++)
         out[d] *= 4096 / length;
     return length;
 }
@@ -398,7 +380,6 @@ static double check_update(const int16_t *slot, const int16_t *write,
     int16_t got[MAX_D] = { 0 };
     double s[MAX_D] = { 0 }, v[MAX_D] = { 0 }, want[MAX_D];
     double length, bound, worst = 0;
-    uint32_t d;
 
     memcpy(got, slot, 2 * width);
     update(got, write, gate, width, plain);
@@ -407,7 +388,7 @@ static double check_update(const int16_t *slot, const int16_t *write,
     to_real(v, write, width);
     length = update_reference(want, s, v, gate / 32768.0, width, plain);
     bound = update_bound(s, v, gate / 32768.0, length, width, plain);
-    for (d = 0; d < width; d++)
+    for (uint32_t d = 0; d < width; d++)
         worst = fmax(worst, fabs(got[d] - want[d]));
     assert_true(worst <= bound);
     return worst / bound;
@@ -417,9 +398,8 @@ TEST(update_should_stay_within_bound_of_double)
 {
     gen_rng r = gen_seeded(4);
     double worst[2] = { 0, 0 };
-    uint32_t i, d;
 
-    for (i = 0; i < 40000; i++) {
+    for (uint32_t i = 0; i < 40000; i++) {
         const uint32_t width = 8u * (uint32_t)gen_int(&r, 1, 8);
         const int32_t size = 1 << gen_int(&r, 4, 14);
         const int32_t gate = i % 16 == 0 ? ONE : i % 16 == 1 ? 0
@@ -428,7 +408,7 @@ TEST(update_should_stay_within_bound_of_double)
         int16_t slot[MAX_D], write[MAX_D];
 
         random_slot(slot, &r, width);
-        for (d = 0; d < width; d++)
+        for (uint32_t d = 0; d < width; d++)
             write[d] = any16(&r, size);
         worst[plain] = fmax(worst[plain], check_update(slot, write, gate,
                                                        width, plain));
@@ -442,9 +422,7 @@ TEST(update_should_stay_within_bound_of_double)
 static void assert_same_but_rounding(const int16_t *got, const int16_t *slot,
                                      uint32_t width)
 {
-    uint32_t d;
-
-    for (d = 0; d < width; d++)
+    for (uint32_t d = 0; d < width; d++)
         assert_true(abs(got[d] - slot[d]) <=
                     abs(slot[d]) * 1.01 * norm_bound(width) / 4096 + 0.5001);
 }
@@ -453,14 +431,13 @@ TEST(nothing_written_should_leave_the_slot)
 {
     static const int16_t zero[MAX_D];
     gen_rng r = gen_seeded(5);
-    uint32_t i, d;
 
-    for (i = 0; i < 4000; i++) {
+    for (uint32_t i = 0; i < 4000; i++) {
         const uint32_t width = 8u * (1 + i % 8);
         int16_t slot[MAX_D], write[MAX_D], got[MAX_D];
 
         random_slot(slot, &r, width);
-        for (d = 0; d < width; d++)
+        for (uint32_t d = 0; d < width; d++)
             write[d] = any16(&r, 32767);
         memcpy(got, slot, sizeof got);
         update(got, write, 0, width, (int)(i & 1u));
@@ -476,22 +453,21 @@ TEST(nothing_written_should_leave_the_slot)
 TEST(parallel_writes_should_leave_the_slot)
 {
     gen_rng r = gen_seeded(6);
-    uint32_t i, d;
 
-    for (i = 0; i < 4000; i++) {
+    for (uint32_t i = 0; i < 4000; i++) {
         const uint32_t width = 8u * (1 + i % 8);
         const int32_t c = gen_int(&r, -7, 7);
         int16_t slot[MAX_D], write[MAX_D], got[MAX_D];
 
         random_slot(slot, &r, width);
-        for (d = 0; d < width; d++)
+        for (uint32_t d = 0; d < width; d++)
             write[d] = (int16_t)(c * slot[d]);
         check_update(slot, write, gen_int(&r, 0, ONE), width, 0);
         memcpy(got, slot, sizeof got);
         update(got, write, ONE, width, 0);
-        for (d = 0; d < width; d++)
+        for (uint32_t d = 0; d < width; d++)
             assert_true(abs(got[d] - slot[d]) <= 6);
-        for (d = 0; d < width; d++)
+        for (uint32_t d = 0; d < width; d++)
             write[d] = (int16_t)-slot[d];
         memcpy(got, slot, sizeof got);
         update(got, write, ONE, width, 1);
@@ -502,22 +478,20 @@ TEST(parallel_writes_should_leave_the_slot)
 TEST(zero_slot_should_take_the_direction_of_the_write)
 {
     gen_rng r = gen_seeded(7);
-    int plain;
 
-    for (plain = 0; plain < 2; plain++) {
+    for (int plain = 0; plain < 2; plain++) {
         int16_t slot[MAX_D] = { 0 }, write[MAX_D] = { 0 };
         double v[MAX_D];
-        uint32_t d;
 
         update(slot, write, ONE, MAX_D, plain);
-        for (d = 0; d < MAX_D; d++)
+        for (uint32_t d = 0; d < MAX_D; d++)
             assert_int_equal(slot[d], 0);
-        for (d = 0; d < MAX_D; d++)
+        for (uint32_t d = 0; d < MAX_D; d++)
             write[d] = any16(&r, 100);
         to_real(v, write, MAX_D);
         update(slot, write, ONE, MAX_D, plain);
         assert_unit(slot, MAX_D);
-        for (d = 0; d < MAX_D; d++)
+        for (uint32_t d = 0; d < MAX_D; d++)
             assert_true(fabs(slot[d] - 4096 * v[d] / sqrt(dot(v, v, MAX_D)))
                         <= 0.51);
     }
@@ -528,10 +502,9 @@ TEST(zero_slot_should_take_the_direction_of_the_write)
 static double angle(const int16_t *slot, const double *s, uint32_t width)
 {
     double a[MAX_D], d2 = 0;
-    uint32_t d;
 
     to_real(a, slot, width);
-    for (d = 0; d < width; d++)
+    for (uint32_t d = 0; d < width; d++)
         d2 += (a[d] - s[d]) * (a[d] - s[d]);
     return sqrt(d2) / 4096;
 }
@@ -543,15 +516,14 @@ static double run_thousand(gen_rng *r, uint32_t width, int plain, int extreme)
 {
     int16_t slot[MAX_D] = { 0 }, write[MAX_D];
     double s[MAX_D], v[MAX_D], next[MAX_D], worst = 0;
-    uint32_t i, d;
 
     random_slot(slot, r, width);
     to_real(s, slot, width);
-    for (i = 0; i < 1000; i++) {
+    for (uint32_t i = 0; i < 1000; i++) {
         const int32_t gate = extreme ? ONE * gen_int(r, 0, 1)
                                      : gen_int(r, 0, ONE);
 
-        for (d = 0; d < width; d++)
+        for (uint32_t d = 0; d < width; d++)
             write[d] = extreme ? (int16_t)(32767 * gen_int(r, -1, 1))
                                : any16(r, 4096);
         update(slot, write, gate, width, plain);
@@ -569,9 +541,8 @@ TEST(thousand_updates_should_neither_grow_nor_stray)
 {
     gen_rng r = gen_seeded(8);
     double worst[2] = { 0, 0 };
-    uint32_t i;
 
-    for (i = 0; i < 64; i++) {
+    for (uint32_t i = 0; i < 64; i++) {
         const uint32_t width = 8u * (1 + i / 2 % 8);
         const int plain = (int)(i & 1u);
 

@@ -170,18 +170,16 @@ static void run(int16_t *out, const watched *w, int net, const int16_t *x)
 {
     const saga_net_shape *const s = &w->plan.nets.shape[net];
     int16_t a[SAGA_MAX_VECTOR], b[SAGA_MAX_VECTOR];
-    uint32_t row, k;
-    int i;
 
     memcpy(a, x, s->dim[0] * sizeof *a);
-    for (i = 0; i < s->n_layers; i++) {
+    for (int i = 0; i < s->n_layers; i++) {
         saga_layer l;
 
         saga_nets_layer(&l, &w->plan.nets, w->params, net, i);
-        for (row = 0; row < l.n_out; row++) {
+        for (uint32_t row = 0; row < l.n_out; row++) {
             int64_t sum = l.bias[row];
 
-            for (k = 0; k < l.n_in; k++) {
+            for (uint32_t k = 0; k < l.n_in; k++) {
                 const size_t at = saga_mlp_weight_at(l.n_in, l.n_out, row, k);
 
                 sum += (int64_t)a[k] *
@@ -206,11 +204,8 @@ typedef struct {
 /* pe(place), sizes, count, kind. */
 static void put_side(input *in, const watched *w, const place *p, int kind)
 {
-    uint32_t k;
-    int i;
-
-    for (i = 0; i < 4; i++)
-        for (k = 0; k < w->h.model.octaves; k++) {
+    for (int i = 0; i < 4; i++)
+        for (uint32_t k = 0; k < w->h.model.octaves; k++) {
             const int32_t t = p->x[3] - 32768;
             const uint32_t phase = i < 3 ? (uint32_t)(p->x[i] >> (9 - k))
                 : k ? (uint32_t)t << (k - 1) : (uint32_t)(t >> 1);
@@ -218,7 +213,7 @@ static void put_side(input *in, const watched *w, const place *p, int kind)
             put(in, saga_sin_turn16_q15(phase), 15);
             put(in, saga_sin_turn16_q15(phase + 16384), 15);
         }
-    for (i = 0; i < 4; i++)
+    for (int i = 0; i < 4; i++)
         put(in, p->size_q10[i] - (i < 3 ? 12 : 8) * 1024, 12);
     put(in, (int32_t)(512 * p->count), 12);
     put(in, 4096 * (kind - 1), 12);
@@ -226,9 +221,7 @@ static void put_side(input *in, const watched *w, const place *p, int kind)
 
 static void put_values(input *in, const watched *w, const int16_t *x, int q)
 {
-    uint32_t i;
-
-    for (i = 0; i < w->h.model.features; i++)
+    for (uint32_t i = 0; i < w->h.model.features; i++)
         put(in, x ? x[i] : 0, q);
 }
 
@@ -245,19 +238,17 @@ typedef struct {
 static void begin_bank(bank *k, const watched *w)
 {
     const int hidden = w->plan.nets.shape[SAGA_NET_SLOT].dim[2];
-    uint32_t p;
 
     memset(k, 0, sizeof *k);
     saga_bank_size(&k->m, &w->h.model);
     saga_bank_lay(&k->m, must(aligned_alloc(
         16, saga_bank_lay(&k->m, NULL))));
     saga_bank_start(&k->m);
-    for (p = 0; p < k->m.n_slots; p++) {
+    for (uint32_t p = 0; p < k->m.n_slots; p++) {
         input in = input_of(w, SAGA_NET_SLOT);
         int16_t out[SAGA_MAX_VECTOR];
-        uint32_t i;
 
-        for (i = 0; i < k->m.n_slots; i++)
+        for (uint32_t i = 0; i < k->m.n_slots; i++)
             put(&in, i == p ? 4096 : 0, 12);
         run(out, w, SAGA_NET_SLOT, in.x);
         memcpy(k->own[p], out, (size_t)hidden * sizeof *out);
@@ -272,17 +263,16 @@ static void expect(bank *k, const watched *w, const place *p, int kind,
     const uint32_t n = saga_n_channels(m, kind);
     input in = input_of(w, SAGA_NET_QUERY);
     int16_t out[SAGA_MAX_VECTOR], query[MAX_D] = { 0 }, got[MAX_D];
-    uint32_t i;
 
     put_side(&in, w, p, kind);
     put_values(&in, w, parent, q);
     run(query, w, SAGA_NET_QUERY, in.x);
     saga_bank_read(got, &k->m, query);
     in = input_of(w, SAGA_NET_E_COARSE + kind);
-    for (i = 0; i < m->bank_width; i++)
+    for (uint32_t i = 0; i < m->bank_width; i++)
         put(&in, got[i], 12);
     run(out, w, SAGA_NET_E_COARSE + kind, in.x);
-    for (i = 0; i < n; i++) {
+    for (uint32_t i = 0; i < n; i++) {
         const int64_t v = 7 * (int64_t)out[n + i];
 
         assert_int_equal(used->mu[i], out[i]);
@@ -297,12 +287,11 @@ static void keep(bank *k, const watched *w, const place *p, int kind,
 {
     input in = input_of(w, SAGA_NET_AGG);
     int16_t out[SAGA_MAX_VECTOR];
-    uint32_t i;
 
     put_side(&in, w, p, kind);
     put_values(&in, w, values, q);
     run(out, w, SAGA_NET_AGG, in.x);
-    for (i = 0; i < k->m.width; i++)
+    for (uint32_t i = 0; i < k->m.width; i++)
         k->sum[i] += out[i];
     k->n++;
 }
@@ -315,16 +304,15 @@ static void write_round(bank *k, const watched *w)
     int16_t base[SAGA_MAX_VECTOR], h[SAGA_MAX_VECTOR], out[SAGA_MAX_VECTOR];
     int16_t mean[MAX_D];
     int32_t sum[MAX_D];
-    uint32_t p, i;
 
-    for (i = 0; i < k->m.width; i++)
+    for (uint32_t i = 0; i < k->m.width; i++)
         sum[i] = (int32_t)k->sum[i];
     saga_bank_mean(mean, sum, k->m.width, k->n);
-    for (i = 0; i < k->m.width; i++)
+    for (uint32_t i = 0; i < k->m.width; i++)
         put(&in, mean[i], 12);
     run(base, w, SAGA_NET_WRITE_BASE, in.x);
-    for (p = 0; p < k->m.n_slots; p++) {
-        for (i = 0; i < hidden; i++) {
+    for (uint32_t p = 0; p < k->m.n_slots; p++) {
+        for (uint32_t i = 0; i < hidden; i++) {
             const int32_t v = fx_sat16(base[i] + k->own[p][i]);
 
             h[i] = (int16_t)(v < 0 ? 0 : v);
@@ -349,9 +337,7 @@ static int16_t dequantise(const seen *s, uint32_t i, uint32_t step_q16)
 
 static void cell_of(place *p, const saga_coarse *c)
 {
-    int i;
-
-    for (i = 0; i < 4; i++) {
+    for (int i = 0; i < 4; i++) {
         const int log2 = i < 3 ? 23 - c->depth_x : 15 - c->depth_t;
         const int32_t cell = i < 3 ? c->cell[i] : c->cell_t;
 
@@ -364,9 +350,7 @@ static void cell_of(place *p, const saga_coarse *c)
 /* o in Q14 of the sizes, which are powers of two here. */
 static void move(place *p, const int16_t o[4])
 {
-    int i;
-
-    for (i = 0; i < 4; i++) {
+    for (int i = 0; i < 4; i++) {
         const int64_t step = fx_rshift64((int64_t)o[i] *
                                          (1 << p->size_q10[i] / 1024), 14);
 
@@ -380,14 +364,13 @@ static void follow_coarse(bank *k, const watched *w, uint32_t rank)
     const saga_model *const m = &w->h.model;
     const seen *const s = &w->spy.coarse[rank];
     int16_t centre[4], feature[SAGA_MAX_FEATURES];
-    uint32_t i;
     place p;
 
     cell_of(&p, &w->sc.coarse[rank]);
     expect(k, w, &p, SAGA_KIND_COARSE, NULL, 0, s);
-    for (i = 0; i < 4; i++)
+    for (uint32_t i = 0; i < 4; i++)
         centre[i] = dequantise(s, i, m->step_q16[SAGA_STEP_CENTRE]);
-    for (i = 0; i < m->features; i++)
+    for (uint32_t i = 0; i < m->features; i++)
         feature[i] = dequantise(s, 4 + i, m->step_q16[SAGA_STEP_FEATURE]);
     move(&p, centre);
     keep(k, w, &p, SAGA_KIND_COARSE, feature, m->out_q[SAGA_OUT_COARSE]);
@@ -402,24 +385,23 @@ static void follow_fine(bank *k, const watched *w, uint32_t rank)
     const seen *const s = &w->spy.fine[rank];
     int16_t o[4], context[SAGA_MAX_FEATURES] = { 0 };
     place cell, p;
-    uint32_t i, b;
 
     cell_of(&cell, &w->sc.coarse[parent]);
-    for (i = 0; i < 4; i++) {
+    for (uint32_t i = 0; i < 4; i++) {
         uint32_t v = 0;
 
-        for (b = 0; b < bits; b++)
+        for (uint32_t b = 0; b < bits; b++)
             v |= (sym->fine_suffix[rank] >> (4 * b + 3 - i) & 1u) << b;
         o[i] = (int16_t)((2 * (int32_t)v + 1) * (1 << (14 - bits)) - 16384);
     }
     p = cell;
     move(&p, o);
-    for (i = 0; i < 4; i++)
+    for (uint32_t i = 0; i < 4; i++)
         p.size_q10[i] -= (int32_t)(1024 * bits);
     expect(k, w, &p, SAGA_KIND_FINE,
            w->sc.coarse_feature + (size_t)parent * m->features,
            m->out_q[SAGA_OUT_COARSE], s);
-    for (i = 0; i < 4; i++) {
+    for (uint32_t i = 0; i < 4; i++) {
         context[i] = dequantise(s, i, m->step_q16[SAGA_STEP_FINE]);
         o[i] = fx_sat16(o[i] + context[i]);
     }
@@ -433,10 +415,9 @@ static void follow_fine(bank *k, const watched *w, uint32_t rank)
 static void follow_tier(bank *k, const watched *w, int tier)
 {
     const uint32_t n = tier == 0 ? w->sc.n.coarse : w->sc.n.fine;
-    uint32_t group, rank;
 
-    for (group = 0; group < w->h.model.tier[tier].n_groups; group++) {
-        for (rank = 0; rank < n; rank++) {
+    for (uint32_t group = 0; group < w->h.model.tier[tier].n_groups; group++) {
+        for (uint32_t rank = 0; rank < n; rank++) {
             if ((tier == 0 ? w->sc.coarse[rank].group
                             : w->sc.fine[rank].group) != group)
                 continue;
@@ -457,9 +438,9 @@ static void follow_prims(bank *k, const watched *w)
     const saga_model *const m = &w->h.model;
     const int last = m->width[SAGA_NET_FINE] ? 2 : 0;
     const uint8_t *const finer = w->g.nets.layer[SAGA_NET_FINE][last].finer;
-    uint32_t rank, i, at = 0;
+    uint32_t at = 0;
 
-    for (rank = 0; rank < w->sc.n.fine; rank++) {
+    for (uint32_t rank = 0; rank < w->sc.n.fine; rank++) {
         const saga_fine *const f = &w->sc.fine[rank];
         const uint32_t n = w->g.segment[0].n_prim[rank];
         int16_t feature[SAGA_MAX_FEATURES];
@@ -467,10 +448,10 @@ static void follow_prims(bank *k, const watched *w)
                     { f->local[0], f->local[1], f->local[2], f->local[3] },
                     n };
 
-        for (i = 0; i < m->features; i++)
+        for (uint32_t i = 0; i < m->features; i++)
             feature[i] = (int16_t)fx_rshift(
                 w->sc.fine_feature[(size_t)rank * m->features + i], finer[i]);
-        for (i = 0; i < n; i++)
+        for (uint32_t i = 0; i < n; i++)
             expect(k, w, &p, SAGA_KIND_PRIM, feature,
                    m->out_q[SAGA_OUT_FINE], &w->spy.prim[at + i]);
         at += n;
@@ -503,9 +484,9 @@ static gen_options options_of(uint32_t i)
 
 TEST(parameters_should_be_those_of_the_page)
 {
-    uint32_t n_reads = 0, n_writes = 0, i;
+    uint32_t n_reads = 0, n_writes = 0;
 
-    for (i = 0; i < 100; i++) {
+    for (uint32_t i = 0; i < 100; i++) {
         const gen_options o = options_of(i);
         watched w;
         bank *const k = must(malloc(sizeof *k));

@@ -69,9 +69,8 @@ static void expect_within(const char *what, double worst, double bound)
 TEST(exp2_frac_should_stay_within_bound_over_all_inputs)
 {
     double worst = 0;
-    uint32_t f;
 
-    for (f = 0; f < 65536; f++) {
+    for (uint32_t f = 0; f < 65536; f++) {
         const double want = exp2(f / 65536.0) * 1073741824;
 
         worst = fmax(worst, fabs(saga_exp2_frac_q16_q30(f) - want));
@@ -81,10 +80,10 @@ TEST(exp2_frac_should_stay_within_bound_over_all_inputs)
 
 TEST(exp2_frac_should_rise_from_exactly_one_to_below_two)
 {
-    uint32_t f, last = saga_exp2_frac_q16_q30(0);
+    uint32_t last = saga_exp2_frac_q16_q30(0);
 
     assert_int_equal(last, 1u << 30);
-    for (f = 1; f < 65536; f++) {
+    for (uint32_t f = 1; f < 65536; f++) {
         const uint32_t y = saga_exp2_frac_q16_q30(f);
 
         assert_true(y > last);
@@ -96,9 +95,8 @@ TEST(exp2_frac_should_rise_from_exactly_one_to_below_two)
 TEST(exp2_neg_should_stay_within_bound)
 {
     double worst = 0;
-    uint32_t x;
 
-    for (x = 0; x < 18u << 20; x++) {
+    for (uint32_t x = 0; x < 18u << 20; x++) {
         const double want = exp2(15 - x / 1048576.0);
 
         worst = fmax(worst, fabs(saga_exp2_neg_q20_q15(x) - want));
@@ -108,10 +106,10 @@ TEST(exp2_neg_should_stay_within_bound)
 
 TEST(exp2_neg_should_fall_from_exactly_one_to_zero)
 {
-    uint32_t x, last = saga_exp2_neg_q20_q15(0);
+    uint32_t last = saga_exp2_neg_q20_q15(0);
 
     assert_int_equal(last, 32768);
-    for (x = 1; x <= 16u << 20; x++) {
+    for (uint32_t x = 1; x <= 16u << 20; x++) {
         const uint32_t y = saga_exp2_neg_q20_q15(x);
 
         assert_true(y <= last);
@@ -123,21 +121,18 @@ TEST(exp2_neg_should_fall_from_exactly_one_to_zero)
 TEST(exp2_neg_should_be_zero_from_sixteen_on)
 {
     uint64_t seed = 1;
-    int i;
 
     assert_int_equal(saga_exp2_neg_q20_q15((16u << 20) - 1), 1);
     assert_int_equal(saga_exp2_neg_q20_q15(16u << 20), 0);
     assert_int_equal(saga_exp2_neg_q20_q15(UINT32_MAX), 0);
-    for (i = 0; i < 100000; i++)
+    for (int i = 0; i < 100000; i++)
         assert_int_equal(
             saga_exp2_neg_q20_q15(random_bits(&seed) | 16u << 20), 0);
 }
 
 TEST(exp2_neg_should_be_exact_at_whole_numbers)
 {
-    uint32_t n;
-
-    for (n = 0; n < 16; n++)
+    for (uint32_t n = 0; n < 16; n++)
         assert_int_equal(saga_exp2_neg_q20_q15(n << 20), 32768u >> n);
 }
 
@@ -151,9 +146,8 @@ static double softplus2(double x)
 TEST(softplus2_should_stay_within_bound_over_all_inputs)
 {
     double worst = 0;
-    int32_t x;
 
-    for (x = -(1 << 20); x <= 1 << 20; x++) {
+    for (int32_t x = -(1 << 20); x <= 1 << 20; x++) {
         const double want = softplus2(x / 4096.0) * 1048576;
 
         worst = fmax(worst, fabs(saga_softplus2_q12_q20(x) - want));
@@ -163,9 +157,9 @@ TEST(softplus2_should_stay_within_bound_over_all_inputs)
 
 TEST(softplus2_should_be_monotone)
 {
-    int32_t x, last = 0;
+    int32_t last = 0;
 
-    for (x = -(1 << 20); x <= 1 << 20; x++) {
+    for (int32_t x = -(1 << 20); x <= 1 << 20; x++) {
         const int32_t y = saga_softplus2_q12_q20(x);
 
         assert_true(y >= last);
@@ -175,10 +169,8 @@ TEST(softplus2_should_be_monotone)
 
 TEST(softplus2_of_x_should_exceed_that_of_minus_x_by_x)
 {
-    int32_t x;
-
     assert_int_equal(saga_softplus2_q12_q20(0), 1 << 20);
-    for (x = 0; x <= 1 << 20; x++)
+    for (int32_t x = 0; x <= 1 << 20; x++)
         assert_int_equal(
             saga_softplus2_q12_q20(x) - saga_softplus2_q12_q20(-x), x * 256);
 }
@@ -200,9 +192,8 @@ TEST(softplus2_should_clamp_its_argument)
 TEST(sigmoid_should_stay_within_bound_over_all_inputs)
 {
     double worst = 0;
-    int32_t x;
 
-    for (x = INT16_MIN; x <= INT16_MAX; x++) {
+    for (int32_t x = INT16_MIN; x <= INT16_MAX; x++) {
         const double want = 32768 / (1 + exp(-x / 2048.0));
 
         worst = fmax(worst,
@@ -213,11 +204,11 @@ TEST(sigmoid_should_stay_within_bound_over_all_inputs)
 
 TEST(sigmoid_should_rise_from_zero_to_one)
 {
-    int32_t x, last = 0;
+    int32_t last = 0;
 
     assert_int_equal(saga_sigmoid_q11_q15(INT16_MIN), 0);
     assert_int_equal(saga_sigmoid_q11_q15(INT16_MAX), 32768);
-    for (x = INT16_MIN; x <= INT16_MAX; x++) {
+    for (int32_t x = INT16_MIN; x <= INT16_MAX; x++) {
         const int32_t y = saga_sigmoid_q11_q15((int16_t)x);
 
         assert_true(y >= last);
@@ -227,9 +218,7 @@ TEST(sigmoid_should_rise_from_zero_to_one)
 
 TEST(sigmoid_of_x_and_of_minus_x_should_add_up_to_one)
 {
-    int32_t x;
-
-    for (x = 0; x <= INT16_MAX; x++)
+    for (int32_t x = 0; x <= INT16_MAX; x++)
         assert_int_equal(saga_sigmoid_q11_q15((int16_t)x) +
                          saga_sigmoid_q11_q15((int16_t)-x), 32768);
 }
@@ -239,9 +228,8 @@ TEST(sigmoid_of_x_and_of_minus_x_should_add_up_to_one)
 TEST(sin_should_stay_within_bound_over_all_phases)
 {
     double worst = 0;
-    uint32_t p;
 
-    for (p = 0; p < 65536; p++) {
+    for (uint32_t p = 0; p < 65536; p++) {
         const double y = sin(p * (PI / 32768)) * 32768;
         const double want = fmax(-32767, fmin(32767, y));
 
@@ -252,9 +240,7 @@ TEST(sin_should_stay_within_bound_over_all_phases)
 
 TEST(sin_should_be_odd_and_symmetric)
 {
-    uint32_t p;
-
-    for (p = 0; p < 65536; p++) {
+    for (uint32_t p = 0; p < 65536; p++) {
         const int y = saga_sin_turn16_q15(p);
 
         assert_int_equal(saga_sin_turn16_q15(0u - p), -y);
@@ -268,15 +254,14 @@ TEST(sines_should_be_each_that_of_its_phase)
     enum { N = 37 };
     uint16_t phase[N];
     int16_t y[N];
-    uint32_t p, i;
     saga_cpu cpu;
 
     for (cpu = SAGA_CPU_PLAIN; cpu <= saga_cpu_best(); cpu++)
-        for (p = 0; p < 65536; p += N) {
-            for (i = 0; i < N; i++)
+        for (uint32_t p = 0; p < 65536; p += N) {
+            for (uint32_t i = 0; i < N; i++)
                 phase[i] = (uint16_t)(p + i);
             saga_sin_turn16_each(y, phase, N, cpu);
-            for (i = 0; i < N; i++)
+            for (uint32_t i = 0; i < N; i++)
                 assert_int_equal(y[i], saga_sin_turn16_q15(phase[i]));
         }
 }
@@ -321,15 +306,14 @@ TEST(recip_should_stay_within_bound)
 {
     double worst16 = 0, worst32 = 0;
     uint64_t seed = 1;
-    uint32_t i;
 
-    for (i = 1; i < 1u << 17; i++) {
+    for (uint32_t i = 1; i < 1u << 17; i++) {
         worst_recip(i, &worst16, &worst32);
         worst_recip(0u - i, &worst16, &worst32);
         worst_recip((1u << 31) - i, &worst16, &worst32);
         worst_recip((1u << 31) + i, &worst16, &worst32);
     }
-    for (i = 0; i < 2000000; i++)
+    for (uint32_t i = 0; i < 2000000; i++)
         worst_recip(random_positive(&seed), &worst16, &worst32);
     expect_within("recip16 (LSB)", worst16, RECIP16_BOUND);
     expect_within("recip32 (relative)", worst32, RECIP32_BOUND);
@@ -337,9 +321,9 @@ TEST(recip_should_stay_within_bound)
 
 TEST(recip_should_be_exact_at_powers_of_two)
 {
-    int n, shift;
+    int shift;
 
-    for (n = 0; n < 32; n++) {
+    for (int n = 0; n < 32; n++) {
         assert_int_equal(saga_recip16(1u << n, &shift), 1u << 16);
         assert_int_equal(shift, 16 + n);
         assert_int_equal(saga_recip32(1u << n, &shift), 1u << 31);
@@ -359,10 +343,10 @@ TEST(recip_should_reach_its_lower_end_at_the_largest_x)
 
 TEST(recip16_should_not_rise_within_an_octave)
 {
-    uint32_t x, last = 1u << 16;
+    uint32_t last = 1u << 16;
     int shift;
 
-    for (x = 1u << 22; x < 1u << 23; x++) {
+    for (uint32_t x = 1u << 22; x < 1u << 23; x++) {
         const uint32_t m = saga_recip16(x, &shift);
 
         assert_true(m <= last);
@@ -387,16 +371,14 @@ TEST(rsqrt_should_stay_within_bound)
 {
     double worst = 0;
     uint64_t seed = 1;
-    uint32_t i;
-    int32_t odd;
 
-    for (i = 0; i < 1u << 17; i++) {
-        for (odd = 0; odd < 2; odd++) {
+    for (uint32_t i = 0; i < 1u << 17; i++) {
+        for (int32_t odd = 0; odd < 2; odd++) {
             worst = fmax(worst, rsqrt_error((1u << 30) + i, odd));
             worst = fmax(worst, rsqrt_error((1u << 31) - 1 - i, odd));
         }
     }
-    for (i = 0; i < 2000000; i++) {
+    for (uint32_t i = 0; i < 2000000; i++) {
         const uint32_t mant = 1u << 30 | random_bits(&seed) >> 2;
         const int32_t exp = (int32_t)(random_bits(&seed) >> 1) - (1 << 30);
 
@@ -407,9 +389,7 @@ TEST(rsqrt_should_stay_within_bound)
 
 TEST(rsqrt_should_be_exact_at_powers_of_four)
 {
-    int32_t h;
-
-    for (h = -100; h <= 100; h++) {
+    for (int32_t h = -100; h <= 100; h++) {
         const saga_float x = { 1u << 30, 2 * h };
         const saga_float y = saga_rsqrt(x);
 
@@ -423,20 +403,18 @@ TEST(rsqrt_should_be_exact_at_powers_of_four)
 /* FNV-1a over the four bytes of x, the low one first. */
 static uint32_t hash(uint32_t h, uint32_t x)
 {
-    int i;
-
-    for (i = 0; i < 4; i++, x >>= 8)
+    for (int i = 0; i < 4; i++, x >>= 8)
         h = (h ^ (x & 255u)) * 16777619u;
     return h;
 }
 
 static uint32_t hash_exp2(void)
 {
-    uint32_t h = 2166136261u, i;
+    uint32_t h = 2166136261u;
 
-    for (i = 0; i < 65536; i++)
+    for (uint32_t i = 0; i < 65536; i++)
         h = hash(h, saga_exp2_frac_q16_q30(i));
-    for (i = 0; i <= 16u << 20; i += 63)
+    for (uint32_t i = 0; i <= 16u << 20; i += 63)
         h = hash(h, saga_exp2_neg_q20_q15(i));
     return h;
 }
@@ -444,11 +422,10 @@ static uint32_t hash_exp2(void)
 static uint32_t hash_softplus2_sin(void)
 {
     uint32_t h = 2166136261u;
-    int32_t i;
 
-    for (i = -(1 << 20); i <= 1 << 20; i++)
+    for (int32_t i = -(1 << 20); i <= 1 << 20; i++)
         h = hash(h, (uint32_t)saga_softplus2_q12_q20(i));
-    for (i = 0; i < 65536; i++)
+    for (int32_t i = 0; i < 65536; i++)
         h = hash(h, (uint32_t)(int32_t)saga_sin_turn16_q15((uint32_t)i));
     return h;
 }
@@ -456,19 +433,18 @@ static uint32_t hash_softplus2_sin(void)
 static uint32_t hash_sigmoid(void)
 {
     uint32_t h = 2166136261u;
-    int32_t i;
 
-    for (i = INT16_MIN; i <= INT16_MAX; i++)
+    for (int32_t i = INT16_MIN; i <= INT16_MAX; i++)
         h = hash(h, (uint32_t)saga_sigmoid_q11_q15((int16_t)i));
     return h;
 }
 
 static uint32_t hash_recip(void)
 {
-    uint32_t h = 2166136261u, i;
+    uint32_t h = 2166136261u;
     uint64_t seed = 1;
 
-    for (i = 0; i < 200000; i++) {
+    for (uint32_t i = 0; i < 200000; i++) {
         const uint32_t x = i < 100000 ? i + 1 : random_positive(&seed);
         int shift;
 
@@ -482,10 +458,10 @@ static uint32_t hash_recip(void)
 
 static uint32_t hash_rsqrt(void)
 {
-    uint32_t h = 2166136261u, i;
+    uint32_t h = 2166136261u;
     uint64_t seed = 1;
 
-    for (i = 0; i < 200000; i++) {
+    for (uint32_t i = 0; i < 200000; i++) {
         const saga_float x = { 1u << 30 | random_bits(&seed) >> 2,
                                (int32_t)i - 100000 };
         const saga_float y = saga_rsqrt(x);

@@ -31,7 +31,6 @@ static void make_crowd(crowd *c, gen_rng *r)
 {
     saga_tier *tier;
     const int reach = 1 << gen_int(r, 4, 23);
-    int i, k;
 
     memset(c, 0, sizeof *c);
     c->tier = gen_int(r, 0, 1) ? SAGA_TIER_FINE : SAGA_TIER_COARSE;
@@ -45,15 +44,15 @@ static void make_crowd(crowd *c, gen_rng *r)
     c->sc = (saga_scaffold){ .model = &c->model, .coarse = c->coarse,
                              .fine = c->fine };
     c->sc.n.coarse = c->sc.n.fine = (uint32_t)gen_int(r, 1, N);
-    for (i = 0; i < N; i++) {
+    for (int i = 0; i < N; i++) {
         saga_coarse *const a = &c->coarse[i];
         saga_fine *const f = &c->fine[i];
 
-        for (k = 0; k < 3; k++) {
+        for (int k = 0; k < 3; k++) {
             a->x[k] = gen_int(r, -reach, reach);
             f->x[k] = gen_int(r, -reach, reach);
         }
-        for (k = 0; k < 4; k++)
+        for (int k = 0; k < 4; k++)
             f->support[k] = 1 << gen_int(r, 0, k < 3 ? 23 : 16);
         a->t = (uint16_t)gen_int(r, 0, 65535);
         f->t = (uint16_t)gen_int(r, 0, 65535);
@@ -61,9 +60,9 @@ static void make_crowd(crowd *c, gen_rng *r)
         a->depth_t = (uint8_t)gen_int(r, 0, SAGA_LOG2_HALF_T);
         a->group = f->group = (uint8_t)gen_int(r, 0, 7);
     }
-    for (k = 0; k < 3; k++)
+    for (int k = 0; k < 3; k++)
         c->query.x[k] = gen_int(r, -reach, reach);
-    for (k = 0; k < 4; k++)
+    for (int k = 0; k < 4; k++)
         c->query.support[k] = 1 << gen_int(r, 0, k < 3 ? 23 : 16);
     c->query.t = gen_int(r, 0, 65535);
     c->centre = (uint32_t)gen_int(r, 0, (int)c->sc.n.coarse - 1);
@@ -89,9 +88,8 @@ static uint32_t distance(const crowd *c, uint32_t rank)
     const int is_coarse = c->tier == SAGA_TIER_COARSE;
     const saga_position *const q = &c->query;
     int64_t sum = 0, u;
-    int i;
 
-    for (i = 0; i < 3; i++) {
+    for (int i = 0; i < 3; i++) {
         u = ratio(q->x[i], is_coarse ? a->x[i] : f->x[i], q->support[i],
                   is_coarse ? 1 << (SAGA_LOG2_HALF_X - a->depth_x)
                             : f->support[i]);
@@ -109,10 +107,8 @@ static uint32_t distance(const crowd *c, uint32_t rank)
 /* By insertion from behind: what is equal stays in the order of ranks. */
 static void sort(candidate *c, uint32_t n)
 {
-    uint32_t i, k;
-
-    for (i = 1; i < n; i++)
-        for (k = i; k > 0 && c[k - 1].d > c[k].d; k--) {
+    for (uint32_t i = 1; i < n; i++)
+        for (uint32_t k = i; k > 0 && c[k - 1].d > c[k].d; k--) {
             const candidate swapped = c[k];
 
             c[k] = c[k - 1];
@@ -125,9 +121,9 @@ static uint32_t members(candidate *to, const crowd *c)
 {
     const saga_tier *const l = &c->model.tier[c->tier];
     const candidate parent = { distance(c, c->centre), c->centre };
-    uint32_t n = 0, rank, i;
+    uint32_t n = 0, i;
 
-    for (rank = 0; rank < c->sc.n.coarse; rank++) {
+    for (uint32_t rank = 0; rank < c->sc.n.coarse; rank++) {
         const uint32_t d = distance(c, rank);
 
         if (rank + l->window >= c->centre && rank <= c->centre + l->window &&
@@ -171,10 +167,9 @@ static void check_weights(const guarded *g)
 TEST(neighbours_should_be_the_nearest_ones)
 {
     gen_rng r = gen_seeded(71);
-    uint32_t n_full = 0, i;
-    int k;
+    uint32_t n_full = 0;
 
-    for (k = 0; k < COUNT; k++) {
+    for (int k = 0; k < COUNT; k++) {
         candidate want[N + 1];
         uint32_t n;
         guarded g;
@@ -185,7 +180,7 @@ TEST(neighbours_should_be_the_nearest_ones)
         memset(&g, UNTOUCHED & 255, sizeof g);
         saga_interp_find(&g.nb, &c.sc, c.tier, &c.query, c.centre, c.before);
         assert_int_equal(g.nb.n, n);
-        for (i = 0; i < n; i++) {
+        for (uint32_t i = 0; i < n; i++) {
             assert_int_equal(g.nb.rank[i], want[i].rank);
             assert_int_equal(g.nb.d_q12[i], want[i].d);
         }

@@ -98,12 +98,10 @@ static int16_t *row_of(const net *n, uint32_t row)
 
 static void place_weights(net *n)
 {
-    uint32_t row, k;
-
-    for (row = 0; row < n->n_out; row++) {
+    for (uint32_t row = 0; row < n->n_out; row++) {
         const int16_t *const w = row_of(n, row);
 
-        for (k = 0; k < saga_mlp_pad(n->n_in); k++) {
+        for (uint32_t k = 0; k < saga_mlp_pad(n->n_in); k++) {
             const size_t at = saga_mlp_weight_at(n->n_in, n->n_out, row, k);
 
             if (n->fits8)
@@ -118,9 +116,8 @@ static int64_t row_abs_sum(const net *n, uint32_t row)
 {
     const int16_t *const w = row_of(n, row);
     int64_t sum = 0;
-    uint32_t k;
 
-    for (k = 0; k < n->n_in; k++)
+    for (uint32_t k = 0; k < n->n_in; k++)
         sum += abs(w[k]);
     return sum;
 }
@@ -138,9 +135,8 @@ static int64_t product(const net *n, uint32_t point, uint32_t row)
     const int16_t *const x = n->x + point * saga_mlp_pad(n->n_in);
     const int16_t *const w = row_of(n, row);
     int64_t sum = 0;
-    uint32_t k;
 
-    for (k = 0; k < n->n_in; k++)
+    for (uint32_t k = 0; k < n->n_in; k++)
         sum += (int64_t)w[k] * x[k];
     return sum;
 }
@@ -159,21 +155,16 @@ static int16_t reference(const net *n, uint32_t point, uint32_t row, int relu)
 
 static void find_references(net *n)
 {
-    uint32_t point, row;
-    int relu;
-
-    for (relu = 0; relu < 2; relu++)
-        for (point = 0; point < POINTS; point++)
-            for (row = 0; row < n->n_out; row++)
+    for (int relu = 0; relu < 2; relu++)
+        for (uint32_t point = 0; point < POINTS; point++)
+            for (uint32_t row = 0; row < n->n_out; row++)
                 n->want[relu][point * n->n_out + row] =
                     reference(n, point, row, relu);
 }
 
 static void assert_untouched(const int16_t *y, uint32_t n)
 {
-    uint32_t i;
-
-    for (i = 0; i < n; i++)
+    for (uint32_t i = 0; i < n; i++)
         assert_int_equal(y[i], CANARY);
 }
 
@@ -183,12 +174,11 @@ static void check_points(net *n, int int8, int relu, uint32_t points)
     const uint32_t stride = saga_mlp_pad(n->n_out);
     const uint32_t size = POINTS * stride + CANARIES;
     const saga_layer layer = net_layer(n, int8, relu);
-    uint32_t i;
 
-    for (i = 0; i < size; i++)
+    for (uint32_t i = 0; i < size; i++)
         n->y[i] = CANARY;
     saga_mlp_layer(n->y, &layer, n->x, points);
-    for (i = 0; i < points; i++) {
+    for (uint32_t i = 0; i < points; i++) {
         assert_memory_equal(n->y + i * stride, n->want[relu] + i * n->n_out,
                             n->n_out * sizeof *n->y);
         assert_untouched(n->y + i * stride + n->n_out, stride - n->n_out);
@@ -198,10 +188,8 @@ static void check_points(net *n, int int8, int relu, uint32_t points)
 
 static void check_variant(net *n, int int8, int relu)
 {
-    uint32_t points;
-
     find_references(n);
-    for (points = 0; points <= POINTS; points++)
+    for (uint32_t points = 0; points <= POINTS; points++)
         check_points(n, int8, relu, points);
 }
 
@@ -209,17 +197,16 @@ static void check_variant(net *n, int int8, int relu)
 static void check_pairs(const net *n, const void *rows, int int8)
 {
     saga_layer layer = net_layer(n, int8, 0);
-    uint32_t row, r, points, i;
     saga_pairs p;
 
     layer.weight = rows;
-    for (points = 1; points <= 2; points++)
-        for (row = 0; row < n->n_out; row += p.n_row) {
+    for (uint32_t points = 1; points <= 2; points++)
+        for (uint32_t row = 0; row < n->n_out; row += p.n_row) {
             p.n_row = n->n_out - row;
             p.n_row = p.n_row < SAGA_MLP_PAIRED ? p.n_row : SAGA_MLP_PAIRED;
             sum_pairs(&p, &layer, n->x, row, points);
-            for (i = 0; i < points; i++)
-                for (r = 0; r < p.n_row; r++)
+            for (uint32_t i = 0; i < points; i++)
+                for (uint32_t r = 0; r < p.n_row; r++)
                     assert_int_equal(p.sum[i][r], product(n, i, row + r));
         }
 }
@@ -228,10 +215,9 @@ static void check_both_pairs(const net *n)
 {
     const size_t size = (size_t)n->n_out * saga_mlp_pad(n->n_in);
     int8_t *const narrow = zeroed(size, 1);
-    size_t i;
 
     check_pairs(n, n->row, 0);
-    for (i = 0; i < size; i++)
+    for (size_t i = 0; i < size; i++)
         narrow[i] = (int8_t)n->row[i];
     if (n->fits8)
         check_pairs(n, narrow, 1);
@@ -240,10 +226,8 @@ static void check_both_pairs(const net *n)
 
 static void check(net *n)
 {
-    uint32_t row;
-
     place_weights(n);
-    for (row = 0; row < n->n_out; row++)
+    for (uint32_t row = 0; row < n->n_out; row++)
         assert_true(saga_mlp_row_is_valid(row_abs_sum(n, row), n->bias[row],
                                           n->shift[row]));
     check_variant(n, 0, 0);
@@ -258,18 +242,16 @@ static void check(net *n)
 /* Random weights, shrunk until the row is valid, and a random bias. */
 static void fill_random(net *n, uint64_t *seed)
 {
-    uint32_t row, k;
-
-    for (row = 0; row < n->n_out; row++) {
+    for (uint32_t row = 0; row < n->n_out; row++) {
         const int32_t top = n->fits8 ? 127 : random_in(seed, 1, 32767);
         int16_t *const w = row_of(n, row);
         int32_t room;
 
         n->shift[row] = (uint8_t)random_in(seed, 0, 24);
-        for (k = 0; k < n->n_in; k++)
+        for (uint32_t k = 0; k < n->n_in; k++)
             w[k] = (int16_t)random_in(seed, -top, top);
         while (row_room(n, row) < 0)
-            for (k = 0; k < n->n_in; k++)
+            for (uint32_t k = 0; k < n->n_in; k++)
                 w[k] /= 2;
         room = (int32_t)row_room(n, row);
         n->bias[row] = random_in(seed, -room, room);
@@ -281,9 +263,7 @@ static void fill_random(net *n, uint64_t *seed)
 /* Past n_in the activations may be anything. */
 static void fill_x(net *n, uint64_t *seed, int32_t top)
 {
-    uint32_t k;
-
-    for (k = 0; k < POINTS * saga_mlp_pad(n->n_in); k++)
+    for (uint32_t k = 0; k < POINTS * saga_mlp_pad(n->n_in); k++)
         n->x[k] = (int16_t)random_in(seed, -top, top);
 }
 
@@ -293,9 +273,8 @@ static void fill_x(net *n, uint64_t *seed, int32_t top)
 static void fill_largest(net *n)
 {
     const int32_t top = n->fits8 ? 127 : 32767;
-    uint32_t row, k;
 
-    for (row = 0; row < n->n_out; row++) {
+    for (uint32_t row = 0; row < n->n_out; row++) {
         int16_t *const w = row_of(n, row);
         const int sign = row & 1u ? -1 : 1;
         int64_t left;
@@ -303,7 +282,7 @@ static void fill_largest(net *n)
         n->shift[row] = (uint8_t)(row % 25);
         memset(w, 0, n->n_in * sizeof *w);
         left = row_room(n, row) / 32767;
-        for (k = 0; k < n->n_in; k++) {
+        for (uint32_t k = 0; k < n->n_in; k++) {
             const int32_t v = (int32_t)(left < top ? left : top);
 
             w[k] = (int16_t)(n->x[k] < 0 ? -sign * v : sign * v);
@@ -323,16 +302,15 @@ static const uint16_t sizes_out[] = { 0, 1, 2, 3, 4, 5, 7, 8, 15, 16, 17, 24,
 /* An invariant: no two share one, none is left over. */
 TEST(weights_should_have_a_place_each)
 {
-    size_t i, j, at;
-    uint32_t row, k;
+    size_t at;
 
-    for (i = 0; i < COUNT(sizes_in); i++)
-        for (j = 0; j < COUNT(sizes_out); j++) {
+    for (size_t i = 0; i < COUNT(sizes_in); i++)
+        for (size_t j = 0; j < COUNT(sizes_out); j++) {
             const uint32_t n = saga_mlp_pad(sizes_in[i]);
             uint8_t *const taken = zeroed((size_t)n * sizes_out[j], 1);
 
-            for (row = 0; row < sizes_out[j]; row++)
-                for (k = 0; k < n; k++) {
+            for (uint32_t row = 0; row < sizes_out[j]; row++)
+                for (uint32_t k = 0; k < n; k++) {
                     at = saga_mlp_weight_at(sizes_in[i], sizes_out[j], row, k);
                     assert_true(at < (size_t)n * sizes_out[j]);
                     assert_int_equal(taken[at]++, 0);
@@ -344,12 +322,10 @@ TEST(weights_should_have_a_place_each)
 TEST(layer_should_match_the_reference_for_all_sizes)
 {
     uint64_t seed = 1;
-    size_t i, j;
-    int fits8;
 
-    for (i = 0; i < COUNT(sizes_in); i++) {
-        for (j = 0; j < COUNT(sizes_out); j++) {
-            for (fits8 = 0; fits8 < 2; fits8++) {
+    for (size_t i = 0; i < COUNT(sizes_in); i++) {
+        for (size_t j = 0; j < COUNT(sizes_out); j++) {
+            for (int fits8 = 0; fits8 < 2; fits8++) {
                 net n = net_new(sizes_in[i], sizes_out[j], fits8);
 
                 fill_random(&n, &seed);
@@ -365,16 +341,12 @@ TEST(layer_should_match_the_reference_for_all_sizes)
 
 TEST(layer_should_not_overflow_on_the_largest_valid_rows)
 {
-    size_t i;
-    uint32_t k;
-    int fits8, pattern;
-
-    for (i = 0; i < COUNT(sizes_in); i++) {
-        for (fits8 = 0; fits8 < 2; fits8++) {
+    for (size_t i = 0; i < COUNT(sizes_in); i++) {
+        for (int fits8 = 0; fits8 < 2; fits8++) {
             net n = net_new(sizes_in[i], 50, fits8);
 
-            for (pattern = 0; pattern < 3; pattern++) {
-                for (k = 0; k < POINTS * saga_mlp_pad(n.n_in); k++)
+            for (int pattern = 0; pattern < 3; pattern++) {
+                for (uint32_t k = 0; k < POINTS * saga_mlp_pad(n.n_in); k++)
                     n.x[k] = pattern == 0 || (pattern == 2 && k % 3 == 0)
                                  ? 32767 : -32767;
                 fill_largest(&n);
@@ -390,16 +362,14 @@ TEST(int8_should_equal_int16_on_extreme_activations)
     net n = net_new(64, 64, 1);
     uint64_t seed = 7;
     int16_t *const y16 = zeroed(POINTS * 64, sizeof *y16);
-    int trial;
-    uint32_t k;
 
     fill_random(&n, &seed);
     place_weights(&n);
-    for (trial = 0; trial < 40; trial++) {
+    for (int trial = 0; trial < 40; trial++) {
         const saga_layer wide = net_layer(&n, 0, 0);
         const saga_layer narrow = net_layer(&n, 1, 0);
 
-        for (k = 0; k < POINTS * 64; k++)
+        for (uint32_t k = 0; k < POINTS * 64; k++)
             n.x[k] = random_bits(&seed) & 1u ? 32767 : -32767;
         saga_mlp_layer(y16, &wide, n.x, POINTS);
         saga_mlp_layer(n.y, &narrow, n.x, POINTS);
@@ -444,13 +414,10 @@ TEST(halves_should_round_up)
 
 TEST(row_should_be_valid_up_to_exactly_the_bound)
 {
-    int shift;
-    int64_t sum;
-
-    for (shift = 0; shift <= 24; shift++) {
+    for (int shift = 0; shift <= 24; shift++) {
         const int64_t half = shift ? (int64_t)1 << (shift - 1) : 0;
 
-        for (sum = 0; sum <= 65538; sum += sum < 65000 ? 499 : 1) {
+        for (int64_t sum = 0; sum <= 65538; sum += sum < 65000 ? 499 : 1) {
             const int64_t room = INT32_MAX - half - sum * 32767;
 
             assert_int_equal(saga_mlp_row_is_valid(sum, room, shift),

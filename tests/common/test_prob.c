@@ -89,18 +89,16 @@ static int decode_op(saga_range_dec *d, const op *o, saga_adaptive *shared)
 
 static void init_shared(saga_adaptive shared[SAGA_MAX_ADAPTIVE + 1])
 {
-    uint32_t n;
-
-    for (n = 2; n <= SAGA_MAX_ADAPTIVE; n++)
+    for (uint32_t n = 2; n <= SAGA_MAX_ADAPTIVE; n++)
         saga_adaptive_init(shared + n, n);
 }
 
 /* Any starts that leave every symbol a frequency. */
 static void random_model(saga_adaptive *m, uint32_t n_sym, uint64_t *r)
 {
-    uint32_t at = 0, i;
+    uint32_t at = 0;
 
-    for (i = 1; i < n_sym; i++) {
+    for (uint32_t i = 1; i < n_sym; i++) {
         const uint32_t room = SAGA_PROB_TOTAL - 1 - at - (n_sym - 1 - i);
         const uint32_t step = pick(r, 3) ? 1 + pick(r, room) : 1;
 
@@ -149,11 +147,10 @@ static uint8_t *encode(const op *ops, uint32_t n, size_t *nbytes,
     const size_t cap = 8 * (size_t)n + 8;
     uint8_t *const p = must(malloc(cap));
     saga_range_enc e;
-    uint32_t i;
 
     init_shared(shared);
     saga_range_enc_init(&e, p, cap);
-    for (i = 0; i < n; i++)
+    for (uint32_t i = 0; i < n; i++)
         encode_op(&e, &ops[i], shared);
     *range = e.range;
     *nbytes = saga_range_enc_finish(&e);
@@ -166,12 +163,12 @@ static uint32_t decode(saga_range_dec *d, const op *ops, uint32_t n,
                        const uint8_t *p, size_t nbytes)
 {
     saga_adaptive shared[SAGA_MAX_ADAPTIVE + 1];
-    uint32_t same = 0, i;
+    uint32_t same = 0;
     int differs = 0;
 
     init_shared(shared);
     saga_range_dec_init(d, p, nbytes);
-    for (i = 0; i < n; i++) {
+    for (uint32_t i = 0; i < n; i++) {
         differs |= !decode_op(d, &ops[i], shared);
         same += !differs;
     }
@@ -198,14 +195,13 @@ TEST(sequences_should_come_back)
     const uint32_t n_sequences = testing_long() ? 20000 : 1000;
     uint64_t r = testing_seed(1);
     op *const ops = must(calloc(400, sizeof *ops));
-    uint32_t i, k;
 
     printf("seed %" PRIu64 "\n", r);
-    for (k = 0; k < n_sequences; k++) {
+    for (uint32_t k = 0; k < n_sequences; k++) {
         const uint32_t n = pick(&r, k % 2 ? 400 : 8);
         const uint32_t kinds = k % 3 ? 15 : 1u << pick(&r, 4);
 
-        for (i = 0; i < n; i++)
+        for (uint32_t i = 0; i < n; i++)
             random_op(&ops[i], &r, kinds);
         check_sequence(ops, n);
     }
@@ -233,21 +229,21 @@ TEST(encoder_should_never_write_past_its_buffer)
     uint64_t r = testing_seed(1);
     saga_adaptive shared[SAGA_MAX_ADAPTIVE + 1];
     op ops[40];
-    uint32_t i, k, range;
-    size_t n, cap;
+    uint32_t range;
+    size_t n;
 
-    for (k = 0; k < 100; k++) {
-        for (i = 0; i < 40; i++)
+    for (uint32_t k = 0; k < 100; k++) {
+        for (uint32_t i = 0; i < 40; i++)
             random_op(&ops[i], &r, 15);
         free(encode(ops, 40, &n, &range));
-        for (cap = 0; cap <= n; cap++) {
+        for (size_t cap = 0; cap <= n; cap++) {
             uint8_t *const p = must(malloc(cap + 1));
             saga_range_enc e;
 
             p[cap] = 0xa5;
             init_shared(shared);
             saga_range_enc_init(&e, p, cap);
-            for (i = 0; i < 40; i++)
+            for (uint32_t i = 0; i < 40; i++)
                 encode_op(&e, &ops[i], shared);
             assert_int_equal(saga_range_enc_finish(&e), cap < n ? 0 : n);
             assert_int_equal(p[cap], 0xa5);
@@ -260,9 +256,7 @@ TEST(encoder_should_never_write_past_its_buffer)
 
 static uint32_t add_pair(op *ops, uint32_t n, uint32_t scale, uint32_t m)
 {
-    int sign;
-
-    for (sign = 0; sign < 2; sign++) {
+    for (int sign = 0; sign < 2; sign++) {
         memset(&ops[n], 0, sizeof *ops);
         ops[n].kind = OP_RESIDUAL;
         ops[n].scale = (uint8_t)scale;
@@ -288,13 +282,13 @@ TEST(every_residual_should_come_back_at_every_scale)
 {
     enum { ALL = 2 * (SAGA_MAX_RESIDUAL + 1) };
     op *const ops = must(malloc(ALL * sizeof *ops));
-    uint32_t scale, m, total = 0;
+    uint32_t total = 0;
 
-    for (scale = 0; scale < SAGA_N_SCALES; scale++) {
+    for (uint32_t scale = 0; scale < SAGA_N_SCALES; scale++) {
         const uint32_t edge = saga_prob_scale(scale).max;
         uint32_t n = 0;
 
-        for (m = 0; m <= SAGA_MAX_RESIDUAL; m++)
+        for (uint32_t m = 0; m <= SAGA_MAX_RESIDUAL; m++)
             if (is_wanted(scale, m, edge))
                 n = add_pair(ops, n, scale, m);
         check_sequence(ops, n);
@@ -308,9 +302,8 @@ TEST(every_residual_should_come_back_at_every_scale)
 TEST(residual_beyond_the_largest_should_be_refused)
 {
     uint8_t buffer[64];
-    uint32_t m;
 
-    for (m = SAGA_MAX_RESIDUAL - 2; m < SAGA_MAX_RESIDUAL + 3; m++) {
+    for (uint32_t m = SAGA_MAX_RESIDUAL - 2; m < SAGA_MAX_RESIDUAL + 3; m++) {
         const uint8_t scale = 0;
         const saga_scale_row row = saga_prob_scale(scale);
         uint32_t v = m - row.max - 1, bits = SAGA_ESCAPE_ORDER;
@@ -339,19 +332,18 @@ TEST(residual_beyond_the_largest_should_be_refused)
 TEST(noise_should_decode_to_values_in_range)
 {
     uint64_t r = testing_seed(1);
-    uint32_t k, i;
 
-    for (k = 0; k < 3000; k++) {
+    for (uint32_t k = 0; k < 3000; k++) {
         saga_adaptive shared[SAGA_MAX_ADAPTIVE + 1];
         const size_t n = pick(&r, 40);
         uint8_t *const p = must(malloc(n ? n : 1));
         saga_range_dec d;
 
-        for (i = 0; i < n; i++)
+        for (uint32_t i = 0; i < n; i++)
             p[i] = (uint8_t)(k % 4 == 0 ? 255 : gen_random(&r));
         init_shared(shared);
         saga_range_dec_init(&d, p, n);
-        for (i = 0; i < 200; i++) {
+        for (uint32_t i = 0; i < 200; i++) {
             const uint8_t scale = (uint8_t)pick(&r, SAGA_N_SCALES);
             const uint32_t n_sym = 2 + pick(&r, SAGA_MAX_ADAPTIVE - 1);
             const uint32_t bits = 1 + pick(&r, 16);
@@ -391,12 +383,12 @@ static uint32_t build_chain(op *ops, uint32_t n, int carries,
     static uint8_t buffer[1 << 16];
     saga_range_enc e;
     saga_adaptive unused[SAGA_MAX_ADAPTIVE + 1];
-    uint32_t i, zeros = 0;
+    uint32_t zeros = 0;
     size_t before = 0;
 
     init_shared(unused);
     saga_range_enc_init(&e, buffer, sizeof buffer);
-    for (i = 0; i < n; i++) {
+    for (uint32_t i = 0; i < n; i++) {
         const uint32_t step = e.range >> SAGA_PROB_BITS;
         /* First around the middle of everything, a multiple of 2^24. */
         const uint64_t point = i ? ((uint64_t)1 << 32) - e.low
@@ -424,9 +416,8 @@ TEST(carry_should_run_through_many_pending_bytes)
     enum { MOST = 4000 };
     op *const ops = must(calloc(MOST, sizeof *ops));
     uint64_t longest = 0, pending;
-    uint32_t n;
 
-    for (n = 2; n <= MOST; n = n < 40 ? n + 1 : 2 * n - 3) {
+    for (uint32_t n = 2; n <= MOST; n = n < 40 ? n + 1 : 2 * n - 3) {
         const uint32_t zeros = build_chain(ops, n, 1, &pending);
 
         assert_true(zeros >= pending);
@@ -445,14 +436,13 @@ TEST(symbols_after_a_carry_should_come_back)
 {
     op *const ops = must(calloc(300, sizeof *ops));
     uint64_t r = testing_seed(1), pending;
-    uint32_t k, i;
 
-    for (k = 0; k < 500; k++) {
+    for (uint32_t k = 0; k < 500; k++) {
         const uint32_t n = 2 + pick(&r, 100);
         const uint32_t tail = pick(&r, 200);
 
         (void)build_chain(ops, n, (int)pick(&r, 2), &pending);
-        for (i = 0; i < tail; i++)
+        for (uint32_t i = 0; i < tail; i++)
             random_op(&ops[n + i], &r, 15);
         check_sequence(ops, n + tail);
     }
@@ -464,18 +454,18 @@ TEST(symbols_after_a_carry_should_come_back)
 TEST(cut_chunk_should_never_pass_as_whole)
 {
     uint64_t r = testing_seed(1);
-    uint32_t k, i, range, n_cut = 0, n_noticed = 0;
+    uint32_t range, n_cut = 0, n_noticed = 0;
     op ops[30];
 
-    for (k = 0; k < 3000; k++) {
+    for (uint32_t k = 0; k < 3000; k++) {
         const uint32_t n = 1 + pick(&r, 30);
-        size_t nbytes, cut;
+        size_t nbytes;
         uint8_t *p;
 
-        for (i = 0; i < n; i++)
+        for (uint32_t i = 0; i < n; i++)
             random_op(&ops[i], &r, 15);
         p = encode(ops, n, &nbytes, &range);
-        for (cut = 1; cut <= 3 && cut <= nbytes; cut++) {
+        for (size_t cut = 1; cut <= 3 && cut <= nbytes; cut++) {
             uint8_t *const copy = must(malloc(nbytes - cut + 1));
             saga_range_dec d;
             uint32_t same;
@@ -498,10 +488,10 @@ TEST(cut_chunk_should_never_pass_as_whole)
 TEST(chunk_with_more_bytes_should_be_refused)
 {
     uint64_t r = testing_seed(1);
-    uint32_t k, i, range;
+    uint32_t range;
     op ops[30];
 
-    for (k = 0; k < 3000; k++) {
+    for (uint32_t k = 0; k < 3000; k++) {
         const uint32_t n = 1 + pick(&r, 30);
         const size_t more = 1 + pick(&r, 12);
         saga_range_dec d;
@@ -509,7 +499,7 @@ TEST(chunk_with_more_bytes_should_be_refused)
         size_t nbytes;
         uint8_t *p;
 
-        for (i = 0; i < n; i++)
+        for (uint32_t i = 0; i < n; i++)
             random_op(&ops[i], &r, 15);
         p = encode(ops, n, &nbytes, &range);
         p = must(realloc(p, nbytes + more));
@@ -545,9 +535,9 @@ TEST(code_outside_the_range_should_be_refused)
 
 static void assert_frequencies(const saga_adaptive *m, uint32_t n_sym)
 {
-    uint32_t low = 0, i;
+    uint32_t low = 0;
 
-    for (i = 1; i < n_sym; i++) {
+    for (uint32_t i = 1; i < n_sym; i++) {
         if (m->start[i - 1] <= low)
             fail_msg("n_sym %" PRIu32 ": a symbol is lost", n_sym);
         low = m->start[i - 1];
@@ -559,9 +549,9 @@ static void assert_frequencies(const saga_adaptive *m, uint32_t n_sym)
 static uint32_t extreme_symbol(const saga_adaptive *m, uint32_t n_sym,
                                int most)
 {
-    uint32_t best = 0, best_f = 0, i;
+    uint32_t best = 0, best_f = 0;
 
-    for (i = 0; i < n_sym; i++) {
+    for (uint32_t i = 0; i < n_sym; i++) {
         const uint32_t f = end_of(m, n_sym, i) - saga_adaptive_start(m, i);
 
         if (i == 0 || (most ? f > best_f : f < best_f)) {
@@ -592,14 +582,14 @@ TEST(adaptive_models_should_keep_every_symbol)
 {
     const uint32_t n_updates = 1000000;
     uint64_t r = testing_seed(1);
-    uint32_t n_sym, i, how = 0;
+    uint32_t how = 0;
 
-    for (n_sym = 2; n_sym <= SAGA_MAX_ADAPTIVE; n_sym++) {
+    for (uint32_t n_sym = 2; n_sym <= SAGA_MAX_ADAPTIVE; n_sym++) {
         saga_adaptive m;
 
         saga_adaptive_init(&m, n_sym);
         assert_frequencies(&m, n_sym);
-        for (i = 0; i < n_updates; i++) {
+        for (uint32_t i = 0; i < n_updates; i++) {
             if (i % 997 == 0)
                 how = pick(&r, 8);
             if (i % 99991 == 0)
@@ -614,9 +604,7 @@ TEST(adaptive_models_should_keep_every_symbol)
 
 TEST(models_of_sets_should_begin_with_every_symbol)
 {
-    uint32_t n;
-
-    for (n = 1; n < SAGA_MAX_ADAPTIVE; n++) {
+    for (uint32_t n = 1; n < SAGA_MAX_ADAPTIVE; n++) {
         saga_adaptive m;
 
         saga_adaptive_init_binomial(&m, n);
@@ -627,15 +615,13 @@ TEST(models_of_sets_should_begin_with_every_symbol)
 
 TEST(residual_tables_should_have_every_symbol)
 {
-    uint32_t scale, m;
-
-    for (scale = 0; scale < SAGA_N_SCALES; scale++) {
+    for (uint32_t scale = 0; scale < SAGA_N_SCALES; scale++) {
         const saga_scale_row row = saga_prob_scale(scale);
 
         assert_true(row.max >= 1 && row.max <= 255);
         assert_int_equal(row.start[0], 0);
         assert_true(row.start[1] >= 1);
-        for (m = 1; m <= row.max; m++) {
+        for (uint32_t m = 1; m <= row.max; m++) {
             assert_true(row.start[m + 1] >= row.start[m] + 2);
             assert_int_equal((row.start[m + 1] - row.start[m]) % 2, 0);
         }
@@ -694,14 +680,13 @@ TEST(length_should_be_that_of_the_frequencies)
     const size_t cap = 4 * (size_t)n;
     uint8_t *const p = must(malloc(cap));
     uint64_t r = testing_seed(1);
-    uint32_t i, k;
 
-    for (k = 0; k < 3; k++) {
+    for (uint32_t k = 0; k < 3; k++) {
         saga_range_enc e;
         double bits = 0, coded, over;
 
         saga_range_enc_init(&e, p, cap);
-        for (i = 0; i < n; i++)
+        for (uint32_t i = 0; i < n; i++)
             saga_range_enc_residual(&e, draw_residual(scales[k], &r, &bits),
                                     scales[k]);
         coded = 8.0 * (double)saga_range_enc_finish(&e);
@@ -721,16 +706,15 @@ TEST(length_of_adaptive_symbols_should_be_that_too)
     const size_t cap = 4 * (size_t)n;
     uint8_t *const p = must(malloc(cap));
     uint64_t r = testing_seed(1);
-    uint32_t n_sym, i;
 
-    for (n_sym = 2; n_sym <= SAGA_MAX_ADAPTIVE; n_sym += 5) {
+    for (uint32_t n_sym = 2; n_sym <= SAGA_MAX_ADAPTIVE; n_sym += 5) {
         saga_range_enc e;
         saga_adaptive m;
         double bits = 0, coded;
 
         saga_adaptive_init(&m, n_sym);
         saga_range_enc_init(&e, p, cap);
-        for (i = 0; i < n; i++) {
+        for (uint32_t i = 0; i < n; i++) {
             const uint32_t sym = pick(&r, 1 + pick(&r, n_sym));
             const uint32_t start = saga_adaptive_start(&m, sym);
             const uint32_t end = end_of(&m, n_sym, sym);

@@ -83,9 +83,8 @@ static double symbol_bits(row r, int m)
 static double overhead(row r, double sigma)
 {
     double sum = 0;
-    int m;
 
-    for (m = 0; m < 12 * sigma + 3; m++) {
+    for (int m = 0; m < 12 * sigma + 3; m++) {
         const double p = mass(m, sigma);
 
         if (p > 0)
@@ -96,12 +95,10 @@ static double overhead(row r, double sigma)
 
 TEST(scale_rows_should_fill_the_table)
 {
-    int i;
-
     assert_int_equal(saga_prob_offset[0], 0);
     assert_int_equal(saga_prob_offset[SAGA_N_SCALES] * sizeof(uint16_t),
                      sizeof saga_prob_start);
-    for (i = 0; i < SAGA_N_SCALES; i++)
+    for (int i = 0; i < SAGA_N_SCALES; i++)
         assert_in_range(get_row(i).max, 1, 255);
     assert_true(sizeof saga_prob_start + sizeof saga_prob_offset
                 <= TABLE_NBYTES_MAX);
@@ -109,13 +106,11 @@ TEST(scale_rows_should_fill_the_table)
 
 TEST(scale_rows_should_be_distributions)
 {
-    int i, m;
-
-    for (i = 0; i < SAGA_N_SCALES; i++) {
+    for (int i = 0; i < SAGA_N_SCALES; i++) {
         const row r = get_row(i);
 
         assert_int_equal(r.start[0], 0);
-        for (m = 1; m <= r.max; m++) {
+        for (int m = 1; m <= r.max; m++) {
             assert_true(r.start[m + 1] > r.start[m]);
             assert_int_equal((r.start[m + 1] - r.start[m]) % 2, 0);
             assert_true(frequency(r, m) <= frequency(r, m - 1));
@@ -128,9 +123,7 @@ TEST(scale_rows_should_be_distributions)
 /* 2^-13 is 4 of 32768. */
 TEST(scales_should_leave_little_to_escape)
 {
-    int i;
-
-    for (i = 0; i < SAGA_N_SCALES; i++) {
+    for (int i = 0; i < SAGA_N_SCALES; i++) {
         const row r = get_row(i);
         const double tail = erfc((r.max + 0.5) / (scale_sigma(i) * sqrt(2.0)));
 
@@ -142,9 +135,8 @@ TEST(scales_should_leave_little_to_escape)
 TEST(scales_should_cost_little_above_the_entropy)
 {
     double worst = 0;
-    int i;
 
-    for (i = 0; i < SAGA_N_SCALES; i++)
+    for (int i = 0; i < SAGA_N_SCALES; i++)
         worst = fmax(worst, overhead(get_row(i), scale_sigma(i)));
     print_message("overhead %.6f bits, bound %.6f\n", worst, OVERHEAD_BOUND);
     assert_true(worst <= OVERHEAD_BOUND);
@@ -154,9 +146,8 @@ TEST(scales_should_be_dense_enough)
 {
     const double half_step = exp2(0.5 / SAGA_SCALE_PER_OCTAVE);
     double worst = 0;
-    int i;
 
-    for (i = 0; i < SAGA_N_SCALES; i++) {
+    for (int i = 0; i < SAGA_N_SCALES; i++) {
         const double sigma = scale_sigma(i);
 
         worst = fmax(worst, overhead(get_row(i), sigma * half_step));
@@ -183,11 +174,9 @@ static int binomial_frequency(int n, int k)
 /* Within one unit; a whole frequency below n = 16 exactly. */
 TEST(binomial_rows_should_be_binomial)
 {
-    int n, k;
-
     assert_int_equal(sizeof saga_prob_binomial, 136 * sizeof(uint16_t));
-    for (n = 1; n <= 16; n++) {
-        for (k = 0; k <= n; k++) {
+    for (int n = 1; n <= 16; n++) {
+        for (int k = 0; k <= n; k++) {
             const double want = choose(n, k) * 32768 / exp2(n);
             const int f = binomial_frequency(n, k);
 

@@ -31,9 +31,7 @@ static int32_t any_time(gen_rng *r)
 
 static void any_primitive(saga_primitive *p, gen_rng *r)
 {
-    int i;
-
-    for (i = 0; i < 3; i++) {
+    for (int i = 0; i < 3; i++) {
         p->x[i] = gen_one_in(r, 4) ? -(1 << 23) : gen_int(r, -(1 << 23),
                                                       (1 << 23) - 1);
         p->support[i] = 1 << gen_int(r, 0, 23);
@@ -42,11 +40,11 @@ static void any_primitive(saga_primitive *p, gen_rng *r)
         p->log2_scale_q10[i] = gen_any16(r, 12);
     }
     p->t_centre = any_time(r);
-    for (i = 0; i < 4; i++) {
+    for (int i = 0; i < 4; i++) {
         p->quat[i] = gen_any16(r, 12);
         p->slope[i] = gen_any16(r, 12);
     }
-    for (i = 0; i < 9; i++)
+    for (int i = 0; i < 9; i++)
         p->motion[i] = gen_any16(r, 12);
     p->opacity = gen_any16(r, 12);
     p->log2_width_q10 = gen_any16(r, 12);
@@ -54,12 +52,10 @@ static void any_primitive(saga_primitive *p, gen_rng *r)
 
 static void any_format(saga_prim_format *f, gen_rng *r)
 {
-    int i;
-
     f->q_quat = (uint8_t)gen_int(r, 0, 20);
     f->q_slope = (uint8_t)gen_int(r, 0, 20);
     f->q_opacity = (uint8_t)gen_int(r, 0, 20);
-    for (i = 0; i < 3; i++)
+    for (int i = 0; i < 3; i++)
         f->q_motion[i] = (uint8_t)gen_int(r, 0, 20);
     f->motion_order = (uint8_t)gen_int(r, 0, 3);
     f->has_slope = (uint8_t)gen_int(r, 0, 1);
@@ -132,9 +128,9 @@ TEST(position_should_follow_the_cubic)
     saga_prim_format f;
     saga_primitive p;
     saga_animated a;
-    int i, saturated = 0;
+    int saturated = 0;
 
-    for (i = 0; i < ROUNDS; i++) {
+    for (int i = 0; i < ROUNDS; i++) {
         const int32_t t = any_t(&r);
 
         any_format(&f, &r);
@@ -153,17 +149,16 @@ TEST(position_should_saturate_at_the_limit)
     const saga_prim_format f = { .motion_order = 3 };
     saga_primitive p;
     saga_animated a;
-    int i, sign;
 
-    for (sign = -1; sign <= 1; sign += 2) {
+    for (int sign = -1; sign <= 1; sign += 2) {
         memset(&p, 0, sizeof p);
         p.t_centre = -32768;
-        for (i = 0; i < 9; i++)
+        for (int i = 0; i < 9; i++)
             p.motion[i] = (int16_t)(sign < 0 ? -32768 : 32767);
-        for (i = 0; i < 3; i++)
+        for (int i = 0; i < 3; i++)
             p.support[i] = 1 << 23;
         saga_animate(&a, &p, &f, 65535);
-        for (i = 0; i < 3; i++)
+        for (int i = 0; i < 3; i++)
             assert_int_equal(a.x[i], sign * (1 << 29));
     }
     p.motion[3] = p.motion[6] = 0;  /* x: 32767 age box units */
@@ -185,14 +180,13 @@ TEST(position_should_be_exact_where_it_can_be)
     const saga_prim_format f = { .motion_order = 1, .q_motion = { 14 } };
     saga_primitive p;
     saga_animated a;
-    int32_t t;
 
     memset(&p, 0, sizeof p);
     p.t_centre = 32768;
     p.support[0] = p.support[1] = p.support[2] = 1 << 14;
     p.motion[0] = 4096;
     p.motion[1] = -4096;
-    for (t = 0; t < 65536; t++) {
+    for (int32_t t = 0; t < 65536; t++) {
         const int32_t dt = t - 32768;
 
         saga_animate(&a, &p, &f, t);
@@ -215,13 +209,13 @@ static void check_quat(const saga_animated *a, const double *v)
 {
     double rounded[4];
     int32_t max = 0;
-    int n = 0, i;
+    int n = 0;
 
-    for (i = 0; i < 4; i++)
+    for (int i = 0; i < 4; i++)
         rounded[i] = floor(v[i] + 0.5);
     while (ldexp(1, 30 + n) <= largest(rounded))
         n++;
-    for (i = 0; i < 4; i++) {
+    for (int i = 0; i < 4; i++) {
         assert_true(fabs(ldexp(a->quat[i], n) - rounded[i]) <=
                     (n ? ldexp(0.5, n) : 0));
         max = abs(a->quat[i]) > max ? abs(a->quat[i]) : max;
@@ -237,16 +231,15 @@ TEST(quaternion_should_be_linear_in_age)
     saga_primitive p;
     saga_animated a;
     double v[4];
-    int i, k;
 
-    for (i = 0; i < ROUNDS; i++) {
+    for (int i = 0; i < ROUNDS; i++) {
         const int32_t t = any_t(&r);
 
         any_format(&f, &r);
         any_primitive(&p, &r);
         p.log2_width_q10 &= ~1023; /* the age is exact */
         saga_animate(&a, &p, &f, t);
-        for (k = 0; k < 4; k++)
+        for (int k = 0; k < 4; k++)
             v[k] = ldexp(p.quat[k], 20 - f.q_quat) +
                    (f.has_slope ? ldexp(p.slope[k], 20 - f.q_slope) *
                                   true_age(&p, &f, t)
@@ -261,9 +254,8 @@ TEST(slope_of_zero_should_rotate_as_no_slope)
     saga_prim_format f;
     saga_primitive p;
     saga_animated a, b;
-    int i;
 
-    for (i = 0; i < ROUNDS / 10; i++) {
+    for (int i = 0; i < ROUNDS / 10; i++) {
         const int32_t t = any_t(&r);
 
         any_format(&f, &r);
@@ -313,9 +305,9 @@ TEST(opacity_should_fade_with_the_distance_in_time)
     saga_prim_format f;
     saga_primitive p;
     saga_animated a;
-    int i, visible = 0;
+    int visible = 0;
 
-    for (i = 0; i < ROUNDS; i++) {
+    for (int i = 0; i < ROUNDS; i++) {
         const int32_t t = any_t(&r);
 
         any_format(&f, &r);
@@ -337,12 +329,10 @@ TEST(every_width_should_fade)
     const saga_prim_format f = { .q_opacity = 12, .has_width = 1 };
     saga_primitive p;
     saga_animated a;
-    int32_t w;
-    int i;
 
     memset(&p, 0, sizeof p);
-    for (w = -32768; w <= 32767; w++)
-        for (i = 0; i < 8; i++) {
+    for (int32_t w = -32768; w <= 32767; w++)
+        for (int i = 0; i < 8; i++) {
             const int32_t t = distance[i] < 65535 ? distance[i] : 65535;
 
             p.log2_width_q10 = (int16_t)w;
@@ -382,9 +372,8 @@ TEST(fade_should_saturate)
 static void fill(void *p, size_t n, gen_rng *r)
 {
     uint8_t *const bytes = p;
-    size_t i;
 
-    for (i = 0; i < n; i++)
+    for (size_t i = 0; i < n; i++)
         bytes[i] = (uint8_t)gen_u32(r);
 }
 
@@ -394,9 +383,8 @@ TEST(fields_of_tools_that_are_off_should_not_be_read)
     saga_prim_format f;
     saga_primitive p;
     saga_animated a, b;
-    int i, k;
 
-    for (i = 0; i < ROUNDS / 3; i++) {
+    for (int i = 0; i < ROUNDS / 3; i++) {
         const int32_t t = any_t(&r);
 
         any_format(&f, &r);
@@ -405,7 +393,7 @@ TEST(fields_of_tools_that_are_off_should_not_be_read)
         saga_animate(&a, &p, &f, t);
         fill(p.motion + 3 * f.motion_order,
              (size_t)(3 - f.motion_order) * 3 * sizeof *p.motion, &r);
-        for (k = f.motion_order; k < 3; k++)
+        for (int k = f.motion_order; k < 3; k++)
             f.q_motion[k] = (uint8_t)gen_u32(&r);
         if (!f.has_slope) {
             fill(p.slope, sizeof p.slope, &r);
@@ -416,7 +404,7 @@ TEST(fields_of_tools_that_are_off_should_not_be_read)
         memset(&b, 0xff, sizeof b);
         saga_animate(&b, &p, &f, t);
         assert_memory_equal(&a, &b, sizeof a);
-        for (k = 0; k < 3; k++)
+        for (int k = 0; k < 3; k++)
             assert_int_equal(a.log2_scale_q10[k], p.log2_scale_q10[k]);
     }
 }

@@ -58,7 +58,6 @@ static void any_patch(saga_patch *p, gen_rng *r, int32_t side, int32_t first)
     static const int32_t q[] = { 0, 1, CUT - 1, CUT - (1 << 20),
                                  (4 << 20) - 1 };
     int64_t x, y;
-    int i;
 
     memset(p, 0, sizeof *p);
     p->x0 = gen_int(r, 0, side - 1);
@@ -78,7 +77,7 @@ static void any_patch(saga_patch *p, gen_rng *r, int32_t side, int32_t first)
         p->v += gen_int(r, -100, 100) * ((int64_t)1 << gen_int(r, 20, 45));
     if (gen_int(r, 0, 7) == 0)
         p->w = gen_int(r, -100, 100) * ((int64_t)1 << gen_int(r, 20, 45));
-    for (i = 0; i < 3; i++)
+    for (int i = 0; i < 3; i++)
         p->colour_q15[i] = (uint16_t)any_of(r, colours, 4);
     if (gen_int(r, 0, 3) == 0) { /* halves, which rounding takes up */
         p->g &= ~0x7fff;
@@ -95,7 +94,7 @@ static void blend_pixel(uint32_t *t, uint32_t plane, const saga_patch *p,
 {
     const int64_t v = ((p->v + p->g * x - p->n * y) + (1 << 14)) >> 15;
     const int64_t w = ((p->w + p->h * y) + (1 << 14)) >> 15;
-    uint32_t weight, k;
+    uint32_t weight;
     int64_t s, q, half;
 
     if (*t < 8 || v < -65536 || v > 65536 || w < -65536 || w > 65536)
@@ -110,7 +109,7 @@ static void blend_pixel(uint32_t *t, uint32_t plane, const saga_patch *p,
         return;
     weight = (ref_alpha_q16((int32_t)q) * *t + 0x8000) >> 16;
     *t -= weight;
-    for (k = 0; k < 3; k++)
+    for (uint32_t k = 0; k < 3; k++)
         t[(k + 1) * plane] += weight * p->colour_q15[k];
 }
 
@@ -118,10 +117,8 @@ static void blend_pixel(uint32_t *t, uint32_t plane, const saga_patch *p,
  * the tile where one is not, which a caller promises too. */
 static int box_holds(const saga_patch *p, int32_t side)
 {
-    int32_t x, y;
-
-    for (y = 0; y < (int32_t)p->n_rows; y++)
-        for (x = 0; x < side; x++) {
+    for (int32_t y = 0; y < (int32_t)p->n_rows; y++)
+        for (int32_t x = 0; x < side; x++) {
             uint32_t t[4] = { 65536, 0, 0, 0 };
 
             blend_pixel(t, 1, p, x, y);
@@ -136,7 +133,6 @@ static void compare(gen_rng *r, int32_t side)
     const int32_t first = gen_int(r, 0, side - 1);
     const uint32_t plane = (uint32_t)(side * side);
     saga_patch p;
-    int32_t x, y;
 
     any_patch(&p, r, side, first);
     if (!box_holds(&p, side)) {
@@ -145,8 +141,8 @@ static void compare(gen_rng *r, int32_t side)
     }
     fill_tile(&want, r, plane);
     memcpy(&got, &want, (2 * GUARD + 4 * plane) * sizeof *got.block);
-    for (y = 0; y < (int32_t)p.n_rows; y++)
-        for (x = 0; x < side; x++)
+    for (int32_t y = 0; y < (int32_t)p.n_rows; y++)
+        for (int32_t x = 0; x < side; x++)
             blend_pixel(want.block + GUARD + (first + y) * side + x, plane, &p,
                         x, y);
     saga_blend(got.block + GUARD + first * side, (uint32_t)side, &p, cpu);
@@ -158,9 +154,8 @@ TEST(patches_should_be_those_of_the_norm)
 {
     static const int32_t sides[] = { 8, 8, 16, 16, 16, 16, 32, 64 };
     gen_rng r = gen_seeded(51);
-    int i;
 
-    for (i = 0; i < COUNT; i++)
+    for (int i = 0; i < COUNT; i++)
         compare(&r, any_of(&r, sides, 8));
 }
 
@@ -169,9 +164,8 @@ TEST(patches_should_be_those_of_the_norm)
 TEST(steep_should_be_that_of_the_formula)
 {
     gen_rng r = gen_seeded(52);
-    int i;
 
-    for (i = 0; i < COUNT; i++) {
+    for (int i = 0; i < COUNT; i++) {
         const saga_splat splat = {
             .chol_q28 = { gen_int(&r, 1, MOST_FACTOR),
                           gen_int(&r, -MOST_FACTOR, MOST_FACTOR),
@@ -196,15 +190,13 @@ TEST(steep_should_be_that_of_the_formula)
 TEST(alpha_should_be_that_of_the_norm)
 {
     enum { PLANE = 64 };
-    int32_t q;
 
-    for (q = 0; q < CUT; q += 511) {
+    for (int32_t q = 0; q < CUT; q += 511) {
         saga_patch p = { .q0 = q, .reach = CUT - q, .x1 = 8, .n_rows = 1,
                          .colour_q15 = { 32768, 1, 0 } };
         uint32_t a[4 * PLANE] = { 0 }, b[4 * PLANE] = { 0 };
-        uint32_t i;
 
-        for (i = 0; i < 8; i++) {
+        for (uint32_t i = 0; i < 8; i++) {
             a[i] = b[i] = 65536 >> (2 * i);
             blend_pixel(a + i, PLANE, &p, i, 0);
         }

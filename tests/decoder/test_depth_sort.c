@@ -40,9 +40,7 @@ static void check_sorted(const saga_key *keys, uint32_t n)
 
 static void random_keys(saga_key *keys, uint32_t n, gen_rng *r, uint32_t mask)
 {
-    uint32_t i;
-
-    for (i = 0; i < n; i++) {
+    for (uint32_t i = 0; i < n; i++) {
         keys[i].depth = gen_u32(r) & mask;
         keys[i].index = i;
     }
@@ -56,10 +54,9 @@ TEST(order_should_be_that_of_depth_and_index)
     };
     gen_rng r = gen_seeded(1);
     saga_key keys[MAX];
-    uint32_t i, k;
 
-    for (i = 0; i < sizeof masks / sizeof *masks; i++)
-        for (k = 0; k < 60; k++) {
+    for (uint32_t i = 0; i < sizeof masks / sizeof *masks; i++)
+        for (uint32_t k = 0; k < 60; k++) {
             const uint32_t n = k < 30 ? k : (uint32_t)gen_int(&r, 0, MAX);
 
             random_keys(keys, n, &r, masks[i]);
@@ -72,10 +69,9 @@ TEST(few_keys_should_be_sorted)
     static const uint32_t depth[] = { 0, 1, 0x100, 0x7fffffff, 0x80000000,
                                       0xfffffffe, 0xffffffff };
     saga_key keys[3] = { { 0, 0 } };
-    uint32_t i;
 
     check_sorted(keys, 0);
-    for (i = 0; i < 7 * 7 * 7; i++) {
+    for (uint32_t i = 0; i < 7 * 7 * 7; i++) {
         keys[0] = (saga_key){ depth[i % 7], 0 };
         keys[1] = (saga_key){ depth[i / 7 % 7], 1 };
         keys[2] = (saga_key){ depth[i / 49], 2 };
@@ -102,12 +98,11 @@ TEST(equal_depths_should_keep_their_order)
 {
     gen_rng r = gen_seeded(2);
     saga_key keys[MAX], tmp[MAX];
-    uint32_t i;
 
-    for (i = 0; i < MAX; i++) /* indices that do not rise */
+    for (uint32_t i = 0; i < MAX; i++) /* indices that do not rise */
         keys[i] = (saga_key){ 0x01020304u * (gen_u32(&r) & 3), MAX - i };
     saga_depth_sort(keys, tmp, MAX);
-    for (i = 1; i < MAX; i++) {
+    for (uint32_t i = 1; i < MAX; i++) {
         assert_true(keys[i - 1].depth <= keys[i].depth);
         if (keys[i - 1].depth == keys[i].depth)
             assert_true(keys[i - 1].index > keys[i].index);
@@ -117,12 +112,11 @@ TEST(equal_depths_should_keep_their_order)
 TEST(sorted_and_reversed_keys_should_be_sorted)
 {
     saga_key keys[MAX];
-    uint32_t i;
 
-    for (i = 0; i < MAX; i++)
+    for (uint32_t i = 0; i < MAX; i++)
         keys[i] = (saga_key){ i * 1431655u, i };
     check_sorted(keys, MAX);
-    for (i = 0; i < MAX; i++)
+    for (uint32_t i = 0; i < MAX; i++)
         keys[i].depth = 0xffffffffu - i * 1431655u;
     check_sorted(keys, MAX);
 }

@@ -51,7 +51,6 @@ static void add_identity(gen_stream *g, int tier)
     saga_layer_symbols *const l = g->nets.layer[net];
     const uint32_t f = m->features;
     saga_net_shape s;
-    uint32_t k;
 
     m->q_in[net] = (uint8_t)saga_feature_q(m, tier);
     m->out_q[tier == SAGA_TIER_COARSE ? SAGA_OUT_FUSE_C
@@ -60,7 +59,7 @@ static void add_identity(gen_stream *g, int tier)
     saga_model_net(&s, m, net);
     make_layer(&l[0], &s, 0);
     make_layer(&l[1], &s, 1);
-    for (k = 0; k < f; k++) {
+    for (uint32_t k = 0; k < f; k++) {
         l[0].weight[2 * k * s.dim[0] + k] = 1;
         l[0].weight[(2 * k + 1) * s.dim[0] + k] = -1;
         l[1].weight[k * s.dim[1] + 2 * k] = 1;
@@ -102,10 +101,7 @@ static void assert_same_stages(const saga_stages *a, const saga_stages *b)
 
 TEST(absence_should_be_identity)
 {
-    uint32_t i;
-    int tier;
-
-    for (i = 0; i < N_STREAMS; i++) {
+    for (uint32_t i = 0; i < N_STREAMS; i++) {
         gen_stream g;
         played none;
 
@@ -113,7 +109,7 @@ TEST(absence_should_be_identity)
         none = play(&g);
         assert_true(none.stages.frame != 0);
         /* Fine first in every other stream: each is alone once. */
-        for (tier = 0; tier < SAGA_N_TIERS; tier++) {
+        for (int tier = 0; tier < SAGA_N_TIERS; tier++) {
             played with;
 
             add_identity(&g, (tier + (int)i) % 2);
@@ -128,9 +124,7 @@ TEST(absence_should_be_identity)
  * once for each fine anchor and each primitive. */
 TEST(absence_should_spare_all_work)
 {
-    uint32_t i;
-
-    for (i = 0; i < N_STREAMS; i++) {
+    for (uint32_t i = 0; i < N_STREAMS; i++) {
         gen_stream g;
         played none, with;
         uint64_t coarse, fine;
@@ -157,9 +151,7 @@ TEST(absence_should_spare_all_work)
 /* Header fields of what does not exist change nothing but the header. */
 TEST(formats_of_the_absent_should_be_ignored)
 {
-    uint32_t i;
-
-    for (i = 0; i < N_STREAMS; i++) {
+    for (uint32_t i = 0; i < N_STREAMS; i++) {
         gen_stream g;
         saga_model *const m = &g.header.model;
         played one, other;

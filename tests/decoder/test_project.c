@@ -40,9 +40,8 @@ typedef struct {
 static int64_t dot(const int32_t *row, const int32_t *x, const int32_t *c)
 {
     int64_t sum = 0;
-    int i;
 
-    for (i = 0; i < 3; i++)
+    for (int i = 0; i < 3; i++)
         sum += (int64_t)row[i] * ((int64_t)x[i] - c[i]);
     return sum;
 }
@@ -132,10 +131,9 @@ static void note(double *worst, double x)
 static void check_factor(errors *e, const trial *t)
 {
     double bound[3];
-    int i;
 
     factor_bound(bound, t);
-    for (i = 0; i < 3; i++) {
+    for (int i = 0; i < 3; i++) {
         const double err = fabs(t->s.chol_q28[i] - q28 * t->ref.chol[i]);
 
         note(&e->factor, err / bound[i]);
@@ -149,9 +147,7 @@ static void check_factor(errors *e, const trial *t)
 /* Half a unit, and what x/z loses to the 27 bits of x and z. */
 static void check_mean(errors *e, const trial *t)
 {
-    int i;
-
-    for (i = 0; i < 2; i++) {
+    for (int i = 0; i < 2; i++) {
         const double p = t->cam.principal_q16[i] / 65536.0;
         const double x = 1.125 * fabs(t->ref.mean[i] - p) +
                          1.25 * focal(t, i);
@@ -188,9 +184,9 @@ static double true_q(const trial *t, int x, int y)
 
 static void check_q(errors *e, const trial *t, gen_rng *r)
 {
-    int pixel[2], i;
+    int pixel[2];
 
-    for (i = 0; i < SAMPLES; i++) {
+    for (int i = 0; i < SAMPLES; i++) {
         double q;
 
         if (!pick_pixel(pixel, t, r))
@@ -217,9 +213,8 @@ TEST(factor_and_q_should_be_those_of_double)
     gen_rng r = gen_seeded(21);
     errors e = { 0, 0, 0, 0, 0, 0, 0 };
     trial t;
-    int i;
 
-    for (i = 0; i < ROUNDS; i++) {
+    for (int i = 0; i < ROUNDS; i++) {
         hard_trial(&t, &r, sides[i & 3], sides[i >> 2 & 3]);
         if (!t.is_visible)
             continue;
@@ -246,12 +241,11 @@ TEST(ordinary_splats_should_be_exact_to_the_last_bits)
     errors e = { 0, 0, 0, 0, 0, 0, 0 };
     double raw = 0;
     trial t;
-    int i, k;
 
-    for (i = 0; i < ROUNDS; i++) {
+    for (int i = 0; i < ROUNDS; i++) {
         hard_trial(&t, &r, 640, 360);
         gen_any_camera(&t.cam, &r, 640, 360, 1 << 20);
-        for (k = 0; k < 3; k++) {
+        for (int k = 0; k < 3; k++) {
             const double z = (double)depth(&t) + 1;
             const double sigma = gen_uniform(&r, log2(0.1), log2(40));
 
@@ -263,7 +257,7 @@ TEST(ordinary_splats_should_be_exact_to_the_last_bits)
         check_factor(&e, &t);
         check_mean(&e, &t);
         check_q(&e, &t, &r);
-        for (k = 0; k < 3; k++)
+        for (int k = 0; k < 3; k++)
             note(&raw, fabs(t.s.chol_q28[k] - q28 * t.ref.chol[k]));
     }
     print_errors(&e);
@@ -293,9 +287,8 @@ static int is_far(const trial *t)
     const double z = (double)dot(w + 6, t->a.x, t->cam.centre);
     const double side[2] = { t->cam.width, t->cam.height };
     double d = -32768;
-    int i;
 
-    for (i = 0; i < 2; i++) {
+    for (int i = 0; i < 2; i++) {
         const double x = (double)dot(w + 3 * i, t->a.x, t->cam.centre);
         const double mean = t->cam.principal_q16[i] / 65536.0 +
                             focal(t, i) * x / z;
@@ -308,12 +301,11 @@ static int is_far(const trial *t)
 static int min_true_q_is_below(const trial *t, double limit)
 {
     trial u = *t;
-    int x, y;
 
     u.s.mean_q8[0] = (int32_t)floor(256 * t->ref.mean[0] + 0.5);
     u.s.mean_q8[1] = (int32_t)floor(256 * t->ref.mean[1] + 0.5);
-    for (y = 0; y < t->cam.height; y++)
-        for (x = 0; x < t->cam.width; x++)
+    for (int y = 0; y < t->cam.height; y++)
+        for (int x = 0; x < t->cam.width; x++)
             if (true_q(&u, x, y) < limit)
                 return 1;
     return 0;
@@ -323,10 +315,10 @@ static int min_true_q_is_below(const trial *t, double limit)
 TEST(splats_should_be_dropped_by_the_rules_alone)
 {
     gen_rng r = gen_seeded(23);
-    int i, n_rule = 0, n_far = 0, n_box = 0;
+    int n_rule = 0, n_far = 0, n_box = 0;
     trial t;
 
-    for (i = 0; i < ROUNDS / 4; i++) {
+    for (int i = 0; i < ROUNDS / 4; i++) {
         small_trial(&t, &r, 24);
         if (i % 4 == 0) {
             t.cam.focal_q16[i / 4 & 1] = gen_int(&r, 1 << 28, INT32_MAX);
@@ -353,13 +345,11 @@ TEST(splats_should_be_dropped_by_the_rules_alone)
  * but what a test changes. */
 static void front_trial(trial *t)
 {
-    int i;
-
     memset(t, 0, sizeof *t);
     gen_front_camera(&t->cam, 64, 64);
     t->a.x[2] = 1 << 12;
     t->a.quat[0] = 1;
-    for (i = 0; i < 3; i++)
+    for (int i = 0; i < 3; i++)
         t->a.log2_scale_q10[i] = 28 << 10;
 }
 
@@ -403,11 +393,9 @@ TEST(angles_should_be_cut_at_eight)
         { 1 << 29, 0 }, { -(1 << 29), 0 }
     };
     trial t;
-    size_t i;
-    int axis;
 
-    for (axis = 0; axis < 2; axis++)
-        for (i = 0; i < sizeof cases / sizeof *cases; i++) {
+    for (int axis = 0; axis < 2; axis++)
+        for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
             front_trial(&t);
             t.a.x[axis] = cases[i].x;
             expect(&t, cases[i].visible);
@@ -418,10 +406,9 @@ TEST(angles_should_be_cut_at_eight)
 TEST(mean_should_be_cut_at_32768_px)
 {
     trial t;
-    int axis, sign;
 
-    for (axis = 0; axis < 2; axis++)
-        for (sign = -1; sign <= 1; sign += 2) {
+    for (int axis = 0; axis < 2; axis++)
+        for (int sign = -1; sign <= 1; sign += 2) {
             front_trial(&t);
             t.cam.focal_q16[axis] = 1 << 30;
             t.a.x[axis] = sign * 8192;
@@ -462,13 +449,12 @@ TEST(quaternion_should_count_by_direction_alone)
         { 1 << 30, 0, 0, 0 }, { 1, 0, 0, 0 }, { 0, 0, 0, 0 }, { -7, 0, 0, 0 }
     };
     trial t, first;
-    size_t i;
 
     front_trial(&first);
     first.a.log2_scale_q10[0] = 9 << 10;
     first.a.log2_scale_q10[1] = 7 << 10;
     expect(&first, 1);
-    for (i = 0; i < sizeof quats / sizeof *quats; i++) {
+    for (size_t i = 0; i < sizeof quats / sizeof *quats; i++) {
         t = first;
         memcpy(t.a.quat, quats[i], sizeof t.a.quat);
         expect(&t, 1);
@@ -486,12 +472,11 @@ static int is_in_box(const saga_splat *s, int x, int y)
 static void check_box(const trial *t, long *outside)
 {
     const saga_splat *const s = &t->s;
-    int x, y;
 
     assert_true(0 <= s->x0 && s->x0 < s->x1 && s->x1 <= t->cam.width);
     assert_true(0 <= s->y0 && s->y0 < s->y1 && s->y1 <= t->cam.height);
-    for (y = 0; y < t->cam.height; y++)
-        for (x = 0; x < t->cam.width; x++)
+    for (int y = 0; y < t->cam.height; y++)
+        for (int x = 0; x < t->cam.width; x++)
             if (!is_in_box(s, x, y)) {
                 assert_true(ref_q_q20(s, x, y, tools) >= CUT);
                 ++*outside;
@@ -503,9 +488,8 @@ TEST(box_should_lose_no_pixel)
     gen_rng r = gen_seeded(24);
     long outside = 0;
     trial t;
-    int i;
 
-    for (i = 0; i < ROUNDS / 4; i++) {
+    for (int i = 0; i < ROUNDS / 4; i++) {
         tools = i & 1 ? SAGA_TOOL_STEEP : 0;
         small_trial(&t, &r, 48);
         if (t.is_visible)
@@ -521,15 +505,15 @@ TEST(box_should_be_tight)
 {
     gen_rng r = gen_seeded(25);
     trial t;
-    int i, k, n = 0;
+    int n = 0;
 
-    for (i = 0; i < ROUNDS / 4; i++) {
+    for (int i = 0; i < ROUNDS / 4; i++) {
         tools = i & 1 ? SAGA_TOOL_STEEP : 0;
         hard_trial(&t, &r, 4096, 4096);
         if (!t.is_visible || t.a.q0_q20 > 9 << 20 ||
             fmin(focal(&t, 0), focal(&t, 1)) < 64)
             continue;
-        for (k = 0; k < 2; k++) {
+        for (int k = 0; k < 2; k++) {
             const double sigma = sqrt(t.ref.cov[2 * k] / 0.7213475204444817);
             const double rest = 11 - t.ref.q0;
             const double s = tools ? sqrt(1 + 2 * rest) - 1 : rest;
@@ -577,9 +561,8 @@ static void check_limits(saga_camera *c, int32_t *field, int64_t lo, int64_t hi)
 static void check_limits16(saga_camera *c, uint16_t *field, int lo, int hi)
 {
     const uint16_t kept = *field;
-    int v;
 
-    for (v = 0; v < 65536; v++) {
+    for (int v = 0; v < 65536; v++) {
         *field = (uint16_t)v;
         expect_camera(c, v >= lo && v <= hi);
     }
@@ -589,14 +572,13 @@ static void check_limits16(saga_camera *c, uint16_t *field, int lo, int hi)
 TEST(camera_should_be_refused_beyond_its_limits)
 {
     saga_camera c;
-    int i;
 
     gen_front_camera(&c, 64, 48);
-    for (i = 0; i < 3; i++) {
+    for (int i = 0; i < 3; i++) {
         check_limits(&c, c.centre + i, -(1 << 29), 1 << 29);
         check_limits16(&c, c.background_q15 + i, 0, 32768);
     }
-    for (i = 0; i < 2; i++) {
+    for (int i = 0; i < 2; i++) {
         check_limits(&c, c.focal_q16 + i, 1, INT32_MAX);
         check_limits(&c, c.principal_q16 + i, -(1 << 30), 1 << 30);
     }
@@ -620,11 +602,9 @@ TEST(rows_of_the_rotation_should_be_bounded)
         { { INT32_MIN, INT32_MAX, 1 }, 0 }
     };
     saga_camera c;
-    size_t i;
-    int row;
 
-    for (row = 0; row < 3; row++)
-        for (i = 0; i < sizeof cases / sizeof *cases; i++) {
+    for (int row = 0; row < 3; row++)
+        for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
             gen_front_camera(&c, 64, 48);
             memcpy(c.rotation_q30 + 3 * row, cases[i].r, sizeof cases[i].r);
             expect_camera(&c, cases[i].is_valid);
@@ -644,9 +624,8 @@ static void valid_row(int32_t *row, gen_rng *r)
 {
     int32_t left = 1859828213;
     const int first = gen_int(r, 0, 2);
-    int i;
 
-    for (i = 0; i < 3; i++) {
+    for (int i = 0; i < 3; i++) {
         const int32_t x = extreme(r, 0, left);
 
         row[(first + i) % 3] = gen_int(r, 0, 1) ? x : -x;
@@ -656,14 +635,12 @@ static void valid_row(int32_t *row, gen_rng *r)
 
 static void valid_camera(saga_camera *c, gen_rng *r)
 {
-    int i;
-
     memset(c, 0, sizeof *c);
-    for (i = 0; i < 3; i++) {
+    for (int i = 0; i < 3; i++) {
         valid_row(c->rotation_q30 + 3 * i, r);
         c->centre[i] = extreme(r, -(1 << 29), 1 << 29);
     }
-    for (i = 0; i < 2; i++) {
+    for (int i = 0; i < 2; i++) {
         c->focal_q16[i] = gen_int(r, 0, 3) ? gen_shifted(r, 1, INT32_MAX, 30)
                                            : extreme(r, 1, INT32_MAX);
         c->focal_q16[i] |= 1;
@@ -677,16 +654,15 @@ static void valid_camera(saga_camera *c, gen_rng *r)
 static void valid_animated(saga_animated *a, gen_rng *r, const saga_camera *c)
 {
     const int32_t reach = 1 << 29 >> gen_int(r, 0, 29);
-    int i;
 
-    for (i = 0; i < 3; i++) {
+    for (int i = 0; i < 3; i++) {
         const int64_t x = (int64_t)c->centre[i] + extreme(r, -reach, reach);
 
         a->x[i] = x < -(1 << 29) ? -(1 << 29) : x > 1 << 29 ? 1 << 29
                                                             : (int32_t)x;
         a->log2_scale_q10[i] = extreme(r, -32768, 32767);
     }
-    for (i = 0; i < 4; i++)
+    for (int i = 0; i < 4; i++)
         a->quat[i] = extreme(r, -(1 << 30), 1 << 30);
     a->q0_q20 = extreme(r, 0, CUT - 1);
 }
@@ -697,10 +673,10 @@ TEST(results_should_be_bounded_for_every_valid_input)
 {
     const int32_t top = (int32_t)(2.6858 * 268435456);
     gen_rng r = gen_seeded(26);
-    int i, n = 0;
+    int n = 0;
     trial t;
 
-    for (i = 0; i < ROUNDS; i++) {
+    for (int i = 0; i < ROUNDS; i++) {
         valid_camera(&t.cam, &r);
         valid_animated(&t.a, &r, &t.cam);
         assert_int_equal(saga_camera_check(&t.cam), SAGA_OK);

@@ -25,15 +25,14 @@ static int one_splat(scene *s, ref_splat *ref, gen_rng *r)
     const int width = gen_int(r, 1, 40), height = gen_int(r, 1, 40);
     saga_animated a;
     ref_animated ra;
-    int k;
 
     gen_hard_camera(&s->cam, r, width, height);
     gen_hard_animated(&a, r, &s->cam);
-    for (k = 0; k < 3; k++)
+    for (int k = 0; k < 3; k++)
         s->cam.background_q15[k] = 0;
     if (!saga_project(s->splats, &a, &s->cam, 0))
         return 0;
-    for (k = 0; k < 3; k++)
+    for (int k = 0; k < 3; k++)
         s->splats->colour_q15[k] = 32768;
     ref_animated_of(&ra, &a);
     return ref_project(ref, &ra, &s->cam);
@@ -60,10 +59,9 @@ TEST(splat_should_touch_the_pixels_below_the_cut)
     tally t = { 0, 0, 0, 0, 0 };
     gen_rng r = gen_seeded(31);
     scene s;
-    int i, x, y;
 
     new_scene(&s, 1, 1, 1);
-    for (i = 0; i < 15000; i++) {
+    for (int i = 0; i < 15000; i++) {
         const setting with = { 8 << (i & 3), 1, 0, UINT32_MAX };
         ref_splat ref;
         picture p;
@@ -73,8 +71,8 @@ TEST(splat_should_touch_the_pixels_below_the_cut)
         sort_scene(&s);
         new_picture(&p, s.cam.width, s.cam.height, 16, 0);
         draw(&p, &s, &with);
-        for (y = 0; y < p.height; y++)
-            for (x = 0; x < p.width; x++)
+        for (int y = 0; y < p.height; y++)
+            for (int x = 0; x < p.width; x++)
                 tally_pixel(&t, &s, &ref, x, y, value_at(&p, x, y, 0));
         free(p.block);
     }
@@ -93,19 +91,18 @@ TEST(splat_should_touch_the_pixels_below_the_cut)
 static void any_splat(saga_splat *p, gen_rng *r)
 {
     const int32_t top = 720900000; /* 2.6856 in Q28 */
-    int i;
 
-    for (i = 0; i < 3; i++)
+    for (int i = 0; i < 3; i++)
         p->chol_q28[i] = gen_shifted(r, 0, top, 29);
     if (gen_int(r, 0, 1))
         p->chol_q28[1] = -p->chol_q28[1];
-    for (i = 0; i < 2; i++)
+    for (int i = 0; i < 2; i++)
         p->mean_q8[i] = gen_shifted(r, -(1 << 23), 1 << 23, 16);
     p->q0_q20 = gen_shifted(r, 0, CUT - 1, 8);
     p->depth = 1 + gen_u32(r) % 1000;
     p->x0 = p->y0 = 0;
     p->x1 = p->y1 = 61;
-    for (i = 0; i < 3; i++)
+    for (int i = 0; i < 3; i++)
         p->colour_q15[i] = (uint16_t)gen_int(r, 0, 32768);
 }
 
@@ -117,10 +114,9 @@ TEST(rows_should_equal_the_direct_formula)
     gen_rng r = gen_seeded(32);
     picture want;
     scene s;
-    int i;
 
     new_scene(&s, 1, 61, 61);
-    for (i = 0; i < 3000; i++) {
+    for (int i = 0; i < 3000; i++) {
         any_splat(s.splats, &r);
         sort_scene(&s);
         exact_picture(&want, &s, 16);
@@ -137,9 +133,8 @@ TEST(scenes_should_be_those_of_the_norm)
     gen_rng r = gen_seeded(33);
     picture want;
     scene s;
-    int i;
 
-    for (i = 0; i < 40; i++) {
+    for (int i = 0; i < 40; i++) {
         const int width = gen_int(&r, 1, 90), height = gen_int(&r, 1, 70);
 
         if (i & 1)
@@ -160,17 +155,16 @@ TEST(nothing_should_show_the_background)
     };
     picture p;
     scene s;
-    int i, k, bits;
 
     new_scene(&s, 0, 9, 11);
-    for (bits = 8; bits <= 16; bits += 8)
-        for (i = 0; i < 3; i++) {
+    for (int bits = 8; bits <= 16; bits += 8)
+        for (int i = 0; i < 3; i++) {
             const int max = bits == 8 ? 255 : 65535;
 
             memcpy(s.cam.background_q15, colours[i], sizeof colours[i]);
             new_picture(&p, 9, 11, bits, 0);
             draw(&p, &s, &plain);
-            for (k = 0; k < 9 * 11 * 3; k++)
+            for (int k = 0; k < 9 * 11 * 3; k++)
                 assert_int_equal(value_at(&p, k / 3 % 9, k / 27, k % 3),
                                  floor(colours[i][k % 3] / 32768.0 * max +
                                        0.5));
@@ -184,10 +178,9 @@ TEST(opaque_splat_should_hide_what_is_behind)
 {
     picture p;
     scene s;
-    int i, k;
 
     new_scene(&s, 2, 33, 33);
-    for (i = 0; i < 2; i++) {
+    for (int i = 0; i < 2; i++) {
         saga_splat *const q = s.splats + i;
 
         memset(q, 0, sizeof *q);
@@ -198,7 +191,7 @@ TEST(opaque_splat_should_hide_what_is_behind)
         q->colour_q15[i] = 32768;
     }
     sort_scene(&s);
-    for (k = 0; k < 3; k++)
+    for (int k = 0; k < 3; k++)
         s.cam.background_q15[k] = 0;
     new_picture(&p, 33, 33, 16, 0);
     draw(&p, &s, &plain);
@@ -214,14 +207,13 @@ TEST(equal_depths_should_be_drawn_by_index)
 {
     gen_rng r = gen_seeded(34);
     picture want, other;
-    uint32_t i;
     scene s;
 
     even_scene(&s, &r, 600, 64, 48);
-    for (i = 0; i < s.n; i++)
+    for (uint32_t i = 0; i < s.n; i++)
         s.splats[i].depth = 1000 + i % 3;
     sort_scene(&s);
-    for (i = 1; i < s.n; i++) {
+    for (uint32_t i = 1; i < s.n; i++) {
         const uint32_t a = s.order[i - 1].index, b = s.order[i].index;
 
         assert_true(s.splats[a].depth < s.splats[b].depth ||
@@ -229,7 +221,7 @@ TEST(equal_depths_should_be_drawn_by_index)
     }
     exact_picture(&want, &s, 8);
     expect_with(&s, &plain, &want);
-    for (i = 0; i < s.n / 2; i++) { /* the opposite order does show */
+    for (uint32_t i = 0; i < s.n / 2; i++) { /* the opposite order does show */
         const saga_key k = s.order[i];
 
         s.order[i] = s.order[s.n - 1 - i];
@@ -248,10 +240,8 @@ TEST(equal_depths_should_be_drawn_by_index)
  * that fill all of it: on the left T is 7 after two. */
 static void half_finished_scene(scene *s)
 {
-    uint32_t i;
-
     new_scene(s, 102, 16, 16);
-    for (i = 0; i < s->n; i++) {
+    for (uint32_t i = 0; i < s->n; i++) {
         saga_splat *const p = s->splats + i;
 
         memset(p, 0, sizeof *p);
@@ -272,9 +262,8 @@ static uint32_t unstopped(const scene *s, int x, int y, int k)
 {
     uint64_t sum = 0;
     uint32_t t = 65536;
-    uint32_t i;
 
-    for (i = 0; i < s->n; i++) {
+    for (uint32_t i = 0; i < s->n; i++) {
         const saga_splat *const p = s->splats + s->order[i].index;
         const int32_t q = ref_q_q20(p, x, y, 0);
         const uint32_t a = q < CUT ? ref_alpha_q16(q) : 0;
@@ -293,18 +282,17 @@ TEST(stop_should_be_that_of_the_pixel)
     picture want;
     uint32_t diff = 0;
     scene s;
-    int i;
 
     half_finished_scene(&s);
     s.splats[2].q0_q20 = 0; /* what a stop of the tile would let through */
     s.splats[2].colour_q15[1] = 32768;
     exact_picture(&want, &s, 16);
-    for (i = 0; i < 4; i++) {
+    for (int i = 0; i < 4; i++) {
         const setting with = { tiles[i], 37, 0, UINT32_MAX };
 
         expect_with(&s, &with, &want);
     }
-    for (i = 0; i < 256; i++) {
+    for (int i = 0; i < 256; i++) {
         const int x = i & 15, y = i >> 4;
 
         diff += value_at(&want, x, y, 2) != unstopped(&s, x, y, 2);
@@ -325,10 +313,9 @@ TEST(finished_tiles_should_not_change)
     gen_rng r = gen_seeded(35);
     picture want;
     scene s;
-    uint32_t i;
 
     even_scene(&s, &r, 1500, 50, 30);
-    for (i = 0; i < s.n; i++) {
+    for (uint32_t i = 0; i < s.n; i++) {
         s.splats[i].q0_q20 >>= 3;
         if (s.splats[i].mean_q8[0] < 40 * 256)
             s.splats[i].q0_q20 = 0;
@@ -338,7 +325,7 @@ TEST(finished_tiles_should_not_change)
     }
     sort_scene(&s);
     exact_picture(&want, &s, 16);
-    for (i = 0; i < 4; i++)
+    for (uint32_t i = 0; i < 4; i++)
         expect_with(&s, &with[i], &want);
     free(want.block);
     free_scene(&s);
@@ -349,10 +336,9 @@ TEST(finished_tiles_should_not_change)
 static void colour_truly(ref_splat *s, uint32_t index)
 {
     uint16_t colour[3];
-    int k;
 
     gen_colour(colour, index);
-    for (k = 0; k < 3; k++)
+    for (int k = 0; k < 3; k++)
         s->colour[k] = colour[k] / 32768.0;
 }
 
@@ -373,11 +359,11 @@ static void true_picture(double *rgb, const saga_primitive *p, uint32_t n,
 {
     ref_splat *const splats = need(n * sizeof *splats);
     uint32_t *const order = need(n * sizeof *order);
-    uint32_t i, kept = 0;
+    uint32_t kept = 0;
     ref_primitive still;
     ref_animated a;
 
-    for (i = 0; i < n; i++) {
+    for (uint32_t i = 0; i < n; i++) {
         ref_primitive_of(&still, p + i, &gen_still_format);
         ref_animate(&a, &still, 0.5);
         if (ref_project(splats + kept, &a, cam))
@@ -432,11 +418,10 @@ static void expect_depths(const scene *s, const double *truth)
     double most_alpha = 0, most = 0, sum = 0;
     long n = 0;
     picture p;
-    int i;
 
     new_picture(&p, s->cam.width, s->cam.height, SAGA_DEPTH, 0);
     draw(&p, s, &plain);
-    for (i = 0; i < p.width * p.height; i++) {
+    for (int i = 0; i < p.width * p.height; i++) {
         const saga_depth *const d = (const saga_depth *)p.pic.rgb + i;
         const double alpha = truth[3 * i + 1];
         double off;

@@ -17,14 +17,13 @@ TEST(picture_should_not_depend_on_the_job)
     gen_rng r = gen_seeded(36);
     picture want;
     scene s;
-    int t, c, m, b;
 
     hard_scene(&s, &r, 90, 83, 61);
     exact_picture(&want, &s, 8);
-    for (t = 8; t <= 64; t *= 2)
-        for (c = 0; c < 3; c++)
-            for (m = 0; m < 5; m++)
-                for (b = 0; b < 7; b++) {
+    for (int t = 8; t <= 64; t *= 2)
+        for (int c = 0; c < 3; c++)
+            for (int m = 0; m < 5; m++)
+                for (int b = 0; b < 7; b++) {
                     const setting with = { t, capacity[c], more[m],
                                            budget[b] };
 
@@ -43,9 +42,7 @@ static int32_t cut(int side, int i, int n)
 static void draw_grid(const picture *p, const scene *s, const setting *with,
                       int cols, int rows)
 {
-    int i;
-
-    for (i = cols * rows - 1; i >= 0; i--)
+    for (int i = cols * rows - 1; i >= 0; i--)
         draw_part(p, s, with, cut(p->width, i % cols, cols),
                   cut(p->height, i / cols, rows),
                   cut(p->width, i % cols + 1, cols),
@@ -59,13 +56,12 @@ TEST(picture_should_not_depend_on_the_division)
     gen_rng r = gen_seeded(37);
     picture want, got;
     scene s;
-    int i, b, tile;
 
     hard_scene(&s, &r, 90, 83, 61);
-    for (b = 0; b < N_BITS; b++) {
+    for (int b = 0; b < N_BITS; b++) {
         exact_picture(&want, &s, all_bits[b]);
-        for (i = 0; i < 6; i++)
-            for (tile = 8; tile <= (i < 5 ? 64 : 8); tile *= 2) {
+        for (int i = 0; i < 6; i++)
+            for (int tile = 8; tile <= (i < 5 ? 64 : 8); tile *= 2) {
                 const setting with = { tile, 37, 3000, 500 };
 
                 new_picture(&got, 83, 61, all_bits[b], 16);
@@ -90,15 +86,13 @@ static void check_canaries(const picture *p, const saga_job *job)
 {
     const size_t pixel = pixel_of(p->pic.bits);
     uint8_t *const is_ours = need(p->nbytes);
-    size_t i;
-    int x, y;
 
     memset(is_ours, 0, p->nbytes);
-    for (y = job->y0; y < job->y1; y++)
-        for (x = job->x0; x < job->x1; x++)
+    for (int y = job->y0; y < job->y1; y++)
+        for (int x = job->x0; x < job->x1; x++)
             if (is_inside(job, x, y))
                 memset(is_ours + (sample_at(p, x, y) - p->block), 1, pixel);
-    for (i = 0; i < p->nbytes; i++)
+    for (size_t i = 0; i < p->nbytes; i++)
         assert_true(is_ours[i] || p->block[i] == CANARY);
     free(is_ours);
 }
@@ -106,9 +100,7 @@ static void check_canaries(const picture *p, const saga_job *job)
 static void expect_part(const picture *got, const picture *want,
                         const saga_job *job)
 {
-    int y;
-
-    for (y = job->y0; y < job->y1; y++)
+    for (int y = job->y0; y < job->y1; y++)
         assert_memory_equal(sample_at(got, job->x0, y),
                             sample_at(want, job->x0, y),
                             (size_t)(job->x1 - job->x0) *
@@ -155,10 +147,9 @@ TEST(nothing_else_should_be_written)
     gen_rng r = gen_seeded(38);
     picture want;
     scene s;
-    int i;
 
     hard_scene(&s, &r, 60, 83, 61);
-    for (i = 0; i < 400; i++) {
+    for (int i = 0; i < 400; i++) {
         exact_picture(&want, &s, all_bits[i % N_BITS]);
         check_memory(&s, &want, &r);
         free(want.block);
@@ -177,7 +168,7 @@ TEST(pixels_should_be_written_when_final)
     saga_drawing d;
     saga_job job;
     scene s;
-    int x, y, partial = 0;
+    int partial = 0;
 
     hard_scene(&s, &r, 60, 47, 33);
     exact_picture(&want, &s, 8);
@@ -185,8 +176,8 @@ TEST(pixels_should_be_written_when_final)
     new_job(&job, &with, 0, 0, 47, 33);
     d = drawing_of(&s);
     while (saga_raster(&job, &got.pic, &d, with.budget) == SAGA_AGAIN)
-        for (y = 0; y < 33; y++)
-            for (x = 0; x < 47; x++)
+        for (int y = 0; y < 33; y++)
+            for (int x = 0; x < 47; x++)
                 if (memcmp(sample_at(&got, x, y), sample_at(&want, x, y), 3)) {
                     assert_int_equal(*sample_at(&got, x, y), CANARY);
                     partial++;
@@ -207,12 +198,11 @@ TEST(budget_should_bound_the_calls)
     uint32_t units, calls;
     picture p;
     scene s;
-    int i;
 
     hard_scene(&s, &r, 60, 47, 33);
     new_picture(&p, 47, 33, 8, 0);
     units = draw(&p, &s, &(setting){ 16, 37, 0, 1 });
-    for (i = 0; i < 5; i++) {
+    for (int i = 0; i < 5; i++) {
         calls = draw(&p, &s, &(setting){ 16, 37, 0, budget[i] });
         assert_in_range(calls, units / budget[i], units / budget[i] + 2);
     }
@@ -317,12 +307,11 @@ TEST(other_fields_should_be_checked)
     static const int32_t tiles[] = { 0, -8, 1, 4, 7, 9, 24, 128, 1 << 30,
                                      INT32_MIN };
     checked c;
-    size_t i;
 
     open_checked(&c, 8);
-    for (i = 0; i < sizeof tiles / sizeof *tiles; i++)
+    for (size_t i = 0; i < sizeof tiles / sizeof *tiles; i++)
         expect_arg(&c, &c.job.tile, tiles[i]);
-    for (i = 0; i < 40; i++)
+    for (size_t i = 0; i < 40; i++)
         if (i != 8 && i != 16)
             expect_arg(&c, &c.p.pic.bits, (int32_t)i);
     expect_arg(&c, &c.p.pic.bits, SAGA_DEPTH - 1);
@@ -336,12 +325,12 @@ TEST(scratch_should_be_large_enough)
 {
     static const size_t small[] = { 0, 1, 255, 256, 263, 264, 304 };
     checked c;
-    size_t i, least;
+    size_t least;
 
     open_checked(&c, 8);
     least = c.job.scratch_nbytes;
     assert_int_equal(least, 8 * 8 * 16 + 5 * 8 + 264);
-    for (i = 0; i < sizeof small / sizeof *small; i++) {
+    for (size_t i = 0; i < sizeof small / sizeof *small; i++) {
         c.job.scratch_nbytes = small[i];
         expect_status(&c, SAGA_ERR_SPACE);
     }
@@ -364,12 +353,11 @@ TEST(scratch_should_be_large_enough)
 TEST(scratch_should_be_aligned)
 {
     checked c;
-    int i;
 
     open_checked(&c, 8);
     free(c.scratch);
     c.scratch = need(c.job.scratch_nbytes + 4);
-    for (i = 0; i <= 4; i++) {
+    for (int i = 0; i <= 4; i++) {
         c.job.scratch = (uint8_t *)c.scratch + i;
         expect_status(&c, i & 3 ? SAGA_ERR_ALIGN : SAGA_OK);
     }
@@ -381,9 +369,8 @@ TEST(picture_should_be_large_enough)
 {
     checked c;
     size_t line;
-    int b;
 
-    for (b = 0; b < N_BITS; b++) {
+    for (int b = 0; b < N_BITS; b++) {
         open_checked(&c, all_bits[b]);
         line = 17 * pixel_of(all_bits[b]);
         c.p.pic.nbytes = c.p.pic.stride_nbytes * 27 + line;
@@ -434,10 +421,9 @@ TEST(samples_of_16_bits_should_be_aligned)
 TEST(depths_should_be_aligned)
 {
     checked c;
-    int i;
 
     open_checked(&c, SAGA_DEPTH);
-    for (i = 0; i <= 8; i++) {
+    for (int i = 0; i <= 8; i++) {
         expect_status(&c, i & 7 ? SAGA_ERR_ALIGN : SAGA_OK);
         c.p.pic.rgb = (uint8_t *)c.p.pic.rgb - 1;
     }

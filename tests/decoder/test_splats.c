@@ -16,13 +16,11 @@ static saga_cpu cpu;
 
 static void any_format(saga_prim_format *f, gen_rng *r)
 {
-    int i;
-
     memset(f, 0, sizeof *f);
     f->q_quat = (uint8_t)gen_int(r, 0, 20);
     f->q_slope = (uint8_t)gen_int(r, 0, 20);
     f->q_opacity = (uint8_t)gen_int(r, 0, 20);
-    for (i = 0; i < 3; i++)
+    for (int i = 0; i < 3; i++)
         f->q_motion[i] = (uint8_t)gen_int(r, 0, 20);
     f->motion_order = (uint8_t)gen_int(r, 0, 3);
     f->has_slope = (uint8_t)gen_int(r, 0, 1);
@@ -34,20 +32,19 @@ static void any_format(saga_prim_format *f, gen_rng *r)
 static void any_primitive(saga_primitive *p, gen_rng *r, const saga_camera *c)
 {
     saga_animated a;
-    int i;
 
     gen_hard_animated(&a, r, c);
-    for (i = 0; i < 3; i++) {
+    for (int i = 0; i < 3; i++) {
         p->x[i] = a.x[i];
         p->support[i] = gen_shifted(r, 1 << 22, 1 << 23, 22);
         p->log2_scale_q10[i] = (int16_t)a.log2_scale_q10[i];
     }
     p->t_centre = gen_one_in(r, 2) ? gen_int(r, -32768, 98303) : 32768;
-    for (i = 0; i < 4; i++) {
+    for (int i = 0; i < 4; i++) {
         p->quat[i] = gen_any16(r, 14);
         p->slope[i] = gen_any16(r, 14);
     }
-    for (i = 0; i < 9; i++)
+    for (int i = 0; i < 9; i++)
         p->motion[i] = gen_one_in(r, 3) ? 0
                                         : (int16_t)(gen_any16(r, 14) / 4096);
     p->opacity = gen_one_in(r, 3) ? gen_any16(r, 14)
@@ -59,19 +56,17 @@ static void any_primitive(saga_primitive *p, gen_rng *r, const saga_camera *c)
 /* Everything at its limits. */
 static void edge_primitive(saga_primitive *p, gen_rng *r)
 {
-    int i;
-
-    for (i = 0; i < 3; i++) {
+    for (int i = 0; i < 3; i++) {
         p->x[i] = gen_one_in(r, 2) ? -(1 << 23) : gen_int(r, -4, 4);
         p->support[i] = gen_one_in(r, 2) ? 1 : 1 << 23;
         p->log2_scale_q10[i] = gen_any16(r, 14);
     }
     p->t_centre = gen_one_in(r, 2) ? -32768 : 98303;
-    for (i = 0; i < 4; i++) {
+    for (int i = 0; i < 4; i++) {
         p->quat[i] = gen_one_in(r, 2) ? 32767 : -32767;
         p->slope[i] = gen_any16(r, 14);
     }
-    for (i = 0; i < 9; i++)
+    for (int i = 0; i < 9; i++)
         p->motion[i] = gen_one_in(r, 2) ? 32767 : -32767;
     p->opacity = gen_any16(r, 14);
     p->log2_width_q10 = gen_any16(r, 14);
@@ -89,13 +84,13 @@ static uint32_t compare(const saga_primitive *p, uint32_t n,
                         const saga_look *look)
 {
     saga_splat got[N + 1], want[N + 1], canary;
-    uint32_t n_want = 0, seen, i;
+    uint32_t n_want = 0, seen;
 
     memset(&canary, 0x5a, sizeof canary);
-    for (i = 0; i <= N; i++)
+    for (uint32_t i = 0; i <= N; i++)
         got[i] = canary;
     seen = saga_splats(got, p, n, look, cpu);
-    for (i = 0; i < n; i++) {
+    for (uint32_t i = 0; i < n; i++) {
         saga_animated a;
         int is_splat;
 
@@ -106,7 +101,7 @@ static uint32_t compare(const saga_primitive *p, uint32_t n,
         n_want += (uint32_t)is_splat;
     }
     assert_int_equal(seen >> (n - 1) >> 1, 0);
-    for (i = 0; i < n_want; i++)
+    for (uint32_t i = 0; i < n_want; i++)
         assert_true(same_splat(got + i, want + i));
     assert_memory_equal(got + n, &canary, sizeof canary);
     return n_want;
@@ -116,9 +111,8 @@ TEST(runs_should_be_animate_and_project)
 {
     gen_rng r = gen_seeded(61);
     uint32_t n_splats = 0;
-    int i, k;
 
-    for (i = 0; i < COUNT; i++) {
+    for (int i = 0; i < COUNT; i++) {
         const int n = gen_one_in(&r, 8) ? gen_int(&r, 1, N) : N;
         saga_primitive p[N];
         saga_prim_format f;
@@ -131,7 +125,7 @@ TEST(runs_should_be_animate_and_project)
         else
             gen_any_camera(&c, &r, width, gen_int(&r, 1, 2000), 1 << 23);
         any_format(&f, &r);
-        for (k = 0; k < n; k++)
+        for (int k = 0; k < n; k++)
             if (gen_one_in(&r, 16))
                 edge_primitive(p + k, &r);
             else
@@ -177,22 +171,21 @@ static void power_camera(saga_camera *c, gen_rng *r)
 static void power_primitive(saga_primitive *p, gen_rng *r)
 {
     static const int16_t quats[] = { 0, 1, 16384, 32767, -32767, 23170 };
-    int i;
 
     memset(p, 0, sizeof *p);
     p->x[2] = near_power(r, 29);
-    for (i = 0; i < 2; i++)
+    for (int i = 0; i < 2; i++)
         p->x[i] = any_sign(r, gen_one_in(r, 3) && p->x[2] < 1 << 26
                                   ? 8 * p->x[2] + gen_int(r, -1, 1)
                                   : near_power(r, 29) >> gen_int(r, 0, 29));
     p->opacity = gen_one_in(r, 2) ? 4096 : gen_any16(r, 14);
     p->t_centre = 65535 - near_power(r, 16);
     p->log2_width_q10 = gen_one_in(r, 2) ? 15 << 10 : gen_any16(r, 14);
-    for (i = 0; i < 3; i++) {
+    for (int i = 0; i < 3; i++) {
         p->support[i] = 1;
         p->log2_scale_q10[i] = (int16_t)(1024 * gen_int(r, -32, 31));
     }
-    for (i = 0; i < 4; i++) {
+    for (int i = 0; i < 4; i++) {
         p->quat[i] = quats[gen_int(r, 0, 5)];
         p->slope[i] = quats[gen_int(r, 0, 5)];
     }
@@ -202,9 +195,8 @@ TEST(powers_of_two_should_be_the_same)
 {
     gen_rng r = gen_seeded(62);
     uint32_t n_splats = 0;
-    int i, k;
 
-    for (i = 0; i < COUNT; i++) {
+    for (int i = 0; i < COUNT; i++) {
         saga_primitive p[N];
         saga_prim_format f;
         saga_camera c;
@@ -212,7 +204,7 @@ TEST(powers_of_two_should_be_the_same)
 
         power_camera(&c, &r);
         any_format(&f, &r);
-        for (k = 0; k < N; k++)
+        for (int k = 0; k < N; k++)
             power_primitive(p + k, &r);
         n_splats += compare(p, N, &look);
     }

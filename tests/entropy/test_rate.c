@@ -44,10 +44,9 @@ static void clear_net(saga_net *net)
 static void foretell_by_place(rate_scene *f)
 {
     const size_t n = f->s.model.features;
-    size_t i, k;
 
-    for (i = 0; i < f->s.n.coarse; i++)
-        for (k = 0; k < n; k++)
+    for (size_t i = 0; i < f->s.n.coarse; i++)
+        for (size_t k = 0; k < n; k++)
             f->s.coarse_feature[i * n + k] = (real)(
                 4 * sin(1.5707963267948966 *
                         (double)f->r.context.kind[0].phase[4 * i]));
@@ -61,7 +60,6 @@ static void foretell(rate_scene *f)
     const size_t n = f->s.model.features;
     saga_net *const hyper = &f->s.net[SAGA_NET_HYPER];
     saga_net *const net = &f->s.net[SAGA_NET_E_COARSE];
-    size_t k;
 
     foretell_by_place(f);
     clear_net(hyper);
@@ -69,7 +67,7 @@ static void foretell(rate_scene *f)
     /* All but the last layer's biases. */
     memset(net->w[0], 0, (size_t)(net->b[2] - net->w[0]) *
            sizeof *net->w[0]);
-    for (k = 0; k < n; k++) {
+    for (size_t k = 0; k < n; k++) {
         pass_through(net, 0, 4 + k,
                      4 / saga_rate_mu_unit(&f->s.model, SAGA_KIND_COARSE, 4));
         net->b[2][4 + k] = 0;
@@ -102,12 +100,11 @@ static void should_have_no_memory(rate_scene *f)
     saga_error error = { "" };
     const saga_rate_input x = { &f->s, &f->w, f->s.coarse_feature };
     saga_rate_choice c;
-    int net;
 
     assert_true(saga_rate_choice_init(&c, &f->r, &x, &error));
     assert_true(f->r.decision.bank_net >= 0);
     assert_int_equal(c.scene.model.tools, SAGA_TOOLS_PICTURE);
-    for (net = SAGA_NET_QUERY; net < SAGA_N_NETS; net++)
+    for (int net = SAGA_NET_QUERY; net < SAGA_N_NETS; net++)
         assert_int_equal(c.scene.net[net].n_layers, 0);
     assert_true(saga_model_is_valid(&c.scene.model));
     saga_rate_choice_free(&c);
@@ -116,12 +113,11 @@ static void should_have_no_memory(rate_scene *f)
 static void should_drop_everything(uint32_t tools)
 {
     rate_scene f;
-    int kind;
 
     make_scene(&f, 3, tools);
     begin_as_constants(&f);
     decide(&f);
-    for (kind = 0; kind < SAGA_N_KINDS; kind++) {
+    for (int kind = 0; kind < SAGA_N_KINDS; kind++) {
         const saga_rate_gain *const g = &f.r.decision.gain[kind];
 
         assert_int_equal(f.r.context.keep[kind], 0);
@@ -174,11 +170,10 @@ static void learn(rate_scene *f, int n)
                            m + n_params, n_params, 0.005f };
     saga_error error = { "" };
     double bits[SAGA_N_STEPS];
-    int i;
 
     assert_non_null(m);
     f->o.remember = true;
-    for (i = 1; i <= n; i++) {
+    for (int i = 1; i <= n; i++) {
         memset(f->d.reals, 0, f->d.n_reals * sizeof *f->d.reals);
         saga_rate_add(bits, &f->r, &f->d, &x, &f->o);
         assert_true(saga_adam_update(&adam, &t, 1, (uint64_t)i, &error));
@@ -217,9 +212,8 @@ TEST(decide_should_keep_a_bank_that_learned)
 static void copy_reads(real *to, const rate_scene *f)
 {
     const saga_rate_context *const c = &f->r.context;
-    int kind;
 
-    for (kind = 0; kind < SAGA_N_KINDS; kind++) {
+    for (int kind = 0; kind < SAGA_N_KINDS; kind++) {
         const size_t n = c->kind[kind].n_blocks * c->bank.width;
 
         memcpy(to, c->bank.kind[kind].read, n * sizeof *to);
@@ -235,7 +229,6 @@ TEST(memory_should_be_causal)
     real *one, *all;
     rate_scene f;
     size_t n;
-    int kind;
 
     make_scene(&f, 2, SAGA_TOOL_BANK);
     n = (f.s.n.coarse + 2 * (size_t)f.s.n.fine) * f.s.model.bank_width;
@@ -245,10 +238,10 @@ TEST(memory_should_be_causal)
     {
         const saga_rate_input x = { &f.s, &f.w, f.s.coarse_feature };
 
-        for (kind = 0; kind < SAGA_N_KINDS; kind++)
+        for (int kind = 0; kind < SAGA_N_KINDS; kind++)
             saga_rate_code(bits, &f.r, &x, kind);
         copy_reads(one, &f);
-        for (kind = 0; kind < SAGA_N_KINDS; kind++)
+        for (int kind = 0; kind < SAGA_N_KINDS; kind++)
             saga_rate_all(&f.r, &x, kind);
         copy_reads(all, &f);
     }
@@ -266,9 +259,8 @@ static void should_code_alike(uint32_t tools, const uint8_t keep[SAGA_N_KINDS])
     rate_scene f;
     saga_rate_choice c;
     double bits[SAGA_N_STEPS] = { 0 };
-    size_t n, i;
+    size_t n;
     real *feature;
-    int kind;
 
     make_scene(&f, 2, tools);
     foretell(&f);
@@ -280,7 +272,7 @@ static void should_code_alike(uint32_t tools, const uint8_t keep[SAGA_N_KINDS])
         const saga_scene rounded = saga_rate_rounded(&f.r, &f.s);
         const saga_rate_input x = { &rounded, &f.w, feature };
 
-        for (kind = 0; kind < SAGA_N_KINDS; kind++)
+        for (int kind = 0; kind < SAGA_N_KINDS; kind++)
             saga_rate_code(bits, &f.r, &x, kind);
     }
     {
@@ -292,9 +284,9 @@ static void should_code_alike(uint32_t tools, const uint8_t keep[SAGA_N_KINDS])
                                                SAGA_KIND_PRIM);
     }
     assert_true(saga_model_is_valid(&c.scene.model));
-    for (kind = 0; kind < SAGA_N_KINDS; kind++)
+    for (int kind = 0; kind < SAGA_N_KINDS; kind++)
         assert_int_equal(c.scene.model.sources[kind], keep[kind]);
-    for (i = 0; i < SAGA_N_STEPS; i++)
+    for (size_t i = 0; i < SAGA_N_STEPS; i++)
         assert_true(fabs(c.bits[i] - bits[i]) <= 1e-9 * bits[i]);
     saga_rate_choice_free(&c);
     free(feature);
@@ -323,14 +315,14 @@ TEST(features_should_be_rounded_as_they_are_coded)
 {
     rate_scene f;
     double bits[SAGA_N_STEPS] = { 0 };
-    size_t n, i, wrong = 0;
+    size_t n, wrong = 0;
     real *coded, *rounded;
 
     rate_scene_init(&f, 2);
     memset(f.r.context.keep, 0, SAGA_N_KINDS);
     f.r.decision.given = 1;
     n = f.s.model.features;
-    for (i = 0; i < n; i++)
+    for (size_t i = 0; i < n; i++)
         f.r.constants.mean[SAGA_KIND_COARSE][4 + i] =
             (real)ldexp(7 + 0.4 * (i % 2 ? 1 : -1),
                         -f.s.model.out_q[SAGA_OUT_COARSE]);
@@ -338,7 +330,7 @@ TEST(features_should_be_rounded_as_they_are_coded)
     coded = malloc(n * sizeof *coded);
     rounded = malloc(n * sizeof *rounded);
     assert_true(coded && rounded);
-    for (i = 0; i < n; i++) {
+    for (size_t i = 0; i < n; i++) {
         const double step = f.s.model.step_q16[SAGA_STEP_FEATURE] / 65536.0;
         const double off = (double)(i % 9) - 3.5;
 
@@ -353,7 +345,7 @@ TEST(features_should_be_rounded_as_they_are_coded)
         saga_rate_code(bits, &f.r, &x, SAGA_KIND_COARSE);
     }
     saga_rate_round(rounded, &f.r, &f.s, (saga_range){ 0, n });
-    for (i = 0; i < n; i++)
+    for (size_t i = 0; i < n; i++)
         wrong += fabs((double)(rounded[i] - coded[i])) > 1e-6;
     printf("  %zu of %zu differ\n", wrong, n);
     assert_int_equal(wrong, 0);
@@ -375,7 +367,7 @@ TEST(rows_should_cost_what_their_values_do)
 {
     double bits = 0, slope = 0, v, s;
     saga_rate_row r;
-    size_t n = 0, i;
+    size_t n = 0;
 
     for (s = SAGA_RATE_LOG2_MIN; s <= SAGA_RATE_LOG2_MAX; s += 0.031)
         for (v = -40000; v < 40000; v += fabs(v) < 8 ? 0.0371
@@ -385,7 +377,7 @@ TEST(rows_should_cost_what_their_values_do)
             if (++n < 13)
                 continue;
             saga_rate_cost_row(&r, n);
-            for (i = 0; i < n; i++) {
+            for (size_t i = 0; i < n; i++) {
                 const saga_rate_cost c = saga_rate_bits(
                     (double)r.v[i], (double)r.log2_sigma[i]);
 

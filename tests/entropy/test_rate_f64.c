@@ -22,10 +22,9 @@ static double log2_sigma_of(int index)
 TEST(bits_should_be_near_the_coders)
 {
     double worst = 0;
-    int index, q;
 
-    for (index = 0; index < SAGA_N_SCALES; index++)
-        for (q = 0; q < 3000; q = q < 300 ? q + 1 : q + 97) {
+    for (int index = 0; index < SAGA_N_SCALES; index++)
+        for (int q = 0; q < 3000; q = q < 300 ? q + 1 : q + 97) {
             const double want = saga_cost_residual(q, (uint32_t)index);
             const double bits = saga_rate_bits(q, log2_sigma_of(index)).bits;
 
@@ -39,10 +38,8 @@ TEST(bits_should_be_near_the_coders)
 
 TEST(escapes_should_cost_at_least_what_they_do)
 {
-    uint32_t q;
-
     /* Scale 0: everything beyond 1 escapes. */
-    for (q = 2; q <= SAGA_MAX_RESIDUAL; q += 1 + q / 50)
+    for (uint32_t q = 2; q <= SAGA_MAX_RESIDUAL; q += 1 + q / 50)
         assert_true(saga_rate_bits(q, log2_sigma_of(0)).bits >=
                     saga_cost_residual((int32_t)q, 0));
 }
@@ -82,9 +79,8 @@ static double loss(rate_scene *f, saga_scene *d)
 static double rms(const real *x, size_t n)
 {
     double sum = 0;
-    size_t i;
 
-    for (i = 0; i < n; i++)
+    for (size_t i = 0; i < n; i++)
         sum += x[i] * x[i];
     return sqrt(sum / (double)n);
 }
@@ -100,10 +96,10 @@ static void check_range(rate_scene *f, const char *what, real *x, const real *g,
     const double h = 1e-6, unit = fmin(1, rms(g, n));
     saga_scene probe;
     const size_t every = testing_sanitized() ? 7 : 1;
-    size_t i, wrong = 0, alive = 0;
+    size_t wrong = 0, alive = 0;
 
     assert_true(saga_scene_init(&probe, &f->s.model, f->s.n, 1, 0, &error));
-    for (i = 0; i < n; i += every) {
+    for (size_t i = 0; i < n; i += every) {
         const double keep = x[i];
         double up, down, want;
 
@@ -131,10 +127,9 @@ static void check_supports(rate_scene *f, const real *d_log2_support)
 {
     const size_t n = 4 * (size_t)f->s.n.fine;
     real *const d = malloc(n * sizeof *d);
-    size_t i;
 
     assert_non_null(d);
-    for (i = 0; i < n; i++)
+    for (size_t i = 0; i < n; i++)
         d[i] = d_log2_support[i] / (f->w.support[i] * M_LN2);
     check_range(f, "supports", f->w.support, d, n);
     free(d);
@@ -147,14 +142,13 @@ static void check_gradients(uint8_t keep, uint32_t tools)
     saga_model m;
     real *d_fine, *d_support;
     size_t n_fine, n_support, n_params;
-    int kind, i;
 
     rate_scene_model(&m);
     if (tools)
         rate_scene_bank(&m, tools);
     rate_scene_make(&f, &m, 1);
     f.o.remember = true;
-    for (kind = 0; kind < SAGA_N_KINDS; kind++)
+    for (int kind = 0; kind < SAGA_N_KINDS; kind++)
         f.r.context.keep[kind] = keep;
     n_fine = f.s.n.fine * (size_t)f.s.model.features;
     n_support = 4 * (size_t)f.s.n.fine;
@@ -170,7 +164,7 @@ static void check_gradients(uint8_t keep, uint32_t tools)
                 f.s.n.coarse * (size_t)f.s.model.features);
     check_range(&f, "fine features", f.w.fine_feature, d_fine, n_fine);
     check_range(&f, "networks", f.s.params, f.d.params, n_params);
-    for (i = SAGA_NET_QUERY; tools && i < SAGA_N_NETS; i++)
+    for (int i = SAGA_NET_QUERY; tools && i < SAGA_N_NETS; i++)
         check_range(&f, "a network of the memory", f.s.net[i].w[0],
                     f.d.net[i].w[0], saga_net_n_params(&f.s.net[i]));
     free(d_support);
@@ -199,7 +193,6 @@ TEST(subsets_should_add_up)
     rate_scene f;
     double all, sum = 0;
     real *whole;
-    size_t i;
 
     rate_scene_init(&f, 1);
     all = loss(&f, &f.d);
@@ -209,7 +202,7 @@ TEST(subsets_should_add_up)
     for (f.o.first = 0; f.o.first < 4; f.o.first++)
         sum += loss(&f, &f.d) / 4;
     assert_true(fabs(sum - all) < 1e-9 * all);
-    for (i = 0; i < f.d.n_reals; i++)
+    for (size_t i = 0; i < f.d.n_reals; i++)
         assert_true(fabs(f.d.reals[i] / 4 - whole[i]) <
                     1e-9 * (1 + fabs(whole[i])));
     free(whole);

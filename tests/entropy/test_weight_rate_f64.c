@@ -36,11 +36,10 @@ static void spread(fixture *f)
 {
     double *const columns = f->x + f->w.tensor[0].at;
     double *const rows = f->x + f->w.tensor[4].at;
-    int i;
 
-    for (i = 0; i < 4 * 3; i++)
+    for (int i = 0; i < 4 * 3; i++)
         columns[i] *= exp2(-2 * (i % 3));
-    for (i = 0; i < 4 * 5; i++)
+    for (int i = 0; i < 4 * 5; i++)
         rows[i] *= exp2(-1.5 * (i / 5));
 }
 
@@ -48,8 +47,6 @@ static void begin(fixture *f)
 {
     const uint8_t int8[SAGA_N_NETS] = { 0 };
     const saga_rng r = saga_rng_stream(3, 0);
-    size_t i;
-    int t;
 
     memset(f, 0, sizeof *f);
     set_dims(&f->net[FIRST], 3, 4, 2);
@@ -61,12 +58,12 @@ static void begin(fixture *f)
                   saga_net_n_params(&f->net[FIRST]));
     assert_int_equal(saga_net_n_params(&f->net[FIRST]) +
                      saga_net_n_params(&f->net[SECOND]), N_PARAMS);
-    for (i = 0; i < N_PARAMS; i++) {
+    for (size_t i = 0; i < N_PARAMS; i++) {
         f->x[i] = saga_rng_normal(r, i);
         f->c[i] = saga_rng_normal(r, 1000 + i);
     }
     saga_weights_list(&f->w, f->net, int8, f->x);
-    for (t = 0; t < f->w.n; t++)
+    for (int t = 0; t < f->w.n; t++)
         f->w.log2_step[t] = -5.3 + 0.7 * t;
     spread(f);
 }
@@ -75,15 +72,13 @@ TEST(list_should_hold_every_parameter_once)
 {
     static fixture f;
     int seen[N_PARAMS] = { 0 };
-    size_t i;
-    int t;
 
     begin(&f);
     assert_int_equal(f.w.n, 8);
-    for (t = 0; t < f.w.n; t++)
-        for (i = 0; i < f.w.tensor[t].rows * f.w.tensor[t].cols; i++)
+    for (int t = 0; t < f.w.n; t++)
+        for (size_t i = 0; i < f.w.tensor[t].rows * f.w.tensor[t].cols; i++)
             seen[f.w.tensor[t].at + i]++;
-    for (i = 0; i < N_PARAMS; i++)
+    for (size_t i = 0; i < N_PARAMS; i++)
         assert_int_equal(seen[i], 1);
     assert_int_equal(saga_weights_find(&f.w, FIRST, 1), 2);
     assert_int_equal(f.w.tensor[6].rows, 2);
@@ -97,16 +92,15 @@ TEST(list_should_hold_every_parameter_once)
 TEST(steps_should_begin_fine)
 {
     static fixture f;
-    size_t i;
 
     begin(&f);
-    for (i = 0; i < N_PARAMS; i++)
+    for (size_t i = 0; i < N_PARAMS; i++)
         f.x[i] = i % 2 ? 2 : -2;
-    for (i = 0; i < f.w.tensor[1].rows; i++)
+    for (size_t i = 0; i < f.w.tensor[1].rows; i++)
         f.x[f.w.tensor[1].at + i] = 0;
-    for (i = 0; i < f.w.tensor[3].rows; i++)
+    for (size_t i = 0; i < f.w.tensor[3].rows; i++)
         f.x[f.w.tensor[3].at + i] = 8;
-    for (i = 0; i < f.w.tensor[4].rows * f.w.tensor[4].cols; i++)
+    for (size_t i = 0; i < f.w.tensor[4].rows * f.w.tensor[4].cols; i++)
         f.x[f.w.tensor[4].at + i] = 0.25;
     saga_weights_start(&f.w, f.x);
     assert_float_equal(f.w.log2_step[0], -5, 1e-9);
@@ -124,14 +118,13 @@ TEST(noise_should_have_the_size_of_the_step)
 {
     static fixture f;
     double square[8] = { 0 };
-    size_t i;
-    int k, t;
 
     begin(&f);
-    for (k = 0; k < 2000; k++) {
+    for (int k = 0; k < 2000; k++) {
         saga_weights_noise(f.y, f.x, &f.w, 2, 0.5, (uint64_t)k);
-        for (t = 0; t < f.w.n; t++)
-            for (i = 0; i < f.w.tensor[t].rows * f.w.tensor[t].cols; i++) {
+        for (int t = 0; t < f.w.n; t++)
+            for (size_t i = 0; i < f.w.tensor[t].rows * f.w.tensor[t].cols;
+                 i++) {
                 const double e = f.y[f.w.tensor[t].at + i] -
                                  f.x[f.w.tensor[t].at + i];
                 const double size = 0.5 * saga_weights_step(&f.w, t);
@@ -141,7 +134,7 @@ TEST(noise_should_have_the_size_of_the_step)
                              (double)(f.w.tensor[t].rows * f.w.tensor[t].cols);
             }
     }
-    for (t = 2; t < f.w.n; t++)
+    for (int t = 2; t < f.w.n; t++)
         assert_true(fabs(square[t] / 2000 - 1) < 0.05);
 }
 
@@ -170,10 +163,9 @@ static double loss(fixture *f, const double *at, double price)
 {
     static double unused[N_PARAMS];
     double sum = 0;
-    size_t i;
 
     saga_weights_noise(f->y, f->x, &f->w, 0, 1, 77);
-    for (i = 0; i < N_PARAMS; i++)
+    for (size_t i = 0; i < N_PARAMS; i++)
         sum += f->c[i] * f->y[i];
     return sum + price * saga_weights_rate(unused, &f->w, f->y, at, price);
 }
@@ -189,8 +181,6 @@ TEST(rate_should_have_the_gradient_of_its_differences)
     static double at[N_PARAMS];
     const double price = 0.3, h = 1e-5;
     saga_weights analytic;
-    size_t i;
-    int t;
 
     begin(&f);
     memcpy(at, f.x, sizeof at);
@@ -201,7 +191,7 @@ TEST(rate_should_have_the_gradient_of_its_differences)
     assert_int_equal(f.w.mode[0], SAGA_SCALE_COLUMN);
     assert_int_equal(f.w.mode[4], SAGA_SCALE_ROW);
     assert_int_equal(f.w.mode[6], SAGA_SCALE_TENSOR);
-    for (i = 0; i < N_PARAMS; i++) {
+    for (size_t i = 0; i < N_PARAMS; i++) {
         double up, down;
 
         f.x[i] = at[i] + h;
@@ -213,7 +203,7 @@ TEST(rate_should_have_the_gradient_of_its_differences)
     }
     /* Biases' steps jump, their gradient is that of the power of two: only
      * weights' can be compared. */
-    for (t = 0; t < f.w.n; t += 2) {
+    for (int t = 0; t < f.w.n; t += 2) {
         const double was = f.w.log2_step[t];
         double up, down;
 
@@ -249,7 +239,6 @@ static void begin_layer(layer *l, int mode)
     const uint8_t int8[SAGA_N_NETS] = { 0 };
     const saga_rng r = saga_rng_stream(9, 1);
     saga_net net[SAGA_N_NETS];
-    size_t i;
 
     memset(l, 0, sizeof *l);
     memset(net, 0, sizeof net);
@@ -259,7 +248,7 @@ static void begin_layer(layer *l, int mode)
     saga_net_bind(&net[FIRST], l->x);
     saga_weights_list(&l->w, net, int8, l->x);
     l->w.log2_step[0] = -4;
-    for (i = 0; i < ROWS * COLS; i++)
+    for (size_t i = 0; i < ROWS * COLS; i++)
         l->x[i] = l->y[i] = floor(sigma_of(mode, i) * saga_rng_normal(r, i) +
                                   0.5) / 16;
     saga_weights_rate(dx, &l->w, l->y, l->x, 0);
@@ -273,10 +262,9 @@ TEST(rate_should_be_what_the_integers_take)
 {
     static layer l;
     double bits = 0;
-    size_t i;
 
     begin_layer(&l, SAGA_SCALE_TENSOR);
-    for (i = 0; i < ROWS * COLS; i++)
+    for (size_t i = 0; i < ROWS * COLS; i++)
         bits += saga_cost_residual((int32_t)(16 * l.y[i]), SAGA_SCALE_UNIT + 9);
     print_message("  %.0f bits, integers %.0f\n", l.w.bits[0], bits);
     assert_true(fabs(l.w.bits[0] / bits - 1) < 0.005);
@@ -290,17 +278,15 @@ TEST(rate_should_be_that_of_scales_by_line)
 {
     static layer l;
     static real y[ROWS * COLS];
-    size_t i;
-    int mode;
 
-    for (mode = SAGA_SCALE_ROW; mode < SAGA_N_SCALE_MODES; mode++) {
+    for (int mode = SAGA_SCALE_ROW; mode < SAGA_N_SCALE_MODES; mode++) {
         const double side = SAGA_QUANTISE_LINE_BITS *
                             (mode == SAGA_SCALE_ROW ? ROWS : COLS);
         saga_error error = { "" };
         double bits;
 
         begin_layer(&l, mode);
-        for (i = 0; i < ROWS * COLS; i++)
+        for (size_t i = 0; i < ROWS * COLS; i++)
             y[i] = (real)l.y[i];
         assert_true(saga_quantise_bits(&bits, y, ROWS, COLS, 1.0 / 16,
                                        &error));
@@ -318,14 +304,12 @@ enum { POINTS = 400, IN = 12, OUT = 5 };
 static void make_inputs(double *x, int ranks)
 {
     const saga_rng r = saga_rng_stream(4, (uint64_t)ranks);
-    size_t p, c;
-    int k;
 
-    for (p = 0; p < POINTS; p++)
-        for (c = 0; c < IN; c++) {
+    for (size_t p = 0; p < POINTS; p++)
+        for (size_t c = 0; c < IN; c++) {
             double sum = 0;
 
-            for (k = 0; k < ranks; k++)
+            for (int k = 0; k < ranks; k++)
                 sum += saga_rng_normal(r, p * 100 + (size_t)k) *
                        saga_rng_normal(r, 1000000 + c * 100 + (size_t)k);
             x[p * IN + c] = sum;
@@ -335,11 +319,10 @@ static void make_inputs(double *x, int ranks)
 static void make_weights(double *w, double *b)
 {
     const saga_rng r = saga_rng_stream(8, 0);
-    size_t i;
 
-    for (i = 0; i < IN * OUT; i++)
+    for (size_t i = 0; i < IN * OUT; i++)
         w[i] = saga_rng_normal(r, i);
-    for (i = 0; i < OUT; i++)
+    for (size_t i = 0; i < OUT; i++)
         b[i] = saga_rng_normal(r, 500 + i);
 }
 
@@ -348,13 +331,12 @@ static double output_error(const double *x, const double *w, const double *b,
                            const double *w0, const double *b0)
 {
     double sum = 0;
-    size_t p, o, c;
 
-    for (p = 0; p < POINTS; p++)
-        for (o = 0; o < OUT; o++) {
+    for (size_t p = 0; p < POINTS; p++)
+        for (size_t o = 0; o < OUT; o++) {
             double e = b[o] - b0[o];
 
-            for (c = 0; c < IN; c++)
+            for (size_t c = 0; c < IN; c++)
                 e += (w[o * IN + c] - w0[o * IN + c]) * x[p * IN + c];
             sum += e * e;
         }
@@ -363,9 +345,7 @@ static double output_error(const double *x, const double *w, const double *b,
 
 static void round_plainly(double *x, size_t n, double step)
 {
-    size_t i;
-
-    for (i = 0; i < n; i++)
+    for (size_t i = 0; i < n; i++)
         x[i] = step * floor(x[i] / step + 0.5);
 }
 
@@ -376,7 +356,6 @@ static void round_both(double *plain, double *ours, const double *x)
     const saga_weight_round_input in = {
         x, POINTS, IN, IN, OUT, 0.25, 0.125, 0
     };
-    size_t i;
 
     make_weights(w0, b0);
     memcpy(w, w0, sizeof w);
@@ -387,9 +366,9 @@ static void round_both(double *plain, double *ours, const double *x)
     memcpy(w, w0, sizeof w);
     memcpy(b, b0, sizeof b);
     assert_true(saga_weight_round(w, b, &in, &error));
-    for (i = 0; i < IN * OUT; i++)
+    for (size_t i = 0; i < IN * OUT; i++)
         assert_true(fabs(w[i] / 0.25 - rint(w[i] / 0.25)) < 1e-12);
-    for (i = 0; i < OUT; i++)
+    for (size_t i = 0; i < OUT; i++)
         assert_true(fabs(b[i] / 0.125 - rint(b[i] / 0.125)) < 1e-12);
     *ours = output_error(x, w, b, w0, b0);
 }
@@ -418,10 +397,9 @@ TEST(rounding_should_be_plain_for_orthogonal_inputs)
     saga_error error = { "" };
     double x[16 * IN], w[IN * OUT], b[OUT], w0[IN * OUT], b0[OUT];
     const saga_weight_round_input in = { x, 16, IN, IN, OUT, 0.25, 0.125, 0 };
-    size_t p, c;
 
-    for (p = 0; p < 16; p++)
-        for (c = 0; c < IN; c++) {
+    for (size_t p = 0; p < 16; p++)
+        for (size_t c = 0; c < IN; c++) {
             const size_t common = p & (c + 1);
             const size_t ones = (common & 1) + (common >> 1 & 1) +
                                 (common >> 2 & 1) + (common >> 3 & 1);
@@ -449,18 +427,17 @@ TEST(rounding_should_end_with_the_bias)
     const saga_weight_round_input in = {
         x, POINTS, IN, IN, OUT, 0.25, 0.125, 0
     };
-    size_t o, c, i;
 
-    for (i = 0; i < POINTS * IN; i++)
+    for (size_t i = 0; i < POINTS * IN; i++)
         x[i] = 1;
     make_weights(w, b);
     memcpy(w0, w, sizeof w);
     memcpy(b0, b, sizeof b);
     assert_true(saga_weight_round(w, b, &in, &error));
-    for (o = 0; o < OUT; o++) {
+    for (size_t o = 0; o < OUT; o++) {
         double e = b[o] - b0[o];
 
-        for (c = 0; c < IN; c++)
+        for (size_t c = 0; c < IN; c++)
             e += w[o * IN + c] - w0[o * IN + c];
         assert_true(fabs(e) <= 0.125 / 2 + 0.003);
     }
@@ -469,9 +446,7 @@ TEST(rounding_should_end_with_the_bias)
 /* Whether all of a row stands on multiples of its steps, times `times`. */
 static int is_multiple(const double *w, double b, double times)
 {
-    int c;
-
-    for (c = 0; c < IN; c++)
+    for (int c = 0; c < IN; c++)
         if (remainder(w[c], 0.25 * times) != 0)
             return 0;
     return remainder(b, 0.125 * times) == 0;
@@ -488,7 +463,6 @@ TEST(rounding_should_double_the_steps_of_large_rows)
         x, POINTS, IN, IN, OUT, 0.25, 0.125, 0
     };
     saga_weight_round_input limited = all;
-    size_t c, o;
 
     make_inputs(x, 3);
     make_weights(w0, b0);
@@ -498,8 +472,8 @@ TEST(rounding_should_double_the_steps_of_large_rows)
     assert_true(saga_weight_round(w, b, &all, &error));
     limited.most = 30;
     assert_true(saga_weight_round(w0, b0, &limited, &error));
-    for (o = 0; o < OUT; o++) {
-        for (c = 0; c < IN; c++)
+    for (size_t o = 0; o < OUT; o++) {
+        for (size_t c = 0; c < IN; c++)
             assert_true(fabs(w0[o * IN + c]) <= 30 * 0.25 * (o == 1 ? 4 : 1));
         if (o != 1)
             assert_memory_equal(w0 + o * IN, w + o * IN, IN * sizeof *w);

@@ -25,8 +25,6 @@ typedef struct {
  * K of them count, and any distance does. */
 static void make_crowd(crowd *c, gen_rng *r, int neighbours, int softmax_q8)
 {
-    int i;
-
     memset(c, 0, sizeof *c);
     c->model.features = N_FEATURES;
     c->model.tier[SAGA_TIER_COARSE] = (saga_tier){
@@ -37,9 +35,9 @@ static void make_crowd(crowd *c, gen_rng *r, int neighbours, int softmax_q8)
     c->sc.n.coarse = N_ANCHORS;
     c->sc.coarse = c->anchor;
     c->sc.coarse_feature = c->feature;
-    for (i = 0; i < N_ANCHORS * N_FEATURES; i++)
+    for (int i = 0; i < N_ANCHORS * N_FEATURES; i++)
         c->feature[i] = (int16_t)gen_int(r, -32767, 32767);
-    for (i = 0; i < 3; i++)
+    for (int i = 0; i < 3; i++)
         c->query.support[i] = 1 << SAGA_LOG2_HALF_X;
 }
 
@@ -60,9 +58,8 @@ static double feature_of(const crowd *c, uint32_t rank, int i)
 TEST(equal_logits_should_give_the_mean)
 {
     gen_rng r = gen_seeded(61);
-    int k, i;
 
-    for (k = 1; k <= SAGA_MAX_NEIGHBOURS; k++) {
+    for (int k = 1; k <= SAGA_MAX_NEIGHBOURS; k++) {
         const int is_exact = (k & (k - 1)) == 0;
         int16_t out[N_FEATURES];
         saga_neighbours nb;
@@ -72,17 +69,16 @@ TEST(equal_logits_should_give_the_mean)
         find(&nb, &c);
         saga_interp_sum(out, &c.sc, SAGA_TIER_COARSE, &nb);
         assert_int_equal(nb.n, k);
-        for (i = 0; i < k; i++) {
+        for (int i = 0; i < k; i++) {
             assert_int_equal(nb.rank[i], i == k - 1 ? MIDDLE : i);
             assert_int_equal(nb.d_q12[i], 0);
             assert_true(fabs(nb.weight_q14[i] - 16384.0 / k) <=
                         (is_exact ? 0 : 0.51));
         }
-        for (i = 0; i < N_FEATURES; i++) {
+        for (int i = 0; i < N_FEATURES; i++) {
             double mean = 0;
-            int j;
 
-            for (j = 0; j < k; j++)
+            for (int j = 0; j < k; j++)
                 mean += feature_of(&c, nb.rank[j], i) / k;
             assert_true(fabs(out[i] - mean) <=
                         0.5 + (is_exact ? 0 : k * 0.51 * 2));
@@ -95,15 +91,15 @@ TEST(equal_logits_should_give_the_mean)
 TEST(steepest_logits_should_give_the_nearest)
 {
     gen_rng r = gen_seeded(62);
-    int nearest, i;
 
-    for (nearest = 0; nearest < N_ANCHORS; nearest++) {
+    for (int nearest = 0; nearest < N_ANCHORS; nearest++) {
         int16_t out[N_FEATURES];
         saga_neighbours nb;
         crowd c;
 
         make_crowd(&c, &r, 16, 65535);
-        for (i = 0; i < N_ANCHORS; i++)  /* a quarter of both supports, more */
+        for (int i = 0; i < N_ANCHORS;
+             i++)  /* a quarter of both supports, more */
             c.anchor[i].x[i % 3] = (i & 1 ? 1 : -1) *
                                    ((1 << 22) + (1 << 15) * (i + 1));
         memset(c.anchor[nearest].x, 0, sizeof c.anchor[nearest].x);
@@ -112,7 +108,7 @@ TEST(steepest_logits_should_give_the_nearest)
         assert_int_equal(nb.rank[0], nearest);
         assert_true(nb.d_q12[1] >= 257);
         assert_int_equal(nb.weight_q14[0], 1 << 14);
-        for (i = 1; i < 16; i++)
+        for (int i = 1; i < 16; i++)
             assert_int_equal(nb.weight_q14[i], 0);
         assert_memory_equal(out, c.feature + nearest * N_FEATURES, sizeof out);
     }
@@ -123,9 +119,8 @@ static double distance(const crowd *c, uint32_t rank)
 {
     const saga_coarse *const a = &c->anchor[rank];
     double sum = 0;
-    int i;
 
-    for (i = 0; i < 3; i++) {
+    for (int i = 0; i < 3; i++) {
         const double l = c->query.support[i] +
                          ldexp(1, SAGA_LOG2_HALF_X - a->depth_x);
         const double u = (a->x[i] - c->query.x[i]) / l;
@@ -142,23 +137,22 @@ TEST(any_logits_should_be_those_of_double)
 {
     static const int softmax[] = { 1, 739, 8000, 65535 };
     gen_rng r = gen_seeded(63);
-    int round, i, k;
 
-    for (round = 0; round < 400; round++) {
+    for (int round = 0; round < 400; round++) {
         double e[SAGA_MAX_NEIGHBOURS], sum = 0;
         saga_neighbours nb;
         crowd c;
 
         make_crowd(&c, &r, 16, softmax[round & 3]);
-        for (i = 0; i < N_ANCHORS; i++) {
+        for (int i = 0; i < N_ANCHORS; i++) {
             c.anchor[i].depth_x = (uint8_t)gen_int(&r, 0, 16);
-            for (k = 0; k < 3; k++)
+            for (int k = 0; k < 3; k++)
                 c.anchor[i].x[k] = gen_int(&r, SAGA_X_MIN, SAGA_X_MAX);
         }
-        for (k = 0; k < 3; k++)
+        for (int k = 0; k < 3; k++)
             c.query.support[k] = 1 << gen_int(&r, 7, 23);
         find(&nb, &c);
-        for (i = 0; i < (int)nb.n; i++) {
+        for (int i = 0; i < (int)nb.n; i++) {
             const double d = fmin(distance(&c, nb.rank[i]), 65535 / 4096.0);
 
             assert_true(fabs(nb.d_q12[i] / 4096.0 - d) <= 1e-3 + d * 5e-4);
@@ -166,7 +160,7 @@ TEST(any_logits_should_be_those_of_double)
                         softmax[round & 3] / 256);
             sum += e[i];
         }
-        for (i = 0; i < (int)nb.n; i++)
+        for (int i = 0; i < (int)nb.n; i++)
             assert_true(fabs(nb.weight_q14[i] - 16384 * e[i] / sum) <= 2);
     }
 }
@@ -179,14 +173,13 @@ TEST(parent_should_stay_when_all_are_too_far)
     int16_t out[N_FEATURES];
     saga_neighbours nb;
     crowd c;
-    int i;
 
     make_crowd(&c, &r, 16, 739);
-    for (i = 0; i < N_ANCHORS; i++) {
+    for (int i = 0; i < N_ANCHORS; i++) {
         c.anchor[i].depth_x = 16;
         c.anchor[i].x[0] = SAGA_X_MAX - i;
     }
-    for (i = 0; i < 3; i++)
+    for (int i = 0; i < 3; i++)
         c.query.support[i] = 128;
     find(&nb, &c);
     saga_interp_sum(out, &c.sc, SAGA_TIER_COARSE, &nb);
@@ -204,9 +197,7 @@ enum { L = 64, D = 64 };
  * orthogonal, or the same. */
 static void set_slot(int16_t slot[D], uint32_t row, int sign)
 {
-    uint32_t d;
-
-    for (d = 0; d < D; d++)
+    for (uint32_t d = 0; d < D; d++)
         slot[d] = (int16_t)(__builtin_parity(row & d) ? -512 * sign
                                                       : 512 * sign);
 }
@@ -231,23 +222,21 @@ TEST(slots_should_be_read_when_parallel_opposite_or_zero)
     int16_t slot[D], query[D], across[D], got[D];
     void *block;
     saga_bank m = new_bank(&block);
-    uint32_t p, d;
-    int i;
 
     set_slot(slot, 37, 1);
-    for (p = 0; p < L; p++)
+    for (uint32_t p = 0; p < L; p++)
         saga_bank_put(&m, p, slot);
-    for (i = 0; i < 50; i++) {
-        for (d = 0; d < D; d++)
+    for (int i = 0; i < 50; i++) {
+        for (uint32_t d = 0; d < D; d++)
             query[d] = (int16_t)gen_int(&r, -32767, 32767);
         saga_bank_read(got, &m, query);
         assert_memory_equal(got, slot, sizeof got);
     }
     set_slot(slot, 37, -1);
-    for (p = 0; p < L; p += 2)
+    for (uint32_t p = 0; p < L; p += 2)
         saga_bank_put(&m, p, slot);
     set_slot(across, 36, 1);
-    for (d = 0; d < D; d++)
+    for (uint32_t d = 0; d < D; d++)
         query[d] = (int16_t)(slot[d] * 63);
     saga_bank_read(got, &m, zero);
     assert_memory_equal(got, zero, sizeof got);
@@ -255,7 +244,7 @@ TEST(slots_should_be_read_when_parallel_opposite_or_zero)
     assert_memory_equal(got, zero, sizeof got);
     saga_bank_read(got, &m, query);
     assert_memory_equal(got, slot, sizeof got);
-    for (p = 0; p < L; p++)
+    for (uint32_t p = 0; p < L; p++)
         saga_bank_put(&m, p, zero);
     saga_bank_read(got, &m, query);
     assert_memory_equal(got, zero, sizeof got);
@@ -271,12 +260,10 @@ TEST(slots_should_be_written_when_parallel_or_opposite)
     int16_t slot[D], write[D];
     void *block;
     saga_bank m = new_bank(&block);
-    uint32_t d;
-    int plain, sign, gate;
 
-    for (plain = 0; plain < 2; plain++)
-        for (sign = -1; sign <= 1; sign += 2)
-            for (gate = 0; gate < 32768; gate += 4096) {
+    for (int plain = 0; plain < 2; plain++)
+        for (int sign = -1; sign <= 1; sign += 2)
+            for (int gate = 0; gate < 32768; gate += 4096) {
                 set_slot(slot, 5, 1);
                 set_slot(write, 5, sign);
                 saga_bank_put(&m, 3, slot);
@@ -284,7 +271,7 @@ TEST(slots_should_be_written_when_parallel_or_opposite)
                 assert_memory_equal(m.slot + 3 * D, slot, sizeof slot);
                 set_slot(write, 6, sign);
                 saga_bank_update(&m, 3, write, 32768, plain);
-                for (d = 0; d < D; d++)
+                for (uint32_t d = 0; d < D; d++)
                     assert_int_equal(m.slot[3 * D + d],
                                      slot[d] == write[d]
                                          ? (slot[d] > 0 ? BOTH : -BOTH)

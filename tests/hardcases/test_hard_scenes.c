@@ -45,9 +45,8 @@ static void set_scales(gen_given *g, double x, double y, double z)
 static void set_quat(gen_given *g, int w, int x, int y, int z)
 {
     const int q[4] = { w, x, y, z };
-    int i;
 
-    for (i = 0; i < 4; i++)
+    for (int i = 0; i < 4; i++)
         g->p.quat[i] = (int16_t)q[i];
 }
 
@@ -78,18 +77,15 @@ static void expect(const given_view *v, int x, int y, double part)
     const double alpha =
         part * 8 / (1 + exp2(3 - ldexp(GIVEN_FULL, -GIVEN_Q_OPACITY)));
     const double want = 255 * (alpha < 1.0 / 256 ? 0 : fmin(alpha, cap));
-    int i;
 
-    for (i = 0; i < 3; i++)
+    for (int i = 0; i < 3; i++)
         assert_true(fabs(given_sample(v, x, y, i) - want) <= 0.6);
 }
 
 static void expect_all(const given_view *v, double part)
 {
-    int x, y;
-
-    for (y = 0; y < v->cam.height; y++)
-        for (x = 0; x < v->cam.width; x++)
+    for (int y = 0; y < v->cam.height; y++)
+        for (int x = 0; x < v->cam.width; x++)
             expect(v, x, y, part);
 }
 
@@ -118,11 +114,10 @@ TEST(zero_quaternion_should_be_the_identity)
     const saga_camera c = front(SIDE, SIDE);
     gen_given g = ball(0);
     given_view v, w;
-    size_t i;
 
     set_scales(&g, 18, 16.5, 14);
     see_one(&v, &g, STILL, &c, MID);
-    for (i = 0; i < sizeof same / sizeof *same; i++) {
+    for (size_t i = 0; i < sizeof same / sizeof *same; i++) {
         set_quat(&g, same[i][0], same[i][1], same[i][2], same[i][3]);
         see_one(&w, &g, STILL, &c, MID);
         expect_same(&v, &w);
@@ -164,15 +159,13 @@ TEST(points_should_be_the_low_pass)
 {
     static const int scales[] = { 3, -1, -20, -31 };
     const saga_camera c = front(SIDE, SIDE);
-    size_t i;
-    int d;
 
-    for (i = 0; i < sizeof scales / sizeof *scales; i++) {
+    for (size_t i = 0; i < sizeof scales / sizeof *scales; i++) {
         const gen_given g = ball(scales[i]);
         given_view v;
 
         see_one(&v, &g, STILL, &c, MID);
-        for (d = 0; d <= 3; d++) {
+        for (int d = 0; d <= 3; d++) {
             expect(&v, MIDDLE + d, MIDDLE, exp(-d * d / 0.2));
             expect(&v, MIDDLE - d, MIDDLE + d, exp(-2 * d * d / 0.2));
         }
@@ -185,9 +178,8 @@ TEST(scene_wide_scales_should_fill_the_picture)
 {
     static const int scales[] = { 24, 28, 31 };
     const saga_camera c = front(SIDE, SIDE);
-    size_t i;
 
-    for (i = 0; i < sizeof scales / sizeof *scales; i++) {
+    for (size_t i = 0; i < sizeof scales / sizeof *scales; i++) {
         const gen_given g = ball(scales[i]);
         given_view v;
 
@@ -205,11 +197,10 @@ TEST(needles_should_be_a_line_from_the_side)
     const double thin = 17.6875 - 13.3125, sigma = SIDE * exp2(17.6875 - 20);
     gen_given g = ball(0);
     given_view v;
-    int d;
 
     set_scales(&g, 17.6875, thin, thin);
     see_one(&v, &g, STILL, &c, MID);
-    for (d = -30; d <= 30; d++) {
+    for (int d = -30; d <= 30; d++) {
         const double alpha = exp(-d * d / (2 * (sigma * sigma + 0.1)));
 
         expect(&v, MIDDLE + d, MIDDLE, alpha);
@@ -228,17 +219,16 @@ TEST(turned_needles_should_be_those_of_double)
 {
     const saga_camera c = front(SIDE, SIDE);
     gen_rng r = gen_seeded(51);
-    int i, k;
 
-    for (i = 0; i < 24; i++) {
+    for (int i = 0; i < 24; i++) {
         const double wide = i & 1 ? 28 : 18;
         gen_given g = ball(0);
         given_view v;
 
         set_scales(&g, wide, wide - 13.3125, wide - 13.3125);
-        for (k = 0; k < 4; k++)
+        for (int k = 0; k < 4; k++)
             g.p.quat[k] = (int16_t)gen_int(&r, -1000, 1000);
-        for (k = 0; k < 2; k++)
+        for (int k = 0; k < 2; k++)
             g.p.x[k] = gen_int(&r, -DEPTH / 2, DEPTH / 2);
         see_one(&v, &g, STILL, &c, MID);
         given_close(&v);
@@ -253,9 +243,8 @@ TEST(near_plane_should_decide_by_a_unit)
 {
     static const int32_t behind[] = { 1023, 1, 0, -1, -1024, -(1 << 22) };
     const saga_camera c = front(SIDE, SIDE);
-    size_t i;
 
-    for (i = 0; i < 2; i++) {
+    for (size_t i = 0; i < 2; i++) {
         const gen_given g = gen_given_ball(1024, i ? 14 : 9);
         given_view v;
 
@@ -264,7 +253,7 @@ TEST(near_plane_should_decide_by_a_unit)
         expect(&v, MIDDLE, MIDDLE, 1);
         given_close(&v);
     }
-    for (i = 0; i < sizeof behind / sizeof *behind; i++) {
+    for (size_t i = 0; i < sizeof behind / sizeof *behind; i++) {
         const gen_given g = gen_given_ball(behind[i], 9);
         given_view v;
 
@@ -283,10 +272,9 @@ TEST(camera_inside_should_see_what_is_before_it)
         { -(1 << 18), 0 }
     };
     saga_camera c = front(SIDE, SIDE);
-    size_t i;
 
     c.near_plane = 1;
-    for (i = 0; i < sizeof cases / sizeof *cases; i++) {
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         const gen_given g = gen_given_ball(cases[i].depth, 20);
         given_view v;
 
@@ -307,27 +295,25 @@ TEST(farthest_camera_should_see_through_the_longest_lens)
     const double sigma2 = 16 * 16 + 0.1;
     saga_camera c = front(SIDE, SIDE);
     given_view v;
-    int d;
 
     c.focal_q16[0] = c.focal_q16[1] = INT32_MAX;
     c.centre[2] = -(1 << 29);
     see_one(&v, &g, STILL, &c, MID);
-    for (d = 0; d <= MIDDLE; d++)
+    for (int d = 0; d <= MIDDLE; d++)
         expect(&v, MIDDLE + d, MIDDLE - d, exp(-2 * d * d / (2 * sigma2)));
     c.centre[0] = c.centre[1] = -(1 << 29);
-    for (d = 0; d < 3; d++) {
+    for (int d = 0; d < 3; d++) {
         static const double axes[3][3] = {
             { 0.7071067811865476, -0.7071067811865476, 0 },
             { 0.408248290463863, 0.408248290463863, -0.816496580927726 },
             { 0.5773502691896257, 0.5773502691896257, 0.5773502691896257 }
         };
-        int i;
 
-        for (i = 0; i < 3; i++)
+        for (int i = 0; i < 3; i++)
             c.rotation_q30[3 * d + i] = (int32_t)lrint(axes[d][i] * (1 << 30));
     }
     see(&v, &c, MID);
-    for (d = 0; d <= MIDDLE; d++)
+    for (int d = 0; d <= MIDDLE; d++)
         expect(&v, MIDDLE, MIDDLE + d,
                exp(-d * d / (2 * (16 * 16 / 3.0 + 0.1))));
     given_close(&v);
@@ -341,14 +327,13 @@ TEST(motion_should_leave_the_cube)
     gen_given g = gen_given_ball(0, 17);
     saga_animated a;
     given_view v;
-    size_t i;
 
     g.p.t_centre = 0;
     g.p.support[0] = 1 << 23;
     g.p.motion[0] = 8 << GIVEN_Q_MOTION;
     given_open(&v, &g, 1, MOVES);
     c.centre[2] = -DEPTH;
-    for (i = 0; i < sizeof times / sizeof *times; i++) {
+    for (size_t i = 0; i < sizeof times / sizeof *times; i++) {
         c.centre[0] = times[i] << 11;
         see(&v, &c, times[i]);
         assert_int_equal(saga_primitive_at(&a, v.dec, 0, times[i]), SAGA_OK);
@@ -365,12 +350,11 @@ TEST(motion_should_end_where_cameras_end)
     gen_given g = gen_given_ball(0, 17);
     saga_animated a;
     given_view v;
-    int i;
 
     g.p.t_centre = 0;
-    for (i = 0; i < 3; i++)
+    for (int i = 0; i < 3; i++)
         g.p.support[i] = 1 << 23;
-    for (i = 0; i < 9; i++)
+    for (int i = 0; i < 9; i++)
         g.p.motion[i] = i % 3 == 0 ? 32752 : i % 3 == 1 ? -32752 : 0;
     given_open(&v, &g, 1, MOVES);
     c.centre[0] = 1 << 29;
@@ -418,9 +402,8 @@ TEST(opacity_should_be_nothing_cut_or_cap)
     const double sigma = SIDE / 2.0;
     gen_given g = ball(19);
     given_view v;
-    int i, x, y;
 
-    for (i = 0; i < 3; i++) {
+    for (int i = 0; i < 3; i++) {
         g.p.opacity = (int16_t)(nothing[i] * (1 << GIVEN_Q_OPACITY) +
                                 16 * !i);
         see_one(&v, &g, STILL, &c, MID);
@@ -430,8 +413,8 @@ TEST(opacity_should_be_nothing_cut_or_cap)
     g.p.opacity = -8 * (1 << GIVEN_Q_OPACITY) + 16;
     see_one(&v, &g, STILL, &c, MID);
     assert_int_equal(v.report.n_splats, 1);
-    for (y = 0; y < SIDE; y++)
-        for (x = 0; x < SIDE; x++) {
+    for (int y = 0; y < SIDE; y++)
+        for (int x = 0; x < SIDE; x++) {
             const int dx = x - MIDDLE, dy = y - MIDDLE;
             const double q = q0 + (dx * dx + dy * dy) / 2 / log(2) /
                              (sigma * sigma + 0.1);
@@ -458,14 +441,12 @@ TEST(coincident_splats_should_be_drawn_by_number)
     saga_splat s;
     given_view v;
     double want[3] = { 0, 0, 0 };
-    uint32_t i;
-    int k;
 
-    for (i = 0; i < 8; i++) {
+    for (uint32_t i = 0; i < 8; i++) {
         g[i] = gen_given_ball(0, 28);
         g[i].p.opacity = -7 * (1 << GIVEN_Q_OPACITY);
         g[i].copies = 256;
-        for (k = 0; k < 3; k++)
+        for (int k = 0; k < 3; k++)
             g[i].colour_q15[k] = i >> k & 1u ? 32768 : 4096;
     }
     c.centre[2] = -DEPTH;
@@ -473,16 +454,16 @@ TEST(coincident_splats_should_be_drawn_by_number)
     given_draw(&v, &c, MID);
     assert_true(given_verify(&v, SAGA_VERIFY_SYMBOLS).max <= 1);
     assert_int_equal(v.report.n_splats, 2048);
-    for (i = 0; i < 2048; i++) {
+    for (uint32_t i = 0; i < 2048; i++) {
         assert_int_equal(saga_splat_at(&s, v.dec, i), SAGA_OK);
         assert_int_equal(s.depth, DEPTH);
         assert_int_equal(s.colour_q15[0], v.p[i / 256].colour_q15[0]);
     }
-    for (i = 0; i < 5; i++)     /* the fifth is cut after 135 */
-        for (k = 0; k < 3; k++)
+    for (uint32_t i = 0; i < 5; i++)     /* the fifth is cut after 135 */
+        for (int k = 0; k < 3; k++)
             want[k] += (pow(all, i) - (i < 4 ? pow(all, i + 1) : exp2(-13))) *
                        v.p[i].colour_q15[k] / 32768;
-    for (k = 0; k < 3; k++)
+    for (int k = 0; k < 3; k++)
         assert_true(fabs(given_sample(&v, 4, 3, k) - 255 * want[k]) <= 1);
     given_close(&v);
 }
@@ -497,11 +478,10 @@ TEST(width_of_a_frame_should_last_a_frame)
     const saga_camera c = front(9, 7);
     gen_given g = ball(28);
     given_view v;
-    size_t i;
 
     g.p.log2_width_q10 = 6 << 10;
     given_open(&v, &g, 1, FADES);
-    for (i = 0; i < sizeof away / sizeof *away; i++) {
+    for (size_t i = 0; i < sizeof away / sizeof *away; i++) {
         const double u = away[i] / 64.0;
 
         see(&v, &c, 32768 - away[i]);
@@ -520,11 +500,10 @@ TEST(width_of_a_thousand_segments_should_not_fade)
     const saga_camera c = front(SIDE, SIDE);
     gen_given g = ball(18);
     given_view v, w;
-    size_t i;
 
     g.p.log2_width_q10 = 26 << 10;
     see_one(&v, &g, FADES, &c, MID);
-    for (i = 0; i < sizeof times / sizeof *times; i++) {
+    for (size_t i = 0; i < sizeof times / sizeof *times; i++) {
         see_one(&w, &g, FADES, &c, times[i]);
         expect_same(&v, &w);
         given_close(&w);
@@ -537,9 +516,8 @@ TEST(width_of_a_thousand_segments_should_not_fade)
 TEST(centres_outside_should_fade_into_the_segment)
 {
     const saga_camera c = front(9, 7);
-    int i;
 
-    for (i = 0; i < 2; i++) {
+    for (int i = 0; i < 2; i++) {
         gen_given g = ball(28);
         given_view v;
 
@@ -563,10 +541,9 @@ TEST(times_outside_should_be_refused)
     saga_animated a;
     saga_splat s;
     given_view v;
-    size_t i;
 
     see_one(&v, &g, FADES, &c, MID);
-    for (i = 0; i < sizeof times / sizeof *times; i++) {
+    for (size_t i = 0; i < sizeof times / sizeof *times; i++) {
         assert_int_equal(saga_view(v.dec, &c, times[i]), SAGA_ERR_ARG);
         assert_int_equal(saga_primitive_at(&a, v.dec, 0, times[i]),
                          SAGA_ERR_ARG);
@@ -612,12 +589,11 @@ TEST(longest_rows_should_be_drawn_to_both_ends)
 {
     gen_given g[3];
     given_view v;
-    int i, k;
 
-    for (k = 0; k < 2; k++) {
+    for (int k = 0; k < 2; k++) {
         saga_camera c = front(16384, 16384);
 
-        for (i = 0; i < 3; i++) {
+        for (int i = 0; i < 3; i++) {
             g[i] = gen_given_ball(DEPTH + 64 * i, i < 2 ? 10 : 18);
             g[i].p.x[k] = i < 2 ? (1 - 2 * i) * (DEPTH / 2) : 0;
             g[i].colour_q15[i] = 0;

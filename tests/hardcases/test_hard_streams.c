@@ -30,11 +30,10 @@ typedef void with_layer(saga_layer_symbols *l, const saga_net_shape *s, int i);
 static void each_layer(gen_stream *g, with_layer *f)
 {
     saga_net_shape s;
-    int net, i;
 
-    for (net = 0; net < SAGA_N_NETS; net++) {
+    for (int net = 0; net < SAGA_N_NETS; net++) {
         saga_model_net(&s, &g->header.model, net);
-        for (i = 0; i < s.n_layers; i++)
+        for (int i = 0; i < s.n_layers; i++)
             f(&g->nets.layer[net][i], &s, i);
     }
 }
@@ -54,7 +53,6 @@ static void set_symbols(gen_stream *g, uint32_t n_children, int32_t q)
     saga_symbols *const s = &g->segment[0];
     const uint32_t bits[2] = { 4u * m->tier[0].suffix_bits,
                                4u * m->tier[1].suffix_bits };
-    uint32_t i;
 
     s->n_nodes = 1;
     s->split[0] = 0;
@@ -70,17 +68,17 @@ static void set_symbols(gen_stream *g, uint32_t n_children, int32_t q)
     s->prim_offset = resized(s->prim_offset, 4u * s->n.prim, 4);
     s->n_fine[0] = (uint8_t)n_children;
     memset(s->n_prim, (int)n_children, n_children);
-    for (i = 0; i < 4; i++)
+    for (uint32_t i = 0; i < 4; i++)
         s->centre[i] = q;
-    for (i = 0; i < m->features; i++)
+    for (uint32_t i = 0; i < m->features; i++)
         s->feature[i] = q;
-    for (i = 0; i < 4 * s->n.fine; i++)
+    for (uint32_t i = 0; i < 4 * s->n.fine; i++)
         s->fine_offset[i] = q;
-    for (i = 0; i < 4 * s->n.prim; i++)
+    for (uint32_t i = 0; i < 4 * s->n.prim; i++)
         s->prim_offset[i] = q;
-    for (i = 0; q > 0 && i < s->n.fine; i++)
+    for (uint32_t i = 0; q > 0 && i < s->n.fine; i++)
         s->fine_suffix[i] = (uint32_t)((1ull << bits[0]) - 1);
-    for (i = 0; q > 0 && i < s->n.prim; i++)
+    for (uint32_t i = 0; q > 0 && i < s->n.prim; i++)
         s->prim_suffix[i] = (uint32_t)((1ull << bits[1]) - 1);
 }
 
@@ -167,10 +165,7 @@ static int32_t first_cell(const saga_model *m, int tier)
  * cube and half the segment. */
 TEST(zero_symbols_should_be_one_grey_ball)
 {
-    uint32_t i;
-    int k;
-
-    for (i = 0; i < N_STREAMS; i++) {
+    for (uint32_t i = 0; i < N_STREAMS; i++) {
         const saga_model *m;
         gen_stream g;
         given_view v;
@@ -186,7 +181,7 @@ TEST(zero_symbols_should_be_one_grey_ball)
         o[1] = first_cell(m, SAGA_TIER_FINE);
         given_open_stream(&v, &g);
         decode(&d, &v);
-        for (k = 0; k < 3; k++) {
+        for (int k = 0; k < 3; k++) {
             assert_int_equal(d.prim[0].x[k],
                              clamp(512 * (o[0] + o[1]), -(1 << 23), 1 << 23));
             assert_int_equal(d.prim[0].support[k], 1 << 23);
@@ -204,7 +199,7 @@ TEST(zero_symbols_should_be_one_grey_ball)
         assert_true(see(&v, d.prim[0].t_centre, SAGA_VERIFY_SYMBOLS) >= 62);
         assert_int_equal(saga_splat_at(&s, v.dec, 0), SAGA_OK);
         assert_int_equal(s.q0_q20, 3323907); /* log2(1 + 2^3) */
-        for (k = 0; k < 3; k++)
+        for (int k = 0; k < 3; k++)
             assert_int_equal(s.colour_q15[k], 16384);
         free_decoded(&d);
         given_close(&v);
@@ -222,15 +217,14 @@ static void full_layer(saga_layer_symbols *l, const saga_net_shape *s, int i)
     const uint32_t n_in = s->dim[i], n_out = s->dim[i + 1];
     const int32_t most = s->int8 ? 127 : 32700;
     const int32_t w = n_in ? clamp(32700 / n_in, 0, most) : 0;
-    uint32_t row, k;
 
     l->step_q16 = 1;
     l->step_shift = 0;
     l->bias_shift = 14;
     free(l->finer);
     l->finer = NULL;
-    for (row = 0; row < n_out; row++) {
-        for (k = 0; k < n_in; k++)
+    for (uint32_t row = 0; row < n_out; row++) {
+        for (uint32_t k = 0; k < n_in; k++)
             l->weight[row * n_in + k] = (row + k) & 1 ? w : -w;
         l->bias[row] = row & 1 ? 65535 : -65535;
         l->shift[row] = (uint8_t)(row % 4 ? 0 : 16);
@@ -244,10 +238,7 @@ static void full_layer(saga_layer_symbols *l, const saga_net_shape *s, int i)
  * picture to the level beside: 52.9 dB in the worst one. */
 TEST(limits_should_end_in_a_corner)
 {
-    uint32_t i, p;
-    int k;
-
-    for (i = 0; i < N_STREAMS; i++) {
+    for (uint32_t i = 0; i < N_STREAMS; i++) {
         const int32_t q = i & 1 ? 65535 : -65535;
         gen_stream g;
         given_view v;
@@ -255,22 +246,22 @@ TEST(limits_should_end_in_a_corner)
 
         make_stream(&g, i);
         each_layer(&g, full_layer);
-        for (k = 0; k < SAGA_N_STEPS; k++)
+        for (int k = 0; k < SAGA_N_STEPS; k++)
             g.header.model.step_q16[k] = 0xffffffffu;
-        for (k = 0; k < SAGA_N_TIERS; k++)
+        for (int k = 0; k < SAGA_N_TIERS; k++)
             g.header.model.tier[k].max_children = 16;
         set_symbols(&g, 16, q);
         given_open_stream(&v, &g);
         decode(&d, &v);
         assert_int_equal(v.report.n_primitives, 256);
-        for (k = 0; k < 4; k++)
+        for (int k = 0; k < 4; k++)
             assert_int_equal(d.file.value[SAGA_STEP_CENTRE][k],
                              q > 0 ? 32767 : -32767);
-        for (k = 0; k < g.header.model.features; k++)
+        for (int k = 0; k < g.header.model.features; k++)
             assert_int_equal(d.file.value[SAGA_STEP_FEATURE][k],
                              q > 0 ? 32767 : -32767);
-        for (p = 0; p < 256; p++) {
-            for (k = 0; k < 3; k++)
+        for (uint32_t p = 0; p < 256; p++) {
+            for (int k = 0; k < 3; k++)
                 assert_int_equal(d.prim[p].x[k], q > 0 ? SAGA_X_MAX
                                                        : SAGA_X_MIN);
         }
@@ -291,15 +282,14 @@ static void saturating_layer(saga_layer_symbols *l, const saga_net_shape *s,
 {
     const uint32_t n_in = s->dim[i], n_out = s->dim[i + 1];
     const int is_last = i + 1 == s->n_layers;
-    uint32_t row, k;
 
     l->step_q16 = 1;
     l->step_shift = 0;
     l->bias_shift = 14;
-    for (row = 0; row < n_out; row++) {
+    for (uint32_t row = 0; row < n_out; row++) {
         const int sign = is_last && row & 1 ? -1 : 1;
 
-        for (k = 0; k < n_in; k++)
+        for (uint32_t k = 0; k < n_in; k++)
             l->weight[row * n_in + k] = sign;
         l->bias[row] = sign * 16384;
         l->shift[row] = 0;
@@ -321,10 +311,9 @@ static int32_t log2_of(uint32_t row, int q, int half)
  * that the rounding of a time shows: double begins with what is moved. */
 TEST(saturated_networks_should_give_their_signs)
 {
-    uint32_t i, p, row;
-    int k;
+    uint32_t row;
 
-    for (i = 0; i < N_STREAMS; i++) {
+    for (uint32_t i = 0; i < N_STREAMS; i++) {
         const saga_model *m;
         saga_rows rows[SAGA_N_OUTS];
         gen_stream g;
@@ -337,7 +326,7 @@ TEST(saturated_networks_should_give_their_signs)
         saga_model_rows(rows, m);
         given_open_stream(&v, &g);
         decode(&d, &v);
-        for (p = 0; p < v.report.n_primitives; p++) {
+        for (uint32_t p = 0; p < v.report.n_primitives; p++) {
             const saga_fine *fine = d.file.sc.fine;
             const saga_primitive *const prim = &d.prim[p];
 
@@ -345,7 +334,7 @@ TEST(saturated_networks_should_give_their_signs)
                 fine++;
             row = rows[SAGA_OUT_OPACITY].first;
             assert_int_equal(prim->opacity, row & 1 ? -32767 : 32767);
-            for (k = 0; k < 3; k++) {
+            for (int k = 0; k < 3; k++) {
                 row = rows[SAGA_OUT_SCALE].first + (uint32_t)k;
                 assert_int_equal(
                     prim->log2_scale_q10[k],
@@ -356,7 +345,7 @@ TEST(saturated_networks_should_give_their_signs)
                             fine->local[k] == 23 << 10 ||
                             m->out_q[SAGA_OUT_SUPPORT] > 10);
             }
-            for (k = 0; k < 4; k++) {
+            for (int k = 0; k < 4; k++) {
                 row = rows[SAGA_OUT_QUAT].first + (uint32_t)k;
                 assert_int_equal(
                     prim->quat[k],
@@ -391,10 +380,8 @@ TEST(deepest_tree_should_end_in_the_last_corner)
     given_view v;
     decoded d;
     saga_symbols *const s = &g.segment[0];
-    uint32_t i;
-    int k;
 
-    for (k = 0; k < 3; k++) {
+    for (int k = 0; k < 3; k++) {
         p.p.x[k] = CORNER;
         p.p.support[k] = 1 << 20;
     }
@@ -402,7 +389,7 @@ TEST(deepest_tree_should_end_in_the_last_corner)
     s->n_nodes = DEPTH + 1;
     s->split = resized(s->split, DEPTH + 1, 1);
     s->occupancy = resized(s->occupancy, DEPTH + 1, sizeof *s->occupancy);
-    for (i = 0; i < DEPTH; i++) {
+    for (uint32_t i = 0; i < DEPTH; i++) {
         s->split[i] = i < DEPTH_T ? 3 : 1;
         s->occupancy[i] = i < DEPTH_T ? 1 << 15 : 1 << 7;
     }
@@ -410,7 +397,7 @@ TEST(deepest_tree_should_end_in_the_last_corner)
     decode(&d, &v);
     assert_int_equal(d.file.sc.coarse[0].depth_x, DEPTH);
     assert_int_equal(d.file.sc.coarse[0].depth_t, DEPTH_T);
-    for (k = 0; k < 3; k++) {
+    for (int k = 0; k < 3; k++) {
         assert_int_equal(d.file.sc.coarse[0].cell[k], 65535);
         assert_int_equal(d.prim[0].x[k], (1 << 23) - 128);
         assert_int_equal(d.prim[0].log2_scale_q10[k], (21 - 14) << 10);

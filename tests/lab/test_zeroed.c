@@ -142,13 +142,12 @@ static void check_zeroed(const decoded *a, const decoded *z,
 {
     const saga_model *const m = &g->header.model;
     const saga_counts n = a->s.n;
-    uint32_t i;
 
     assert_same_integers(&a->s, &z->s);
-    for (i = 0; i < m->features * n.coarse; i++)
+    for (uint32_t i = 0; i < m->features * n.coarse; i++)
         assert_near(z->sc.coarse_feature[i], 0,
                     m->step_q16[SAGA_STEP_FEATURE]);
-    for (i = 0; i < 4 * n.prim; i++)
+    for (uint32_t i = 0; i < 4 * n.prim; i++)
         assert_near(z->sc.prim_offset[i / 4][i % 4],
                     a->sc.prim_offset[i / 4][i % 4],
                     m->step_q16[SAGA_STEP_PRIM]);
@@ -168,11 +167,11 @@ static void compare_files(const gen_stream *g, const uint8_t *bytes, size_t n,
                                               &error);
     const saga_nets *nets;
     const uint8_t *params;
-    uint32_t i, frame = 0;
+    uint32_t frame = 0;
 
     assert_non_null(e);
     params = saga_encoder_params(e, &nets);
-    for (i = 0; i < g->n_segments; frame += g->n_frames[i++]) {
+    for (uint32_t i = 0; i < g->n_segments; frame += g->n_frames[i++]) {
         decoded a, z;
 
         decode(&a, g, nets, params, bytes, n, frame);

@@ -59,17 +59,15 @@ TEST(blocks_should_step_as_adam_before_they_turn)
     float *const v = reals(N * WIDTH);
     const saga_adam_tensor t = { "x", x, s.g, m, v, N * WIDTH, 0.01f };
     saga_error error = { "" };
-    uint64_t step;
-    size_t i;
 
-    for (step = 1; step <= STEPS; step++) {
-        for (i = 0; i < N * WIDTH; i++)
+    for (uint64_t step = 1; step <= STEPS; step++) {
+        for (size_t i = 0; i < N * WIDTH; i++)
             s.g[i] = (float)saga_rng_normal(r, step * N * WIDTH + i) *
                      (step == STEPS ? 30 : 1);
         assert_true(saga_adam_update(&adam, &t, 1, step, &error));
         saga_block_adam_update(&s.b, &adam, step);
     }
-    for (i = 0; i < N * WIDTH; i++)
+    for (size_t i = 0; i < N * WIDTH; i++)
         assert_true(fabs((double)(x[i] - s.x[i])) < 1e-6);
     free(x);
     free(m);
@@ -80,16 +78,14 @@ TEST(blocks_should_step_as_adam_before_they_turn)
 /* Sets q to a rotation: turns by these angles in planes of neighbours. */
 static void rotate(double q[WIDTH][WIDTH])
 {
-    size_t i, k, turn;
-
-    for (i = 0; i < WIDTH; i++)
-        for (k = 0; k < WIDTH; k++)
+    for (size_t i = 0; i < WIDTH; i++)
+        for (size_t k = 0; k < WIDTH; k++)
             q[i][k] = i == k;
-    for (turn = 0; turn < 3 * WIDTH; turn++) {
+    for (size_t turn = 0; turn < 3 * WIDTH; turn++) {
         const size_t a = turn % WIDTH, b = (turn + 1 + turn / WIDTH) % WIDTH;
         const double angle = 0.4 + 0.1 * (double)turn;
 
-        for (k = 0; k < WIDTH; k++) {
+        for (size_t k = 0; k < WIDTH; k++) {
             const double u = q[a][k], w = q[b][k];
 
             q[a][k] = cos(angle) * u - sin(angle) * w;
@@ -108,31 +104,29 @@ TEST(axes_should_be_those_of_the_gradients)
     const saga_rng r = saga_rng_stream(7, 2);
     double q[WIDTH][WIDTH];
     blocks s = make(1, 0);
-    uint64_t step;
-    size_t i, k, l;
 
     rotate(q);
-    for (step = 1; step <= STEPS; step++) {
+    for (uint64_t step = 1; step <= STEPS; step++) {
         double g[WIDTH] = { 0 };
 
-        for (i = 0; i < WIDTH; i++) {
+        for (size_t i = 0; i < WIDTH; i++) {
             const double z = ldexp(saga_rng_normal(r, step * WIDTH + i),
                                    (int)i);
 
-            for (k = 0; k < WIDTH; k++)
+            for (size_t k = 0; k < WIDTH; k++)
                 g[k] += z * q[i][k];
         }
-        for (k = 0; k < WIDTH; k++)
+        for (size_t k = 0; k < WIDTH; k++)
             s.g[k] = (float)g[k];
         saga_block_adam_update(&s.b, &adam, step);
     }
-    for (i = 0; i < WIDTH; i++) {
+    for (size_t i = 0; i < WIDTH; i++) {
         double best = 0;
 
-        for (k = 0; k < WIDTH; k++) {
+        for (size_t k = 0; k < WIDTH; k++) {
             double along = 0, dot = 0;
 
-            for (l = 0; l < WIDTH; l++) {
+            for (size_t l = 0; l < WIDTH; l++) {
                 along += (double)s.axes[i * WIDTH + l] * q[k][l];
                 dot += (double)s.axes[i * WIDTH + l] *
                        (double)s.axes[k * WIDTH + l];
@@ -156,32 +150,30 @@ static double floor_left(bool own_axes)
     const saga_adam_tensor t = { "x", s.x, s.g, s.m, s.v, WIDTH, 0.002f };
     saga_error error = { "" };
     double q[WIDTH][WIDTH], u = 0;
-    uint64_t step;
-    size_t i, k;
 
     rotate(q);
-    for (k = 0; k < WIDTH; k++)
+    for (size_t k = 0; k < WIDTH; k++)
         s.x[k] = (float)(2 * q[0][k]);
-    for (step = 1; step <= STEPS; step++) {
+    for (uint64_t step = 1; step <= STEPS; step++) {
         double g[WIDTH] = { 0 };
 
-        for (i = 0; i < WIDTH; i++) {
+        for (size_t i = 0; i < WIDTH; i++) {
             const double steep = i ? 1e4 : 1;
             double at = 0.01 * saga_rng_normal(r, step * WIDTH + i);
 
-            for (k = 0; k < WIDTH; k++)
+            for (size_t k = 0; k < WIDTH; k++)
                 at += (double)s.x[k] * q[i][k];
-            for (k = 0; k < WIDTH; k++)
+            for (size_t k = 0; k < WIDTH; k++)
                 g[k] += steep * at * q[i][k];
         }
-        for (k = 0; k < WIDTH; k++)
+        for (size_t k = 0; k < WIDTH; k++)
             s.g[k] = (float)g[k];
         if (own_axes)
             saga_block_adam_update(&s.b, &adam, step);
         else
             assert_true(saga_adam_update(&adam, &t, 1, step, &error));
     }
-    for (k = 0; k < WIDTH; k++)
+    for (size_t k = 0; k < WIDTH; k++)
         u += (double)s.x[k] * q[0][k];
     drop(&s);
     return fabs(u);
@@ -201,15 +193,13 @@ TEST(blocks_should_not_depend_on_threads)
     const saga_adam adam = saga_adam_default();
     const saga_rng r = saga_rng_stream(7, 4);
     blocks s[2];
-    uint64_t step;
-    size_t i;
 
     saga_set_least_work(0);
     for (int k = 0; k < 2; k++) {
         omp_set_num_threads(k ? 3 : 1);
         s[k] = make(N, 0.01f);
-        for (step = 1; step <= STEPS; step++) {
-            for (i = 0; i < N * WIDTH; i++)
+        for (uint64_t step = 1; step <= STEPS; step++) {
+            for (size_t i = 0; i < N * WIDTH; i++)
                 s[k].g[i] = saga_rng_float(r, step * N * WIDTH + i) - 0.4f;
             saga_block_adam_update(&s[k].b, &adam, step);
         }

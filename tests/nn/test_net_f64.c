@@ -21,30 +21,28 @@ enum { N_SHAPES = sizeof shapes / sizeof *shapes };
 static void random_reals(real *x, size_t n, uint64_t stream)
 {
     const saga_rng r = saga_rng_stream(17, stream);
-    size_t i;
 
-    for (i = 0; i < n; i++)
+    for (size_t i = 0; i < n; i++)
         x[i] = saga_rng_normal(r, i);
 }
 
 static double naive(const saga_net *net, const real *x, const real *dy)
 {
     double a[64], b[64], sum = 0;
-    int l, i, o;
 
-    for (i = 0; i < net->dim[0]; i++)
+    for (int i = 0; i < net->dim[0]; i++)
         a[i] = x[i];
-    for (l = 0; l < net->n_layers; l++) {
-        for (o = 0; o < net->dim[l + 1]; o++) {
+    for (int l = 0; l < net->n_layers; l++) {
+        for (int o = 0; o < net->dim[l + 1]; o++) {
             b[o] = net->b[l][o];
-            for (i = 0; i < net->dim[l]; i++)
+            for (int i = 0; i < net->dim[l]; i++)
                 b[o] += net->w[l][o * net->dim[l] + i] * a[i];
             if (l + 1 < net->n_layers && b[o] < 0)
                 b[o] = 0;
         }
         memcpy(a, b, sizeof a);
     }
-    for (o = 0; o < net->dim[net->n_layers]; o++)
+    for (int o = 0; o < net->dim[net->n_layers]; o++)
         sum += a[o] * dy[o];
     return sum;
 }
@@ -53,9 +51,8 @@ static double loss(const saga_net *net, const real *x, const real *dy,
                    size_t m)
 {
     double sum = 0;
-    size_t i;
 
-    for (i = 0; i < m; i++)
+    for (size_t i = 0; i < m; i++)
         sum += naive(net, x + i * (size_t)net->dim[0],
                      dy + i * (size_t)net->dim[net->n_layers]);
     return sum;
@@ -66,11 +63,10 @@ static double worst_error(const saga_net *net, real *v, const real *d,
 {
     const double step = 1e-6;
     double top = 0, worst = 0;
-    size_t i;
 
-    for (i = 0; i < n; i++)
+    for (size_t i = 0; i < n; i++)
         top = fmax(top, fabs(d[i]));
-    for (i = 0; i < n; i++) {
+    for (size_t i = 0; i < n; i++) {
         const double old = v[i];
         double slope;
 
@@ -97,7 +93,6 @@ static void check(saga_net net, size_t m)
     saga_error error = { "" };
     saga_net_work work;
     double sum = 0, e_w, e_x;
-    size_t i;
 
     assert_true(saga_net_reserve(&work, &net, m, &error));
     saga_net_bind(&net, w);
@@ -107,7 +102,7 @@ static void check(saga_net net, size_t m)
     random_reals(x, n_x, 2);
     random_reals(dy, n_y, 3);
     saga_net_forward(y, &work, x, m, &net);
-    for (i = 0; i < n_y; i++)
+    for (size_t i = 0; i < n_y; i++)
         sum += y[i] * dy[i];
     assert_true(fabs(sum - loss(&net, x, dy, m)) < 1e-12 * (double)(n_y + 1));
     saga_net_backward(dx, &d, &work, dy, x, m, &net);
@@ -122,9 +117,7 @@ static void check(saga_net net, size_t m)
 
 TEST(net_gradient_should_match_differences)
 {
-    int k;
-
-    for (k = 0; k < N_SHAPES; k++) {
+    for (int k = 0; k < N_SHAPES; k++) {
         check(shapes[k], 1);
         check(shapes[k], 6);
     }
@@ -141,10 +134,9 @@ TEST(embedding_should_be_sine_and_cosine)
 
     for (u = -9; u < 9; u += 0.0123) {
         real y[2 * 5];
-        int k;
 
         saga_embedding_forward(y, 10, &u, 1, 1, 5);
-        for (k = 0; k < 5; k++) {
+        for (int k = 0; k < 5; k++) {
             const double angle = acos(-1) / 2 * (1 << k) * u;
 
             worst = fmax(worst, fabs(y[2 * k] - sin(angle)));

@@ -23,14 +23,13 @@ TEST(adam_should_match_steps_by_hand)
     float x[N], g[N], m[N] = { 0 }, v[N] = { 0 };
     const saga_adam_tensor t = { "x", x, g, m, v, N, 0.5f };
     saga_error error = { "" };
-    int i;
 
-    for (i = 0; i < N; i++) {
+    for (int i = 0; i < N; i++) {
         x[i] = 2;
         g[i] = i % 2 ? -1e-12f : 1;
     }
     assert_true(saga_adam_update(&adam, &t, 1, 1, &error));
-    for (i = 0; i < N; i++) {
+    for (int i = 0; i < N; i++) {
         /* |g| = 1e-12 stands 1000 above eps. */
         const double want = i % 2 ? 2 + 0.5 / 1.001 : 1.5;
 
@@ -38,10 +37,10 @@ TEST(adam_should_match_steps_by_hand)
         assert_true(fabs((double)m[i] - 0.1 * (double)g[i]) <
                     1e-7 * fabs((double)g[i]));
     }
-    for (i = 0; i < N; i++)
+    for (int i = 0; i < N; i++)
         g[i] = 3;
     assert_true(saga_adam_update(&adam, &t, 1, 2, &error));
-    for (i = 0; i < N; i += 2)
+    for (int i = 0; i < N; i += 2)
         assert_true(fabs((double)x[i] - (1.5 - 0.5 * (0.39 / 0.19) /
                          sqrt(0.009999 / 0.001999))) < 1e-5);
 }
@@ -56,10 +55,9 @@ TEST(adam_should_be_adam)
     double rx[N] = { 0 }, rm[N] = { 0 }, rv[N] = { 0 };
     const saga_adam_tensor tensor = { "x", x, g, m, v, N, 0.01f };
     saga_error error = { "" };
-    int t, i;
 
-    for (t = 1; t <= STEPS; t++) {
-        for (i = 0; i < N; i++) {
+    for (int t = 1; t <= STEPS; t++) {
+        for (int i = 0; i < N; i++) {
             g[i] = saga_rng_float(r, (uint64_t)(t * N + i)) - 0.3f;
             rm[i] = 0.9 * rm[i] + 0.1 * (double)g[i];
             rv[i] = 0.995 * rv[i] + 0.005 * (double)g[i] * (double)g[i];
@@ -69,7 +67,7 @@ TEST(adam_should_be_adam)
         assert_true(saga_adam_update(&adam, &tensor, 1,
                                         (uint64_t)t, &error));
     }
-    for (i = 0; i < N; i++)
+    for (int i = 0; i < N; i++)
         assert_true(fabs((double)x[i] - rx[i]) < 1e-6);
 }
 
@@ -83,12 +81,11 @@ TEST(adam_should_bound_what_is_out_of_the_ordinary)
     const saga_adam_tensor t = { "x", &x, &g, &m, &v, 1, 0.5f };
     const double first = 0.5 * 0.1 * (double)adam.most;
     saga_error error = { "" };
-    int i;
 
     assert_true(saga_adam_update(&adam, &t, 1, 1000000, &error));
     assert_true(fabs((double)x + first) < 1e-4 * first);
     g = 0;
-    for (i = 1; i < 200; i++)
+    for (int i = 1; i < 200; i++)
         assert_true(saga_adam_update(&adam, &t, 1, 1000000, &error));
     /* v' falls by 0.001 a step meanwhile: not half a per cent more. */
     assert_true(fabs((double)x + 10 * first) < 0.005 * 10 * first);
@@ -104,9 +101,8 @@ TEST(adam_should_name_what_is_not_finite)
         { "bad", x + 4 * N, x + 5 * N, x + 6 * N, x + 7 * N, N - 1, 1 }
     };
     saga_error error = { "" };
-    int i;
 
-    for (i = 0; i < N; i++)
+    for (int i = 0; i < N; i++)
         x[N + i] = x[5 * N + i] = 1;
     x[5 * N + 9997] = NAN;
     x[5 * N + 4321] = INFINITY;
@@ -133,9 +129,8 @@ TEST(rng_should_have_the_right_moments)
     const saga_rng r = saga_rng_stream(1, 2);
     double mean = 0, square = 0, normal = 0, normal2 = 0, lag = 0;
     int count[7] = { 0 };
-    uint64_t i;
 
-    for (i = 0; i < N; i++) {
+    for (uint64_t i = 0; i < N; i++) {
         const double u = saga_rng_double(r, i) - 0.5;
         const double z = saga_rng_normal(r, i);
 
@@ -152,16 +147,16 @@ TEST(rng_should_have_the_right_moments)
     assert_true(fabs(lag / N) < 0.001);
     assert_true(fabs(normal / N) < 0.01);
     assert_true(fabs(normal2 / N - 1) < 0.02);
-    for (i = 0; i < 7; i++)
+    for (uint64_t i = 0; i < 7; i++)
         assert_true(abs(count[i] - N / 7) < 800);
 }
 
 TEST(rng_should_have_unrelated_streams)
 {
-    uint64_t s, i, same = 0;
+    uint64_t same = 0;
 
-    for (s = 0; s < 200; s++)
-        for (i = 0; i < 200; i++)
+    for (uint64_t s = 0; s < 200; s++)
+        for (uint64_t i = 0; i < 200; i++)
             same += (saga_rng_bits(saga_rng_stream(1, s), i) >> 48) ==
                     (saga_rng_bits(saga_rng_stream(1, s + 1), i) >> 48);
     assert_true(same < 10);
@@ -176,18 +171,17 @@ TEST(rng_should_shuffle_each_epoch_anew)
 {
     enum { MOST = 2000, EPOCHS = 3 };
     static uint8_t seen[MOST];
-    uint32_t n, epoch, i;
 
-    for (n = 1; n <= MOST; n += n < 70 ? 1 : 193) {
+    for (uint32_t n = 1; n <= MOST; n += n < 70 ? 1 : 193) {
         const saga_rng r = saga_rng_stream(7, n);
         uint32_t same = 0;
 
-        for (epoch = 0; epoch < EPOCHS; epoch++) {
+        for (uint32_t epoch = 0; epoch < EPOCHS; epoch++) {
             double step = 0;
             uint32_t before = 0;
 
             memset(seen, 0, n);
-            for (i = 0; i < n; i++) {
+            for (uint32_t i = 0; i < n; i++) {
                 const uint32_t x = saga_rng_shuffled(
                     r, (uint64_t)epoch * n + i, n);
 
@@ -234,22 +228,19 @@ static void run_batch(batch *e)
 
 static void fill(float *x, size_t n, uint64_t stream, float lo, float hi)
 {
-    size_t i;
-
-    for (i = 0; i < n; i++)
+    for (size_t i = 0; i < n; i++)
         x[i] = lo + (hi - lo) * saga_rng_float(saga_rng_stream(9, stream), i);
 }
 
 TEST(nets_should_not_depend_on_threads)
 {
     batch *const e = calloc(2, sizeof *e);
-    int threads;
 
     fill(e->x, POINTS * 27, 1, -1, 1);
     fill(e->dy, POINTS * 5, 2, -1, 1);
     fill(e->w, 2000, 3, -0.3f, 0.3f);
     saga_set_least_work(0);
-    for (threads = 1; threads <= 3; threads++) {
+    for (int threads = 1; threads <= 3; threads++) {
         omp_set_num_threads(threads);
         run_batch(e);
         if (threads == 1)
@@ -267,10 +258,9 @@ TEST(embedding_should_be_precise_in_float)
 
     for (u = -2; u < 2; u += 0.00731f) {
         float y[8];
-        int k;
 
         saga_embedding_forward(y, 8, &u, 1, 1, 4);
-        for (k = 0; k < 4; k++) {
+        for (int k = 0; k < 4; k++) {
             const double angle = acos(-1) / 2 * (1 << k) * (double)u;
 
             worst = fmax(worst, fabs((double)y[2 * k] - sin(angle)));

@@ -34,15 +34,14 @@ static flat flat_make(uint32_t n, uint64_t seed)
 {
     saga_error error = { "" };
     flat f;
-    uint32_t i, k;
 
     memset(&f, 0, sizeof f);
     f.n = n;
     f.seed = seed;
     assert_true(saga_params_alloc(&f.p, SAGA_ATTRS_ALL, n, &error));
     f.score = must(calloc(n + 1u, sizeof *f.score));
-    for (i = 0; i < n; i++) {
-        for (k = 0; k < 3; k++) {
+    for (uint32_t i = 0; i < n; i++) {
+        for (uint32_t k = 0; k < 3; k++) {
             f.p.mean[3 * i + k] = (real)(2 * uniform(&f.seed) - 1);
             f.p.log2_scale[3 * i + k] = (real)(-6 - 2 * uniform(&f.seed));
             f.p.colour[3 * i + k] = (real)uniform(&f.seed);
@@ -59,17 +58,16 @@ static flat flat_make(uint32_t n, uint64_t seed)
 static void flat_cluster(flat *f)
 {
     double centre[7][3], size[7];
-    uint32_t i, k;
 
-    for (i = 0; i < 7; i++) {
+    for (uint32_t i = 0; i < 7; i++) {
         size[i] = exp2(-1 - 8 * uniform(&f->seed));
-        for (k = 0; k < 3; k++)
+        for (uint32_t k = 0; k < 3; k++)
             centre[i][k] = 2.2 * uniform(&f->seed) - 1.1;
     }
-    for (i = 0; i < f->n; i++) {
+    for (uint32_t i = 0; i < f->n; i++) {
         const uint32_t c = (uint32_t)(7 * uniform(&f->seed));
 
-        for (k = 0; k < 3; k++)
+        for (uint32_t k = 0; k < 3; k++)
             f->p.mean[3 * i + k] = (real)(centre[c][k] + size[c] *
                                           (uniform(&f->seed) - 0.5));
     }
@@ -87,14 +85,12 @@ enum { ALL_TOOLS = SAGA_TOOL_OPACITY_T | 1u << SAGA_TOOL_MOTION_SHIFT };
 
 static void model_make(saga_model *m, uint32_t tools)
 {
-    int i;
-
     memset(m, 0, sizeof *m);
     m->tools = tools;
     m->features = 5;
     m->octaves = 2;
     m->lambda_t_q8 = 256;
-    for (i = 0; i < SAGA_N_TIERS; i++) {
+    for (int i = 0; i < SAGA_N_TIERS; i++) {
         m->tier[i].n_groups = 8;
         m->tier[i].window = 2;
         m->tier[i].neighbours = 2;
@@ -104,11 +100,11 @@ static void model_make(saga_model *m, uint32_t tools)
     }
     m->tier[SAGA_TIER_COARSE].max_children = 16;
     m->tier[SAGA_TIER_FINE].max_children = 10;
-    for (i = 0; i < SAGA_N_STEPS; i++)
+    for (int i = 0; i < SAGA_N_STEPS; i++)
         m->step_q16[i] = 256u << 16;
-    for (i = 0; i < SAGA_N_OUTS; i++)
+    for (int i = 0; i < SAGA_N_OUTS; i++)
         m->out_q[i] = 11;
-    for (i = 0; i < SAGA_N_NETS; i++) {
+    for (int i = 0; i < SAGA_N_NETS; i++) {
         m->width[i] = 4;
         m->q_in[i] = 12;
     }
@@ -137,9 +133,9 @@ static void zero_residual(saga_coder *c, saga_at at, int32_t *q,
 
 static uint32_t count_low(const uint32_t *suffix, uint32_t n, uint32_t bit)
 {
-    uint32_t low = 0, i;
+    uint32_t low = 0;
 
-    for (i = 0; i < n; i++) {
+    for (uint32_t i = 0; i < n; i++) {
         if (suffix[i] >> bit & 1u)
             continue;
         assert_int_equal(low, i);
@@ -176,25 +172,23 @@ static uint32_t look_up(saga_coder *c, saga_at at, saga_adaptive *m,
 static uint32_t suffix_of(const saga_scene *s, uint32_t rank)
 {
     const uint32_t bits = s->model.tier[SAGA_TIER_COARSE].suffix_bits;
-    uint32_t v[4], i;
+    uint32_t v[4];
 
-    for (i = 0; i < 4; i++)
+    for (uint32_t i = 0; i < 4; i++)
         v[i] = (uint32_t)(s->fine[rank].local[i] + 16384) >> (15 - bits);
     return saga_morton_suffix(v, bits);
 }
 
 static void symbols_make(saga_symbols *s, const saga_scene *scene)
 {
-    uint32_t i;
-
     recorder_alloc_symbols(s, scene->n, scene->model.features,
                            scene->n_nodes);
     s->n_nodes = scene->n_nodes;
     memcpy(s->split, scene->split, scene->n_nodes);
     memcpy(s->occupancy, scene->occupancy, 2u * scene->n_nodes);
-    for (i = 0; i < scene->n.coarse; i++)
+    for (uint32_t i = 0; i < scene->n.coarse; i++)
         s->n_fine[i] = scene->coarse[i].n_fine;
-    for (i = 0; i < scene->n.fine; i++) {
+    for (uint32_t i = 0; i < scene->n.fine; i++) {
         s->fine_suffix[i] = suffix_of(scene, i);
         s->n_prim[i] = scene->fine[i].n_prim;
     }
@@ -202,9 +196,7 @@ static void symbols_make(saga_symbols *s, const saga_scene *scene)
 
 static void check_fine(const saga_fine *a, const saga_fine *b)
 {
-    int i;
-
-    for (i = 0; i < 3; i++)
+    for (int i = 0; i < 3; i++)
         assert_int_equal(a->x[i], b->x[i]);
     assert_int_equal(a->t, b->t);
     assert_int_equal(a->parent, b->parent);
@@ -215,9 +207,7 @@ static void check_fine(const saga_fine *a, const saga_fine *b)
 
 static void check_coarse(const saga_coarse *a, const saga_coarse *b)
 {
-    int i;
-
-    for (i = 0; i < 3; i++)
+    for (int i = 0; i < 3; i++)
         assert_int_equal(a->cell[i], b->cell[i]);
     assert_int_equal(a->cell_t, b->cell_t);
     assert_int_equal(a->depth_x, b->depth_x);
@@ -234,7 +224,6 @@ static void check_walk(const saga_scene *s, const saga_symbols *symbols)
     saga_nets nets;
     saga_scaffold sc;
     uint8_t *params;
-    uint32_t i;
 
     memset(&c, 0, sizeof c);
     c.coder.residual = zero_residual;
@@ -248,9 +237,9 @@ static void check_walk(const saga_scene *s, const saga_symbols *symbols)
     assert_true(saga_syntax_coarse(&sc, &c.coder));
     assert_true(saga_syntax_fine(&sc, &c.coder));
     assert_true(saga_syntax_prim(&sc, &c.coder));
-    for (i = 0; i < s->n.coarse; i++)
+    for (uint32_t i = 0; i < s->n.coarse; i++)
         check_coarse(&s->coarse[i], &sc.coarse[i]);
-    for (i = 0; i < s->n.fine; i++)
+    for (uint32_t i = 0; i < s->n.fine; i++)
         check_fine(&s->fine[i], &sc.fine[i]);
     free(params);
     saga_scaffold_free(&sc);
@@ -282,7 +271,6 @@ static void check_bytes(const saga_scene *s, const saga_symbols *symbols)
     uint32_t final_range[3];
     uint8_t *bytes;
     size_t n;
-    int net, i;
 
     memset(&h, 0, sizeof h);
     h.model = s->model;
@@ -292,8 +280,8 @@ static void check_bytes(const saga_scene *s, const saga_symbols *symbols)
     h.unit_mantissa = 1;
     saga_nets_layout(&shapes, &s->model);
     recorder_alloc_nets(&nets, &shapes);
-    for (net = 0; net < SAGA_N_NETS; net++)
-        for (i = 0; i < shapes.shape[net].n_layers; i++)
+    for (int net = 0; net < SAGA_N_NETS; net++)
+        for (int i = 0; i < shapes.shape[net].n_layers; i++)
             nets.layer[net][i].step_q16 = 1;
     e = saga_encoder_open(&h, NULL, &nets, &error);
     assert_non_null(e);
@@ -314,10 +302,9 @@ static void check_inside(const saga_scene *s, const real x[4],
                          const saga_coarse *c)
 {
     real cell[4];
-    int i;
 
     saga_scene_cell(cell, c);
-    for (i = 0; i < 4; i++) {
+    for (int i = 0; i < 4; i++) {
         const real half = i < 3 ? saga_scene_half_x(c) : saga_scene_half_t(c);
 
         assert_true(fabs((double)(x[i] - cell[i])) <= (double)half);
@@ -334,20 +321,18 @@ static void check_leaf(const saga_scene *s, uint32_t rank)
     const saga_tier *const l = s->model.tier;
     const int bits = l[SAGA_TIER_COARSE].suffix_bits;
     real cell[4];
-    uint32_t i;
-    int k;
 
     assert_in_range(c->n_fine, 1, l[SAGA_TIER_COARSE].max_children);
     saga_scene_cell(cell, c);
     check_inside(s, s->coarse_x + 4 * rank, c);
-    for (i = c->first_fine; i < c->first_fine + c->n_fine; i++) {
+    for (uint32_t i = c->first_fine; i < c->first_fine + c->n_fine; i++) {
         const real *const x = s->fine_x + 4 * i;
 
         assert_int_equal(s->fine[i].parent, rank);
         assert_in_range(s->fine[i].n_prim, 1,
                         l[SAGA_TIER_FINE].max_children);
         check_inside(s, x, c);
-        for (k = 0; k < 4; k++) {
+        for (int k = 0; k < 4; k++) {
             const double half = (double)(k < 3 ? saga_scene_half_x(c)
                                                : saga_scene_half_t(c));
             const double o = (double)(x[k] - cell[k]) / half;
@@ -370,10 +355,9 @@ static void check_prims(const saga_scene *s, const uint32_t *source,
                         const flat *f)
 {
     uint8_t *const seen = zeroed(f->n, 1);
-    uint32_t rank, i;
 
     assert_int_equal(s->n.prim, f->n);
-    for (rank = 0; rank < s->n.prim; rank++) {
+    for (uint32_t rank = 0; rank < s->n.prim; rank++) {
         const saga_fine *const a = &s->fine[s->prim_fine[rank]];
         const uint32_t at = source[rank];
 
@@ -382,7 +366,7 @@ static void check_prims(const saga_scene *s, const uint32_t *source,
         seen[at] = 1;
         assert_in_range(rank, a->first_prim, a->first_prim + a->n_prim - 1u);
         check_inside(s, s->prim_x + 4 * rank, &s->coarse[a->parent]);
-        for (i = 0; i < 3; i++)
+        for (uint32_t i = 0; i < 3; i++)
             assert_true(s->prim_x[4 * rank + i] ==
                         clamped(f->p.mean[3 * at + i], -1, 1 - 0x1p-23));
         if (saga_is_dynamic(&s->model))
@@ -396,11 +380,11 @@ static void check_scene(const saga_scene *s, const uint32_t *source,
                         const flat *f, const saga_hierarchy_options *o)
 {
     saga_symbols symbols;
-    uint32_t rank, fine = 0;
+    uint32_t fine = 0;
 
     assert_true(s->n.coarse <= o->max_coarse);
     assert_true(s->n.fine <= o->max_fine);
-    for (rank = 0; rank < s->n.coarse; rank++) {
+    for (uint32_t rank = 0; rank < s->n.coarse; rank++) {
         assert_int_equal(s->coarse[rank].first_fine, fine);
         fine += s->coarse[rank].n_fine;
         check_leaf(s, rank);
@@ -477,9 +461,9 @@ static void refuse(const char *why)
 
 static uint32_t max_depth_t(void)
 {
-    uint32_t depth = 0, i;
+    uint32_t depth = 0;
 
-    for (i = 0; i < s.n.coarse; i++)
+    for (uint32_t i = 0; i < s.n.coarse; i++)
         if (s.coarse[i].depth_t > depth)
             depth = s.coarse[i].depth_t;
     return depth;
@@ -489,11 +473,9 @@ static uint32_t max_depth_t(void)
 static double spread(void)
 {
     double sum = 0;
-    uint32_t i;
-    int k;
 
-    for (i = 0; i < s.n.prim; i++)
-        for (k = 0; k < 3; k++) {
+    for (uint32_t i = 0; i < s.n.prim; i++)
+        for (int k = 0; k < 3; k++) {
             const double d = (double)(s.prim_x[4 * i + (uint32_t)k] -
                 s.fine_x[4 * s.prim_fine[i] + (uint32_t)k]);
 
@@ -549,9 +531,9 @@ static void model_vary(saga_model *m, uint64_t *seed)
 TEST(hierarchy_should_be_valid_when_limits_vary)
 {
     uint64_t seed = 7;
-    uint32_t built = 0, round;
+    uint32_t built = 0;
 
-    for (round = 0; round < 300; round++) {
+    for (uint32_t round = 0; round < 300; round++) {
         const uint32_t n = (uint32_t)(1 + uniform(&seed) * 250);
         const uint32_t max_coarse = (uint32_t)(1 + uniform(&seed) * n);
         const uint32_t max_fine = (uint32_t)(1 + uniform(&seed) * n);
@@ -583,17 +565,15 @@ TEST(hierarchy_should_be_valid_when_limits_vary)
  * along x. */
 static void given_moving(int varies)
 {
-    uint32_t i, k;
-
     given(800, 3);
-    for (i = 0; i < f.n; i++) {
+    for (uint32_t i = 0; i < f.n; i++) {
         f.score[i] = 1;
         f.p.log2_width[i] = 3;
         if (i & 1u)
             continue;
         f.p.log2_width[i] = -4;
         f.p.motion[9 * i] = 1;
-        for (k = 0; k < 3; k++)
+        for (uint32_t k = 0; k < 3; k++)
             f.p.mean[3 * i + k] =
                 (real)(-0.7 + 0.1 * (double)f.p.mean[3 * i + k]);
         if (varies)
@@ -607,9 +587,9 @@ static void given_moving(int varies)
  * time; of the still ones only those in octants where nothing moves. */
 static uint32_t n_split(const uint32_t *source, int still)
 {
-    uint32_t n = 0, i;
+    uint32_t n = 0;
 
-    for (i = 0; i < s.n.prim; i++) {
+    for (uint32_t i = 0; i < s.n.prim; i++) {
         const real *const x = s.prim_x + 4 * i;
 
         if (still ? (source[i] & 1u) && (x[1] >= 0 || x[2] >= 0)
@@ -639,10 +619,8 @@ TEST(hierarchy_should_split_time_only_where_it_varies)
 /* A quarter with a time of its own everywhere among what is always seen. */
 TEST(hierarchy_should_not_split_time_for_a_minority)
 {
-    uint32_t i;
-
     given(800, 16);
-    for (i = 0; i < f.n; i++) {
+    for (uint32_t i = 0; i < f.n; i++) {
         f.score[i] = 1;
         f.p.log2_width[i] = i % 4 ? 5 : -4;
     }
@@ -678,8 +656,6 @@ TEST(hierarchy_should_not_split_time_without_width)
 
 TEST(hierarchy_should_take_degenerate_inputs)
 {
-    uint32_t i;
-
     given(1, 5);
     limit(ALL_TOOLS, 50, 300);
     build();
@@ -688,7 +664,7 @@ TEST(hierarchy_should_take_degenerate_inputs)
 
     /* All at one point, all of no importance: one full leaf. */
     given(160, 6);
-    for (i = 0; i < f.n; i++) {
+    for (uint32_t i = 0; i < f.n; i++) {
         memset(f.p.mean + 3 * i, 0, 3 * sizeof *f.p.mean);
         f.p.t_centre[i] = R(0.3);
         f.score[i] = 0;
@@ -699,7 +675,7 @@ TEST(hierarchy_should_take_degenerate_inputs)
 
     /* On a plane. */
     given(1000, 7);
-    for (i = 0; i < f.n; i++)
+    for (uint32_t i = 0; i < f.n; i++)
         f.p.mean[3 * i + 1] = R(0.125);
     build();
 }
@@ -707,12 +683,10 @@ TEST(hierarchy_should_take_degenerate_inputs)
 /* Two crowds alike in everything but their scores, in one leaf each. */
 TEST(hierarchy_should_give_anchors_to_what_matters)
 {
-    uint32_t i, k;
-
     given(120, 14);
-    for (i = 0; i < f.n; i++) {
+    for (uint32_t i = 0; i < f.n; i++) {
         f.score[i] = i & 1u ? 9 : 1;
-        for (k = 0; k < 3; k++)
+        for (uint32_t k = 0; k < 3; k++)
             f.p.mean[3 * i + k] =
                 i & 1u ? -f.p.mean[3 * (i - 1) + k]
                        : (real)(-0.5 + 0.4 * (double)f.p.mean[3 * i + k]);
@@ -734,13 +708,11 @@ TEST(hierarchy_should_give_anchors_to_what_matters)
  * where ten crowd: two go elsewhere. */
 TEST(hierarchy_should_find_crowds_with_medoids)
 {
-    uint32_t i, k;
-
     given(50, 15);
-    for (i = 0; i < f.n; i++) {
+    for (uint32_t i = 0; i < f.n; i++) {
         const uint32_t crowd = i % 5;
 
-        for (k = 0; k < 3; k++)
+        for (uint32_t k = 0; k < 3; k++)
             f.p.mean[3 * i + k] =
                 (real)(0.2 + 0.15 * crowd +
                        0.02 * (double)f.p.mean[3 * i + k]);
@@ -749,12 +721,12 @@ TEST(hierarchy_should_find_crowds_with_medoids)
     build();
     assert_int_equal(s.n.fine, 5);
     assert_true(spread() < 0.03);
-    for (i = 0; i < 5; i++)
+    for (uint32_t i = 0; i < 5; i++)
         assert_int_equal(s.fine[i].n_prim, 10);
     u.o.max_fine = 7;
     u.model.tier[SAGA_TIER_FINE].max_children = 8;
     build();
-    for (i = 0; i < 7; i++)
+    for (uint32_t i = 0; i < 7; i++)
         assert_in_range(s.fine[i].n_prim, 1, 8);
 }
 
@@ -763,10 +735,9 @@ TEST(hierarchy_should_clamp_what_is_outside)
 {
     static const double values[6] = { -1, 1, -1e30, 1e30, 1.5, 0 };
     static const double times[6] = { 0, 1, -3, 7, 0.5, 1e30 };
-    uint32_t i;
 
     given(216, 8);
-    for (i = 0; i < f.n; i++) {
+    for (uint32_t i = 0; i < f.n; i++) {
         f.p.mean[3 * i] = (real)values[i % 6];
         f.p.mean[3 * i + 1] = (real)values[i / 6 % 6];
         f.p.mean[3 * i + 2] = (real)values[i / 36];
@@ -782,14 +753,12 @@ TEST(hierarchy_should_clamp_what_is_outside)
 /* Crowds that only the deepest cells, or time, can part. */
 TEST(hierarchy_should_split_further_when_too_many)
 {
-    uint32_t i;
-
     given(300, 9);
     limit(ALL_TOOLS, 20, 300);
-    for (i = 0; i < f.n; i++)
+    for (uint32_t i = 0; i < f.n; i++)
         memset(f.p.mean + 3 * i, 0, 3 * sizeof *f.p.mean);
     /* Seen all the time, so no choice of time's: it has to be. */
-    for (i = 0; i < f.n; i++)
+    for (uint32_t i = 0; i < f.n; i++)
         f.p.log2_width[i] = 10;
     build();
     assert_true(max_depth_t() > 0);
@@ -797,7 +766,7 @@ TEST(hierarchy_should_split_further_when_too_many)
     limit(SAGA_TOOL_VIEW, 20, 300);
     refuse("primitive 0: too many share its deepest cell");
 
-    for (i = 0; i < f.n; i++)
+    for (uint32_t i = 0; i < f.n; i++)
         f.p.mean[3 * i] = (real)(0.5 + (i & 1u) * 0x1p-15);
     build();
     assert_int_equal(s.n.coarse, 2);
@@ -806,14 +775,14 @@ TEST(hierarchy_should_split_further_when_too_many)
 
 TEST(hierarchy_should_refuse_when_budgets_are_short)
 {
-    uint32_t octant[8] = { 0 }, need = 0, i;
+    uint32_t octant[8] = { 0 }, need = 0;
     char text[SAGA_MESSAGE_NBYTES];
 
     given(1000, 10);
-    for (i = 0; i < f.n; i++)
+    for (uint32_t i = 0; i < f.n; i++)
         octant[(f.p.mean[3 * i] >= 0) * 4 + (f.p.mean[3 * i + 1] >= 0) * 2 +
                (f.p.mean[3 * i + 2] >= 0)]++;
-    for (i = 0; i < 8; i++)
+    for (uint32_t i = 0; i < 8; i++)
         need += (octant[i] + 9) / 10;
     snprintf(text, sizeof text, "%u fine anchors are needed, the budget is 99",
              (unsigned)need);
@@ -892,10 +861,9 @@ TEST(hierarchy_should_be_quick_when_large)
 {
     enum { N = 20000 };
     uint32_t *const source = zeroed(N, sizeof *source);
-    int round;
 
     given(N, 13);
-    for (round = 0; round < 2; round++) {
+    for (int round = 0; round < 2; round++) {
         saga_error error;
         clock_t begin;
         double seconds;

@@ -15,16 +15,14 @@ static const double centres[2][3] = { { 2.0, 0.3, -1.0 }, { -1.5, 1.0, 2.0 } };
 /* no_fuse: bit SAGA_TIER_*, a tier whose features are not fused. */
 static void make_model(saga_model *m, uint32_t tools, uint32_t no_fuse)
 {
-    int i;
-
     memset(m, 0, sizeof *m);
     m->tools = tools;
     m->features = 6;
     m->octaves = 2;
     m->lambda_t_q8 = 256;
-    for (i = 0; i < SAGA_N_KINDS; i++)
+    for (int i = 0; i < SAGA_N_KINDS; i++)
         m->sources[i] = SAGA_SOURCE_HYPER;
-    for (i = 0; i < SAGA_N_TIERS; i++) {
+    for (int i = 0; i < SAGA_N_TIERS; i++) {
         m->tier[i].n_groups = 2;
         m->tier[i].window = 8;
         m->tier[i].neighbours = 4;
@@ -33,11 +31,11 @@ static void make_model(saga_model *m, uint32_t tools, uint32_t no_fuse)
         m->tier[i].radius2_q12 = 65535;
         m->tier[i].softmax_q8 = 739;
     }
-    for (i = 0; i < SAGA_N_NETS; i++) {
+    for (int i = 0; i < SAGA_N_NETS; i++) {
         m->width[i] = 8;
         m->q_in[i] = 12;
     }
-    for (i = 0; i < SAGA_N_TIERS; i++)
+    for (int i = 0; i < SAGA_N_TIERS; i++)
         if (no_fuse >> i & 1u)
             m->width[saga_fuse_net(i)] = 0;
 }
@@ -50,40 +48,36 @@ static void make_scene(saga_scene *s, uint32_t tools, uint32_t no_fuse)
     const saga_rng r = saga_rng_stream(5, 0);
     saga_model m;
     uint64_t k = 0;
-    uint32_t i;
 
     make_model(&m, tools, no_fuse);
     assert_true(saga_scene_init(s, &m, n, 3, 77, &error));
-    for (i = 0; i < 2; i++) {
+    for (uint32_t i = 0; i < 2; i++) {
         s->coarse[i].depth_x = 1;
         s->coarse[i].cell[0] = (uint16_t)i;
         s->coarse[i].n_fine = (uint8_t)(i ? 2 : 3);
         s->coarse[i].first_fine = i ? 3 : 0;
         saga_scene_cell(s->coarse_x + 4 * i, &s->coarse[i]);
     }
-    for (i = 0; i < N_FINE; i++) {
+    for (uint32_t i = 0; i < N_FINE; i++) {
         real c[4];
-        int a;
 
         s->fine[i].parent = i >= 3;
         saga_scene_cell(c, &s->coarse[i >= 3]);
-        for (a = 0; a < 4; a++)
+        for (int a = 0; a < 4; a++)
             s->fine_x[4 * i + (uint32_t)a] =
                 c[a] + 0.2 * (saga_rng_double(r, k++) - 0.5);
     }
-    for (i = 0; i < N_PRIM; i++) {
-        int a;
-
+    for (uint32_t i = 0; i < N_PRIM; i++) {
         s->prim_fine[i] = i * N_FINE / N_PRIM;
-        for (a = 0; a < 4; a++)
+        for (int a = 0; a < 4; a++)
             s->prim_x[4 * i + (uint32_t)a] =
                 s->fine_x[4 * s->prim_fine[i] + (uint32_t)a] +
                 0.1 * (saga_rng_double(r, k++) - 0.5);
     }
-    for (i = 0; i < 2u * m.features; i++)
+    for (uint32_t i = 0; i < 2u * m.features; i++)
         s->coarse_feature[i] = saga_rng_normal(r, k++);
     /* Biases away from 0, colours away from the clamp. */
-    for (i = 0; i < s->n_reals - (size_t)(s->params - s->reals); i++)
+    for (uint32_t i = 0; i < s->n_reals - (size_t)(s->params - s->reals); i++)
         s->params[i] = 0.5 * s->params[i] + 0.05 * saga_rng_normal(r, k++);
 }
 
@@ -121,10 +115,9 @@ static real clean[4 * N_PRIM];
 static void shift(saga_twin *w, saga_scene *s)
 {
     const saga_rng r = saga_rng_stream(13, 0);
-    size_t i;
 
     saga_twin_geometry(w, s, s->coarse_feature);
-    for (i = 0; i < 4 * N_PRIM; i++) {
+    for (size_t i = 0; i < 4 * N_PRIM; i++) {
         w->prim_shift[i] = (saga_rng_double(r, i) - 0.5) *
                            w->support[4 * s->prim_fine[i / 4] + i % 4];
         s->prim_x[i] = clean[i] + w->prim_shift[i];
@@ -135,11 +128,10 @@ static double forward(saga_twin *w, saga_scene *s)
 {
     real *const in = w->batch[SAGA_NET_COLOUR_VIEW].in;
     double sum = 0;
-    int view;
 
     shift(w, s);
     saga_twin_geometry(w, s, s->coarse_feature);
-    for (view = 0; view < 2; view++) {
+    for (int view = 0; view < 2; view++) {
         if (s->model.tools & SAGA_TOOL_VIEW)
             memcpy(in, directions[view], sizeof directions[view]);
         saga_twin_colour(w, s, NULL);
@@ -153,15 +145,14 @@ static double forward(saga_twin *w, saga_scene *s)
 static void check_directions(const saga_twin *w, const real *centre)
 {
     const saga_splat_params *const p = &w->attr;
-    int i, k;
 
-    for (i = 0; i < N_PRIM; i++) {
+    for (int i = 0; i < N_PRIM; i++) {
         const double width = p->log2_width ? exp2(p->log2_width[i]) : 0.5;
         const double dt = 0.5 - (p->t_centre ? p->t_centre[i] : 0);
         const double age = fmin(fmax(dt / fmin(width, 0.5), -4), 4);
         double v[3], n = 0;
 
-        for (k = 0; k < 3; k++) {
+        for (int k = 0; k < 3; k++) {
             const real *const b = p->motion ? p->motion + 9 * i + k : NULL;
 
             v[k] = p->mean[3 * i + k] - centre[k];
@@ -170,7 +161,7 @@ static void check_directions(const saga_twin *w, const real *centre)
                         (b[0] * age + b[3] * age * age + b[6] * pow(age, 3));
             n += v[k] * v[k];
         }
-        for (k = 0; k < 3; k++)
+        for (int k = 0; k < 3; k++)
             assert_true(fabs(w->batch[SAGA_NET_COLOUR_VIEW].in[3 * i + k] -
                              v[k] / sqrt(n)) < 1e-12);
     }
@@ -178,13 +169,11 @@ static void check_directions(const saga_twin *w, const real *centre)
 
 static void gradient(saga_twin *w, saga_scene *d, saga_scene *s)
 {
-    int view;
-
     memcpy(clean, s->prim_x, sizeof clean);
     shift(w, s);
     saga_twin_geometry(w, s, s->coarse_feature);
     saga_twin_clear(w, s);
-    for (view = 0; view < 2; view++) {
+    for (int view = 0; view < 2; view++) {
         saga_twin_colour(w, s, centres[view]);
         if (s->model.tools & SAGA_TOOL_VIEW) {
             check_directions(w, centres[view]);
@@ -203,9 +192,9 @@ static void check_range(saga_twin *w, saga_scene *s, const saga_scene *d,
                         real *at, size_t n, size_t stride)
 {
     const double h = 1e-6;
-    size_t i, wrong = 0, tried = 0;
+    size_t wrong = 0, tried = 0;
 
-    for (i = 0; i < n; i += stride) {
+    for (size_t i = 0; i < n; i += stride) {
         const size_t k = (size_t)(at - s->reals) + i;
         const double x = s->reals[k];
         double up, down, want;
@@ -260,9 +249,7 @@ TEST(twin_gradients_should_match_differences_without_tools)
 
 TEST(twin_gradients_should_match_differences_without_fuse)
 {
-    uint32_t no_fuse;
-
-    for (no_fuse = 1; no_fuse < 4; no_fuse++)
+    for (uint32_t no_fuse = 1; no_fuse < 4; no_fuse++)
         run_gradient(SAGA_TOOLS_PICTURE, no_fuse, false);
 }
 
@@ -275,13 +262,12 @@ TEST(motion_should_end_where_its_format_does)
     saga_error error = { "" };
     saga_scene s, d;
     saga_twin w;
-    int sign;
 
     make_scene(&s, SAGA_TOOLS_PICTURE, 0);
     assert_true(saga_scene_init(&d, &s.model, s.n, 3, 0, &error));
     assert_true(saga_twin_init(&w, &s, &error));
     saga_model_rows(rows, &s.model);
-    for (sign = -1; sign <= 1; sign += 2) {
+    for (int sign = -1; sign <= 1; sign += 2) {
         const uint32_t row = rows[SAGA_OUT_MOTION1].first + 1u;
         const real *const d_out = w.batch[SAGA_NET_GEO].d_out;
 

@@ -22,7 +22,6 @@ static fixture *new_fixture(size_t n, int width, int height, uint64_t seed,
 {
     fixture *const f = calloc(1, sizeof *f);
     const saga_rng r = saga_rng_stream(seed, 1u << 30);
-    size_t i;
 
     f->n = n;
     f->plane = (size_t)width * (size_t)height;
@@ -32,7 +31,7 @@ static fixture *new_fixture(size_t n, int width, int height, uint64_t seed,
     assert_true(saga_canvas_init(&f->c, f->plane, &error));
     f->c.camera = scene_camera(width, height, 0.1);
     f->c.t = 0.5;
-    for (i = 0; i < 3 * f->plane; i++)
+    for (size_t i = 0; i < 3 * f->plane; i++)
         f->c.d_image[i] = scene_uniform(r, i, -1, 1);
     return f;
 }
@@ -58,9 +57,7 @@ static void backward(fixture *f, saga_splat_stats *stats)
 
 static int all_finite(const real *x, size_t n)
 {
-    size_t i;
-
-    for (i = 0; i < n; i++)
+    for (size_t i = 0; i < n; i++)
         if (!isfinite(x[i]))
             return 0;
     return 1;
@@ -70,18 +67,15 @@ static int all_finite(const real *x, size_t n)
 
 static void widen(double *to, const real *from, size_t n)
 {
-    size_t i;
-
-    for (i = 0; i < n; i++)
+    for (size_t i = 0; i < n; i++)
         to[i] = (double)from[i];
 }
 
 static ref_primitive *ref_primitives(const fixture *f)
 {
     ref_primitive *const r = malloc((f->n + 1) * sizeof *r);
-    size_t i;
 
-    for (i = 0; i < f->n; i++) {
+    for (size_t i = 0; i < f->n; i++) {
         widen(r[i].mean, f->p.mean + 3 * i, 3);
         widen(r[i].quat, f->p.quat + 4 * i, 4);
         widen(r[i].log2_scale, f->p.log2_scale + 3 * i, 3);
@@ -125,16 +119,15 @@ static double error_to_book(fixture *f, double unsure)
     double *const image = malloc(3 * f->plane * sizeof *image);
     uint8_t *const skip = malloc(f->plane);
     double worst = 0;
-    size_t i, n_skipped = 0;
-    int c;
+    size_t n_skipped = 0;
 
     forward(f);
     ref_splats_draw(image, skip, r, f->n, (double)f->c.t, &cam, 2e-4);
-    for (i = 0; i < f->plane; i++)
+    for (size_t i = 0; i < f->plane; i++)
         if (skip[i])
             n_skipped++;
         else
-            for (c = 0; c < 3; c++) {
+            for (int c = 0; c < 3; c++) {
                 const size_t at = i + (size_t)c * f->plane;
 
                 worst = fmax(worst, fabs((double)f->c.image[at] - image[at]));
@@ -153,9 +146,8 @@ TEST(splat_should_draw_the_norms_picture)
 {
     static const int size[4][2] = { { 160, 90 }, { 37, 29 }, { 16, 16 },
                                     { 1, 1 } };
-    int i;
 
-    for (i = 0; i < 4; i++) {
+    for (int i = 0; i < 4; i++) {
         fixture *const f = new_fixture(600, size[i][0], size[i][1],
                                        10 + (uint64_t)i, 2.5);
 
@@ -168,9 +160,8 @@ TEST(splat_should_draw_the_norms_picture)
 TEST(splat_should_draw_needles)
 {
     fixture *const f = new_fixture(200, 203, 147, 20, 2);
-    size_t i;
 
-    for (i = 0; i < f->n; i++) {
+    for (size_t i = 0; i < f->n; i++) {
         f->p.log2_scale[3 * i] = (real)(i % 10) - 5;
         f->p.log2_scale[3 * i + 1] = -12;
         f->p.log2_scale[3 * i + 2] = -12;
@@ -182,9 +173,8 @@ TEST(splat_should_draw_needles)
 TEST(splat_should_draw_opaque_and_huge)
 {
     fixture *const f = new_fixture(60, 61, 67, 21, 3);
-    size_t i;
 
-    for (i = 0; i < f->n; i++) {
+    for (size_t i = 0; i < f->n; i++) {
         f->p.opacity[i] = (real)(i % 3) * 30 - 20;
         if (i % 7 == 0)
             f->p.log2_scale[3 * i] = f->p.log2_scale[3 * i + 1] = 8;
@@ -202,10 +192,9 @@ TEST(splat_should_not_depend_on_threads)
     const size_t n_image = 3 * f->plane;
     real *const kept = calloc(n_image + n_grad + 3 * f->n, sizeof *kept);
     real *const st = calloc(3 * f->n, sizeof *st);
-    int threads;
 
     saga_set_least_work(0);
-    for (threads = 1; threads <= 3; threads++) {
+    for (int threads = 1; threads <= 3; threads++) {
         saga_splat_stats s = { st, st + f->n,
                                (uint32_t *)(void *)(st + 2 * f->n) };
 
@@ -239,21 +228,21 @@ TEST(splat_stats_should_add_up)
     uint32_t *const seen = calloc(f->n, sizeof *seen);
     saga_splat_stats s = { st, st + f->n, seen };
     double weight = 0, left = 0;
-    size_t i, n_seen = 0;
+    size_t n_seen = 0;
 
     memset(f->p.colour, 0, 3 * f->n * sizeof(real));
-    for (i = 0; i < 3; i++)
+    for (size_t i = 0; i < 3; i++)
         f->c.camera.background[i] = 1;
     forward(f);
     backward(f, &s);
     backward(f, &s);
-    for (i = 0; i < f->n; i++) {
+    for (size_t i = 0; i < f->n; i++) {
         weight += (double)s.weight[i];
         n_seen += seen[i];
         assert_true((seen[i] == 0) == (f->c.splat.extent[i] == 0));
         assert_true(seen[i] != 0 || s.grad2d[i] == 0);
     }
-    for (i = 0; i < f->plane; i++)
+    for (size_t i = 0; i < f->plane; i++)
         left += 1 - (double)f->c.image[i];
     assert_true(fabs(weight / 2 - left) < 1e-4 * left);
     assert_int_equal(n_seen, 2 * f->c.splat.n_visible);
@@ -267,11 +256,10 @@ TEST(splat_stats_should_add_up)
 TEST(splat_should_draw_background_when_empty)
 {
     fixture *const f = new_fixture(0, 40, 30, 50, 2);
-    size_t i;
 
     forward(f);
     backward(f, NULL);
-    for (i = 0; i < f->plane; i++) {
+    for (size_t i = 0; i < f->plane; i++) {
         assert_true(f->c.image[i] == f->c.camera.background[0]);
         assert_true(f->c.image[2 * f->plane + i] ==
                     f->c.camera.background[2]);
@@ -282,16 +270,14 @@ TEST(splat_should_draw_background_when_empty)
 /* Makes primitive i a plain one, seen by the camera. */
 static void plain(fixture *f, size_t i)
 {
-    size_t a;
-
-    for (a = 0; a < 3; a++) {
+    for (size_t a = 0; a < 3; a++) {
         f->p.mean[3 * i + a] = 0;
         f->p.log2_scale[3 * i + a] = -3;
         f->p.support[3 * i + a] = 1;
     }
-    for (a = 0; a < 4; a++)
+    for (size_t a = 0; a < 4; a++)
         f->p.quat[4 * i + a] = f->p.slope[4 * i + a] = 0;
-    for (a = 0; a < 9; a++)
+    for (size_t a = 0; a < 9; a++)
         f->p.motion[9 * i + a] = 0;
     f->p.quat[4 * i] = 1;
     f->p.opacity[i] = 1;
@@ -345,9 +331,8 @@ static const struct hard_case {
 TEST(splat_should_survive_hard_cases)
 {
     const size_t n = sizeof hard_cases / sizeof *hard_cases;
-    size_t k;
 
-    for (k = 0; k < n; k++) {
+    for (size_t k = 0; k < n; k++) {
         const struct hard_case *const c = hard_cases + k;
         fixture *const f = new_fixture(1, 40, 30, 60, 2);
 
@@ -371,10 +356,9 @@ TEST(splat_should_survive_hard_cases)
 TEST(splat_should_break_ties_by_index)
 {
     fixture *const f = new_fixture(2, 16, 16, 70, 2);
-    int i;
 
     f->c.camera = scene_camera(16, 16, 0);
-    for (i = 0; i < 2; i++) {
+    for (int i = 0; i < 2; i++) {
         plain(f, (size_t)i);
         f->p.opacity[i] = 20;
         f->p.colour[3 * i] = (real)i;

@@ -25,10 +25,9 @@ typedef struct {
 static real loss(fixture *f)
 {
     real sum = 0;
-    size_t i;
 
     assert_true(saga_splat_forward(&f->c, &f->p, N, &error));
-    for (i = 0; i < 3 * PIXELS; i++)
+    for (size_t i = 0; i < 3 * PIXELS; i++)
         sum += f->c.d_image[i] * f->c.image[i];
     return sum;
 }
@@ -37,7 +36,6 @@ static fixture *new_fixture(uint64_t seed)
 {
     fixture *const f = calloc(1, sizeof *f);
     const saga_rng r = saga_rng_stream(seed, 1u << 20);
-    size_t i;
 
     f->p = scene_alloc(N);
     f->d = scene_alloc(N);
@@ -47,7 +45,7 @@ static fixture *new_fixture(uint64_t seed)
     f->c.rules.cut = 60;
     f->c.rules.t_floor = 0;
     f->c.t = 0.4;
-    for (i = 0; i < 3 * PIXELS; i++)
+    for (size_t i = 0; i < 3 * PIXELS; i++)
         f->c.d_image[i] = scene_uniform(r, i, -1, 1);
     return f;
 }
@@ -67,11 +65,10 @@ static double check_tensor(fixture *f, int k)
     const real *const d = f->d.of[k];
     const size_t n = N * (size_t)saga_attributes[k].width;
     double top = 0, worst = 0;
-    size_t i;
 
-    for (i = 0; i < n; i++)
+    for (size_t i = 0; i < n; i++)
         top = fmax(top, fabs(d[i]));
-    for (i = 0; i < n; i++) {
+    for (size_t i = 0; i < n; i++) {
         const real old = x[i];
         double slope;
 
@@ -92,20 +89,17 @@ static double check_tensor(fixture *f, int k)
 static void check(fixture *f)
 {
     double worst = 0;
-    int k;
 
     loss(f);
     assert_true(saga_splat_backward(&f->d, NULL, &f->c, &f->p, &error));
-    for (k = 0; k < SAGA_N_ATTRS; k++)
+    for (int k = 0; k < SAGA_N_ATTRS; k++)
         worst = fmax(worst, check_tensor(f, k));
     assert_true(worst < TOLERANCE);
 }
 
 TEST(splat_gradient_should_match_differences)
 {
-    uint64_t seed;
-
-    for (seed = 1; seed <= 2; seed++) {
+    for (uint64_t seed = 1; seed <= 2; seed++) {
         fixture *const f = new_fixture(seed);
 
         check(f);
@@ -118,9 +112,8 @@ TEST(splat_gradient_should_match_differences)
 TEST(splat_gradient_should_match_when_extreme)
 {
     fixture *const f = new_fixture(3);
-    size_t i;
 
-    for (i = 0; i < N; i++) {
+    for (size_t i = 0; i < N; i++) {
         if (i % 4 == 0)
             f->p.opacity[i] = 12;
         if (i % 4 == 1) {
@@ -154,13 +147,12 @@ TEST(splat_gradient_should_match_where_it_is_steep)
 TEST(splat_gradient_should_skip_time_when_detached)
 {
     fixture *const f = new_fixture(4);
-    size_t i;
 
     f->c.rules.detach_time = 1;
     f->p.log2_width = NULL;
     loss(f);
     assert_true(saga_splat_backward(&f->d, NULL, &f->c, &f->p, &error));
-    for (i = 0; i < N; i++)
+    for (size_t i = 0; i < N; i++)
         assert_true(f->d.t_centre[i] == 0);
     assert_true(check_tensor(f, SAGA_ATTR_MOTION) < TOLERANCE);
     free_fixture(f);
@@ -174,7 +166,6 @@ TEST(splat_gradient_should_match_in_a_crowd)
     saga_splat_params p = scene_alloc(CROWD), d = scene_alloc(CROWD);
     fixture f = { .p = p, .d = d };
     const saga_rng r = saga_rng_stream(6, 6);
-    size_t i, k;
 
     scene_random(&p, CROWD, 6, 40);
     assert_true(saga_canvas_init(&f.c, SIDE * SIDE, &error));
@@ -182,19 +173,19 @@ TEST(splat_gradient_should_match_in_a_crowd)
     f.c.rules.cut = 60;
     f.c.rules.t_floor = 0;
     f.c.t = 0.4;
-    for (i = 0; i < CROWD; i++) {
+    for (size_t i = 0; i < CROWD; i++) {
         p.opacity[i] = -7;
         p.log2_width[i] = 3;
     }
-    for (i = 0; i < 3 * SIDE * SIDE; i++)
+    for (size_t i = 0; i < 3 * SIDE * SIDE; i++)
         f.c.d_image[i] = scene_uniform(r, i, -1, 1);
     assert_true(saga_splat_forward(&f.c, &p, CROWD, &error));
     assert_true(saga_splat_backward(&d, NULL, &f.c, &p, &error));
     assert_true(f.c.splat.n_pairs > 200);
-    for (i = 0; i < CROWD; i++) {
+    for (size_t i = 0; i < CROWD; i++) {
         double slope[2];
 
-        for (k = 0; k < 2; k++) {
+        for (size_t k = 0; k < 2; k++) {
             size_t j;
 
             p.opacity[i] = -7 + (k ? -STEP : STEP);
@@ -218,12 +209,11 @@ TEST(learn_should_match_backward_of_the_squared_error)
     saga_splat_params twin = scene_alloc(N);
     saga_splat_learning l = { .d = twin };
     double mse = 0;
-    size_t i;
 
-    for (i = 0; i < 3 * PIXELS; i++)
+    for (size_t i = 0; i < 3 * PIXELS; i++)
         f->c.truth[i] = f->c.d_image[i];
     assert_true(saga_splat_forward(&f->c, &f->p, N, &error));
-    for (i = 0; i < 3 * PIXELS; i++) {
+    for (size_t i = 0; i < 3 * PIXELS; i++) {
         const double e = f->c.image[i] - f->c.truth[i];
 
         mse += e * e / (3 * PIXELS);
@@ -234,7 +224,7 @@ TEST(learn_should_match_backward_of_the_squared_error)
     memset(f->c.d_image, 0, 3 * PIXELS * sizeof(real));
     assert_true(saga_splat_learn(&l, &f->c, &f->p, N, &error));
     assert_true(fabs(l.mse / mse - 1) < 1e-12);
-    for (i = 0; i < scene_reals(N); i++)
+    for (size_t i = 0; i < scene_reals(N); i++)
         assert_true(fabs(twin.mean[i] - f->d.mean[i]) <
                     1e-12 + 1e-9 * fabs(f->d.mean[i]));
     saga_params_free(&twin);

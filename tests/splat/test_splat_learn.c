@@ -50,14 +50,13 @@ static void draw(fit *f, const saga_splat_params *p, int view)
 static void draw_targets(fit *f)
 {
     saga_splat_params p = scene_alloc(N);
-    int i;
 
     scene_random(&p, N, 101, 3);
-    for (i = 0; i < N; i++) {
+    for (int i = 0; i < N; i++) {
         p.opacity[i] -= R(0.5);
         p.log2_width[i] += 1;
     }
-    for (i = 0; i < VIEWS; i++) {
+    for (int i = 0; i < VIEWS; i++) {
         draw(f, &p, i);
         memcpy(f->target[i], f->c.image, sizeof f->target[i]);
     }
@@ -67,7 +66,6 @@ static void draw_targets(fit *f)
 static fit *new_fit(void)
 {
     fit *const f = calloc(1, sizeof *f);
-    int i;
 
     assert_true(saga_canvas_init(&f->c, PLANE, &error));
     f->p = scene_alloc(N);
@@ -76,9 +74,9 @@ static fit *new_fit(void)
     f->v = scene_alloc(N);
     draw_targets(f);
     scene_random(&f->p, N, 102, 3);
-    for (i = 0; i < 3 * N; i++)
+    for (int i = 0; i < 3 * N; i++)
         f->p.colour[i] = 0.5f;
-    for (i = 0; i < N; i++) {
+    for (int i = 0; i < N; i++) {
         f->p.opacity[i] = R(-0.9);
         f->p.log2_width[i] = 1;
         f->p.t_centre[i] = 0.5f;
@@ -129,25 +127,23 @@ static void adam_step(fit *f, uint64_t step)
     };
     const saga_adam adam = saga_adam_default();
     saga_adam_tensor t[SAGA_N_ATTRS];
-    int k;
 
-    for (k = 0; k < SAGA_N_ATTRS; k++)
+    for (int k = 0; k < SAGA_N_ATTRS; k++)
         t[k] = (saga_adam_tensor){
             saga_attributes[k].name, f->p.of[k], f->d.of[k],
             f->m.of[k], f->v.of[k],
             N * (size_t)saga_attributes[k].width, rate[k]
         };
     assert_true(saga_adam_update(&adam, t, SAGA_N_ATTRS, step, &error));
-    for (k = 0; k < 3 * N; k++)
+    for (int k = 0; k < 3 * N; k++)
         f->p.colour[k] = saga_clamp(f->p.colour[k], 0, 1);
 }
 
 static void train(fit *f, int from, int to)
 {
     const saga_rng r = saga_rng_stream(7, 7);
-    int step;
 
-    for (step = from; step < to; step++) {
+    for (int step = from; step < to; step++) {
         int view = (int)saga_rng_below(r, (uint64_t)step, VIEWS - TIMES);
 
         if (view / TIMES >= 4)
@@ -161,9 +157,9 @@ static void train(fit *f, int from, int to)
 static double mean_psnr(fit *f, int held_out)
 {
     double mse = 0;
-    int i, n = 0;
+    int n = 0;
 
-    for (i = 0; i < VIEWS; i++)
+    for (int i = 0; i < VIEWS; i++)
         if (is_held_out(i) == held_out) {
             mse += measure(f, i);
             n++;
@@ -175,12 +171,11 @@ TEST(fit_should_learn)
 {
     fit *const f = new_fit();
     double before[2], after[2];
-    int i;
 
-    for (i = 0; i < 2; i++)
+    for (int i = 0; i < 2; i++)
         before[i] = mean_psnr(f, i);
     train(f, 0, STEPS);
-    for (i = 0; i < 2; i++) {
+    for (int i = 0; i < 2; i++) {
         after[i] = mean_psnr(f, i);
         printf("  %s: PSNR %.2f -> %.2f dB\n", i ? "held out" : "trained",
                before[i], after[i]);

@@ -32,9 +32,8 @@ static int16_t to_int16(real x, double scale)
 static saga_primitive round_primitive(saga_splat_params *p, size_t i)
 {
     saga_primitive o;
-    size_t a;
 
-    for (a = 0; a < 3; a++) {
+    for (size_t a = 0; a < 3; a++) {
         real *const x = p->mean + 3 * i + a, *const s = p->support + 3 * i + a;
         real *const l = p->log2_scale + 3 * i + a;
 
@@ -45,11 +44,11 @@ static saga_primitive round_primitive(saga_splat_params *p, size_t i)
         *s = (real)o.support[a];
         *l = (real)o.log2_scale_q10[a] / 1024;
     }
-    for (a = 0; a < 9; a++) {
+    for (size_t a = 0; a < 9; a++) {
         o.motion[a] = to_int16(p->motion[9 * i + a], 1 << Q_MOTION);
         p->motion[9 * i + a] = (real)o.motion[a] / (1 << Q_MOTION);
     }
-    for (a = 0; a < 4; a++) {
+    for (size_t a = 0; a < 4; a++) {
         o.quat[a] = to_int16(p->quat[4 * i + a], 1 << Q_QUAT);
         o.slope[a] = to_int16(p->slope[4 * i + a], 1 << Q_QUAT);
         p->quat[4 * i + a] = (real)o.quat[a] / (1 << Q_QUAT);
@@ -67,20 +66,19 @@ static saga_primitive round_primitive(saga_splat_params *p, size_t i)
 static saga_camera round_camera(saga_splat_camera *cam)
 {
     saga_camera c;
-    int i;
 
-    for (i = 0; i < 9; i++) {
+    for (int i = 0; i < 9; i++) {
         c.rotation_q30[i] = (int32_t)lround((double)cam->rotation[i] *
                                             1073741824.0);
         cam->rotation[i] = (real)(c.rotation_q30[i] / 1073741824.0);
     }
-    for (i = 0; i < 3; i++) {
+    for (int i = 0; i < 3; i++) {
         c.centre[i] = (int32_t)lround((double)cam->centre[i] * UNIT);
         c.background_q15[i] = (uint16_t)lround((double)cam->background[i] *
                                                32768);
         cam->centre[i] = (real)c.centre[i];
     }
-    for (i = 0; i < 2; i++) {
+    for (int i = 0; i < 2; i++) {
         c.focal_q16[i] = (int32_t)lround((double)cam->focal[i] * 65536);
         c.principal_q16[i] = (int32_t)lround((double)cam->principal[i] *
                                              65536);
@@ -111,16 +109,15 @@ static void draw_integers(uint16_t *rgb, const saga_primitive *prim,
     saga_job job = { .x1 = cam->width, .y1 = cam->height, .tile = 16,
                      .list_capacity = LIST, .scratch = malloc(nbytes),
                      .scratch_nbytes = nbytes };
-    uint32_t i, m = 0;
-    int a;
+    uint32_t m = 0;
 
-    for (i = 0; i < n; i++) {
+    for (uint32_t i = 0; i < n; i++) {
         saga_animated moved;
 
         saga_animate(&moved, prim + i, &format, TIME);
         if (!saga_project(s + i, &moved, cam, tools))
             continue;
-        for (a = 0; a < 3; a++)
+        for (int a = 0; a < 3; a++)
             s[i].colour_q15[a] = (uint16_t)lround(
                 (double)p->colour[3 * i + (uint32_t)a] * 32768);
         keys[m++] = (saga_key){ s[i].depth, i };
@@ -148,10 +145,9 @@ static double compare(uint32_t n, int width, int height, uint64_t seed,
     saga_canvas canvas;
     saga_camera camera;
     double mse = 0, worst = 0;
-    size_t i, c;
 
     scene_random(&p, n, seed, px);
-    for (i = 0; i < n; i++) {
+    for (size_t i = 0; i < n; i++) {
         p.log2_scale[3 * i] += (real)stretch;
         prim[i] = round_primitive(&p, i);
     }
@@ -166,8 +162,8 @@ static double compare(uint32_t n, int width, int height, uint64_t seed,
     canvas.t = TIME / 65536.0f;
     canvas.rules.square = is_steep ? R(0.5) : 0;
     assert_true(saga_splat_forward(&canvas, &p, n, &error));
-    for (i = 0; i < plane; i++)
-        for (c = 0; c < 3; c++) {
+    for (size_t i = 0; i < plane; i++)
+        for (size_t c = 0; c < 3; c++) {
             const double d = (double)canvas.image[c * plane + i] -
                              rgb[3 * i + c] / 65535.0;
 

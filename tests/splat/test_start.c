@@ -29,18 +29,16 @@ static void make_symmetric(saga_matrix a, size_t n, size_t rank, double ridge)
 
 TEST(solve_should_invert_the_product)
 {
-    size_t n, i, j;
-
-    for (n = 1; n <= SAGA_LINEAR_MOST; n++) {
+    for (size_t n = 1; n <= SAGA_LINEAR_MOST; n++) {
         double b[SAGA_LINEAR_MOST] = { 0 };
         saga_matrix a;
 
         make_symmetric(a, n, n, 0.1);
-        for (i = 0; i < n; i++)
-            for (j = 0; j < n; j++)
+        for (size_t i = 0; i < n; i++)
+            for (size_t j = 0; j < n; j++)
                 b[i] += a[i][j] * (1 + (double)j);
         saga_solve(a, b, n);
-        for (i = 0; i < n; i++)
+        for (size_t i = 0; i < n; i++)
             assert_true(fabs(b[i] - 1 - (double)i) < 1e-7);
     }
 }
@@ -67,21 +65,19 @@ TEST(solve_should_leave_out_what_has_no_say)
 /* Also of a matrix that has no inverse: eigenvalues of 0 are found. */
 TEST(eigen_should_take_matrices_apart)
 {
-    size_t n, i, j, k;
-
-    for (n = 1; n <= SAGA_LINEAR_MOST; n += 3) {
+    for (size_t n = 1; n <= SAGA_LINEAR_MOST; n += 3) {
         saga_matrix a, v, whole;
 
         make_symmetric(a, n, (n + 1) / 2, 0);
         memcpy(whole, a, sizeof a);
         saga_eigen(v, a, n);
-        for (i = 0; i < n; i++) {
+        for (size_t i = 0; i < n; i++) {
             assert_true(i == 0 || a[i][i] <= a[i - 1][i - 1]);
             assert_true(i < (n + 1) / 2 || fabs(a[i][i]) < 1e-9);
-            for (j = 0; j < n; j++) {
+            for (size_t j = 0; j < n; j++) {
                 double product = 0, dot = 0;
 
-                for (k = 0; k < n; k++) {
+                for (size_t k = 0; k < n; k++) {
                     product += v[i][k] * a[k][k] * v[j][k];
                     dot += v[k][i] * v[k][j];
                 }

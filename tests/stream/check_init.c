@@ -132,9 +132,8 @@ static __attribute__((noinline)) void paint_stack(const player *p)
 #else
     uint64_t deep[STACK_NBYTES / 8];
     const uint64_t eight = p->colour * UINT64_C(0x0101010101010101);
-    size_t i;
 
-    for (i = 0; i < STACK_NBYTES / 8; i++)
+    for (size_t i = 0; i < STACK_NBYTES / 8; i++)
         deep[i] = eight;
     __asm__ volatile("" : : "r"(deep) : "memory");
 #endif
@@ -226,12 +225,11 @@ static void note_splats(player *p)
 {
     saga_report report;
     saga_splat s;
-    uint32_t i;
 
     prepare(p, &report, sizeof report);
     note_status(p, "status of telling", saga_tell(&report, p->dec));
     note_bytes(p, "report", &report, sizeof report);
-    for (i = 0; i < report.n_splats; i += stride_of(report.n_splats)) {
+    for (uint32_t i = 0; i < report.n_splats; i += stride_of(report.n_splats)) {
         prepare(p, &s, sizeof s);
         note_status(p, "status of a splat", saga_splat_at(&s, p->dec, i));
         note_bytes(p, "splat", &s, offsetof(saga_splat, y1) + sizeof s.y1);
@@ -244,14 +242,13 @@ static void look(player *p, const saga_camera *c, int32_t t)
         { 8, 7, 1, 97, 8 }, { 16, 300, 4, 1000, 16 },
         { 32, 60, 2, 333, SAGA_DEPTH }, { 64, 5000, 1, 1u << 30, 8 }
     };
-    uint32_t i;
 
     forget_anchors(p);
     paint_stack(p);
     if (note_status(p, "status of a view", saga_view(p->dec, c, t)))
         return;
     note_splats(p);
-    for (i = 0; i < sizeof divisions / sizeof *divisions; i++)
+    for (uint32_t i = 0; i < sizeof divisions / sizeof *divisions; i++)
         draw(p, c, &divisions[i]);
 }
 
@@ -267,9 +264,9 @@ static void look_around(player *p)
 {
     static const int32_t times[] = { 0, 40000, 65535 };
     saga_camera c;
-    uint32_t number, i;
+    uint32_t number;
 
-    for (i = 0; i < MAX_CAMERAS && i < p->info.n_cameras; i++) {
+    for (uint32_t i = 0; i < MAX_CAMERAS && i < p->info.n_cameras; i++) {
         prepare(p, &c, sizeof c);
         paint(p, &number, sizeof number);
         note_status(p, "status of the rig",
@@ -289,9 +286,8 @@ static void note_primitives(player *p)
     const uint32_t all = p->info.base_primitives + p->info.max_primitives;
     uint16_t colour[3];
     saga_animated a;
-    uint32_t i;
 
-    for (i = 0; i <= all; i += stride_of(all)) {
+    for (uint32_t i = 0; i <= all; i += stride_of(all)) {
         prepare(p, &a, sizeof a);
         if (!note_status(p, "status of a primitive",
                          saga_primitive_at(&a, p->dec, i, 50000)))
@@ -308,9 +304,8 @@ static void note_layers(player *p, const saga_segment *seg,
                         const uint8_t *bytes, size_t n)
 {
     saga_layer_report layer;
-    uint32_t i;
 
-    for (i = 0; i <= p->info.n_layers; i++) {
+    for (uint32_t i = 0; i <= p->info.n_layers; i++) {
         prepare(p, &layer, sizeof layer);
         if (!note_status(p, "status of a layer",
                          saga_find_layer(&layer, p->dec, seg, bytes, n, i)))
@@ -346,9 +341,9 @@ static void play_segment(player *p, const saga_segment *seg)
 
 static void play_segments(player *p)
 {
-    uint32_t frame = 0, i;
+    uint32_t frame = 0;
 
-    for (i = 0; i < MAX_SEGMENTS && i < p->info.n_segments; i++) {
+    for (uint32_t i = 0; i < MAX_SEGMENTS && i < p->info.n_segments; i++) {
         saga_segment seg;
 
         prepare(p, &seg, sizeof seg);
@@ -370,9 +365,9 @@ static void play_segments(player *p)
 static void note_names(player *p)
 {
     saga_naming naming;
-    uint32_t i;
 
-    for (i = 0; i <= p->info.n_cameras; i += stride_of(p->info.n_cameras)) {
+    for (uint32_t i = 0; i <= p->info.n_cameras;
+         i += stride_of(p->info.n_cameras)) {
         prepare(p, &naming, sizeof naming);
         if (!note_status(p, "status of a name",
                          saga_name_camera(&naming, p->bytes, p->n, i)))
@@ -484,9 +479,9 @@ static uint8_t *read_file(const char *name, size_t *n)
 int main(int argc, char **argv)
 {
     const saga_cpu best = machine_best();
-    int n_passed = 0, n_failed = 0, i;
+    int n_passed = 0, n_failed = 0;
 
-    for (i = 1; i < argc; i++) {
+    for (int i = 1; i < argc; i++) {
         size_t n = 0;
         uint8_t *const bytes = read_file(argv[i], &n);
 

@@ -76,7 +76,7 @@ static int read_symbols(uint32_t *crc, const uint8_t *bytes, size_t n,
     saga_symbols base, s[SAGA_MAX_LAYERS];
     saga_header h;
     saga_plan plan;
-    uint32_t final_range[3], n_layers, i;
+    uint32_t final_range[3], n_layers;
     int ok, has_base;
 
     memset(nets, 0, sizeof nets);
@@ -97,9 +97,9 @@ static int read_symbols(uint32_t *crc, const uint8_t *bytes, size_t n,
     if (ok)
         *crc = saga_symbols_crc(&nets[0], &plan.nets, has_base ? &base : NULL,
                                 s, n_layers, h.model.features);
-    for (i = 0; i <= SAGA_MAX_LAYERS; i++)
+    for (uint32_t i = 0; i <= SAGA_MAX_LAYERS; i++)
         saga_net_symbols_free(&nets[i]);
-    for (i = 0; i < SAGA_MAX_LAYERS; i++)
+    for (uint32_t i = 0; i < SAGA_MAX_LAYERS; i++)
         recorder_free_symbols(&s[i]);
     recorder_free_symbols(&base);
     return ok;
@@ -111,7 +111,7 @@ static int check_good(const char *name, const uint8_t *bytes, size_t n,
 {
     saga_stages got;
     saga_status s;
-    int i, ok;
+    int ok;
 
     if (!read_symbols(&got.symbols, bytes, n, number)) {
         printf("FAIL %s: its symbols cannot be read\n", name);
@@ -124,7 +124,7 @@ static int check_good(const char *name, const uint8_t *bytes, size_t n,
         return 0;
     }
     ok = same(name, "symbols", got.symbols, want->symbols);
-    for (i = 0; i < 3; i++)
+    for (int i = 0; i < 3; i++)
         ok &= same(name, "final range", got.final_range[i],
                    want->final_range[i]);
     ok &= same(name, "primitives", got.primitives, want->primitives);

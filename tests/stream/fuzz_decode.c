@@ -116,9 +116,8 @@ static int write_seed(const char *dir, uint32_t number)
     size_t n_best = 0;
     char path[1024];
     int rc;
-    uint32_t i;
 
-    for (i = 0; i < 50; i++) {
+    for (uint32_t i = 0; i < 50; i++) {
         gen_options o;
         gen_stream g;
         uint64_t r = i;
@@ -170,18 +169,17 @@ static int write_signed(const char *dir, const char *path, int number)
 
 int main(int argc, char **argv)
 {
-    int rc = 0, i;
+    int rc = 0;
 
     if (argc == 4 && strcmp(argv[1], "--seeds") == 0) {
         const uint32_t n = (uint32_t)strtoul(argv[3], NULL, 0);
-        uint32_t k;
 
-        for (k = 0; k < n && rc == 0; k++)
+        for (uint32_t k = 0; k < n && rc == 0; k++)
             rc = write_seed(argv[2], k);
         return rc;
     }
     if (argc > 3 && strcmp(argv[1], "--signed") == 0) {
-        for (i = 3; i < argc && rc == 0; i++)
+        for (int i = 3; i < argc && rc == 0; i++)
             rc = write_signed(argv[2], argv[i], i - 3);
         return rc;
     }
@@ -190,7 +188,7 @@ int main(int argc, char **argv)
                         "--signed DIR FILE...\n");
         return 2;
     }
-    for (i = 1; i < argc && rc == 0; i++)
+    for (int i = 1; i < argc && rc == 0; i++)
         rc = play_file(argv[i]);
     if (rc == 0)
         printf("%d files played, %08lx\n", argc - 1, (unsigned long)total);

@@ -83,9 +83,7 @@ static const look looks[] = { { 0, 0 }, { 40000, 1 } };
 static void describe(const char *name, const gen_stream *g,
                      const saga_bytes *file, uint32_t number)
 {
-    size_t i;
-
-    for (i = 0; i < sizeof looks / sizeof *looks; i++)
+    for (size_t i = 0; i < sizeof looks / sizeof *looks; i++)
         describe_layers(name, g, file, number, saga_n_layers(&g->header),
                         &looks[i]);
 }
@@ -93,9 +91,7 @@ static void describe(const char *name, const gen_stream *g,
 /* Each of several layers has something to draw. */
 static int is_worth_it(const gen_stream *g, const gen_options *o)
 {
-    uint32_t i;
-
-    for (i = 0; o->n_layers > 1 && i < o->n_layers; i++)
+    for (uint32_t i = 0; o->n_layers > 1 && i < o->n_layers; i++)
         if (g->segment[i].n.prim < o->n_coarse)
             return 0;
     return g->segment[0].n.coarse >= o->n_coarse / 2;
@@ -120,13 +116,12 @@ static void good(const char *stem, gen_options o)
     gen_stream g;
     uint8_t *bytes;
     size_t n;
-    uint32_t i;
 
     snprintf(name, sizeof name, "good/%s.saga", stem);
     make_good(&g, o);
     gen_stream_encode(&g, &bytes, &n);
     write_file(name, bytes, n);
-    for (i = 0; i < g.n_segments; i++)
+    for (uint32_t i = 0; i < g.n_segments; i++)
         describe(name, &g, &(saga_bytes){ bytes, n }, i);
     free(bytes);
     gen_stream_free(&g);
@@ -175,7 +170,6 @@ static void make_change(saga_header *h, change c)
     uint8_t *const p = (uint8_t *)h + c.at;
     uint32_t wide;
     uint16_t half;
-    size_t i;
 
     if (c.nbytes == sizeof wide) {
         memcpy(&wide, p, sizeof wide);
@@ -186,7 +180,7 @@ static void make_change(saga_header *h, change c)
         half = (uint16_t)((half & c.mask) + c.plus);
         memcpy(p, &half, sizeof half);
     } else {
-        for (i = 0; i < c.nbytes; i++)
+        for (size_t i = 0; i < c.nbytes; i++)
             p[i] = (uint8_t)((p[i] & c.mask) + c.plus);
     }
 }
@@ -261,10 +255,9 @@ static void bad_lengths_of_head(const uint8_t *bytes, size_t n, size_t head)
         { "networks_longer", "networks_shorter" }
     };
     char nbytes[4];
-    int i, k;
 
-    for (i = 0; i < 2; i++)
-        for (k = 0; k < 2; k++) {
+    for (int i = 0; i < 2; i++)
+        for (int k = 0; k < 2; k++) {
             fx_store32_le((uint8_t *)nbytes,
                           fx_load32_le(bytes + at[i]) + (k ? -1u : 1u));
             bad_signed(stem[i][k], bytes, n, at[i], nbytes, 4,
@@ -310,12 +303,12 @@ static void bad_headers(const gen_options *o, const bad_change *headers,
 {
     gen_stream g;
     uint8_t *bytes;
-    size_t n, i;
+    size_t n;
 
     gen_stream_make(&g, o);
     gen_stream_encode(&g, &bytes, &n);
     n = fx_load32_le(bytes + SAGA_MAGIC_NBYTES);
-    for (i = 0; i < n_headers; i++)
+    for (size_t i = 0; i < n_headers; i++)
         bad_header(&headers[i], bytes, n);
     if (g.header.model.tools & SAGA_TOOL_BANK)
         bad("memory_cut_in_networks", bytes, SAGA_HEADER_NBYTES + 7,
@@ -499,7 +492,7 @@ static void bad_base(void)
                             .tools_fixed = 1, .base = 1 };
     gen_stream g;
     uint8_t *bytes;
-    size_t n, i, head;
+    size_t n, head;
     saga_info info;
 
     bad_headers(&o, headers, sizeof headers / sizeof *headers);
@@ -507,7 +500,7 @@ static void bad_base(void)
     gen_stream_encode(&g, &bytes, &n);
     saga_probe(&info, bytes, n);
     head = info.head_nbytes;
-    for (i = 0; i < sizeof whole / sizeof *whole; i++)
+    for (size_t i = 0; i < sizeof whole / sizeof *whole; i++)
         bad_header(&whole[i], bytes, n);
     bad("base_cut", bytes, head - 5, SAGA_ERR_TRUNCATED);
     bad_byte("crc_base", bytes, n, head - 3, SAGA_ERR_DATA);
@@ -549,17 +542,17 @@ static void cut_layers(const gen_options *o)
     };
     saga_bytes part;
     gen_stream g;
-    size_t n, i, k;
+    size_t n;
 
     make_good(&g, *o);
     gen_stream_encode(&g, &part.data, &n);
-    for (i = 0; i < 3; i++) {
+    for (size_t i = 0; i < 3; i++) {
         const uint32_t n_layers = i == 0 ? 1 : 2;
 
         part.nbytes = end_of_layer(part.data, n, n_layers - 1) +
                       (i == 2 ? 7 : 0);
         write_file(name[i], part.data, part.nbytes);
-        for (k = 0; k < sizeof looks / sizeof *looks; k++)
+        for (size_t k = 0; k < sizeof looks / sizeof *looks; k++)
             describe_layers(name[i], &g, &part, 0, n_layers, &looks[k]);
     }
     free(part.data);
@@ -572,10 +565,9 @@ static void bad_lengths(const char *stem, const uint8_t *bytes, size_t n,
 {
     const saga_segment seg = first_segment(bytes, n);
     uint8_t *const copy = malloc(n);
-    int i;
 
     memcpy(copy, bytes, n);
-    for (i = 0; i < 2; i++) {
+    for (int i = 0; i < 2; i++) {
         uint8_t *const p = copy + seg.offset + SAGA_CHUNK_NBYTES +
                            by[i][0];
 
@@ -611,11 +603,11 @@ static void bad_layers(const gen_options *o)
     };
     gen_stream g;
     uint8_t *bytes;
-    size_t n, i, end;
+    size_t n, end;
 
     make_good(&g, *o);
     gen_stream_encode(&g, &bytes, &n);
-    for (i = 0; i < sizeof lengths / sizeof *lengths; i++)
+    for (size_t i = 0; i < sizeof lengths / sizeof *lengths; i++)
         bad_lengths(lengths[i].stem, bytes, n, lengths[i].change,
                     lengths[i].status);
     bad_header(&together, bytes, n);
@@ -769,13 +761,13 @@ static void bad_all(void)
                             .tools_fixed = 1 };
     gen_stream g;
     uint8_t *bytes;
-    size_t n, i, head, half;
+    size_t n, head, half;
 
     gen_stream_make(&g, &o);
     gen_stream_encode(&g, &bytes, &n);
     head = SAGA_HEADER_NBYTES + GEN_MAX_CAMERAS * SAGA_CAMERA_NBYTES + 4u;
     half = n / 2;
-    for (i = 0; i < sizeof headers / sizeof *headers; i++)
+    for (size_t i = 0; i < sizeof headers / sizeof *headers; i++)
         bad_header(&headers[i], bytes, n);
     bad("empty", bytes, 0, SAGA_ERR_TRUNCATED);
     bad("cut_in_header", bytes, 100, SAGA_ERR_TRUNCATED);
@@ -856,7 +848,6 @@ int main(int argc, char **argv)
     const gen_options *const three_layers =
         &row[sizeof row / sizeof *row - 3].o;
     char path[1024];
-    size_t i;
 
     if (argc != 2) {
         fprintf(stderr, "usage: make_vectors DIR\n");
@@ -873,7 +864,7 @@ int main(int argc, char **argv)
           "# symbols, final ranges of the three chunks, time, camera, CRCs of\n"
           "# primitives, splats, frame. Bad: file, `status`, the exact one.\n",
           manifest);
-    for (i = 0; i < sizeof row / sizeof *row; i++)
+    for (size_t i = 0; i < sizeof row / sizeof *row; i++)
         good(row[i].stem, row[i].o);
     good_full();
     cut_layers(three_layers);

@@ -11,9 +11,7 @@
 
 static file *named_file(void)
 {
-    int i;
-
-    for (i = 0; i < n_files; i++)
+    for (int i = 0; i < n_files; i++)
         if (strcmp(files[i].name, "names.saga") == 0)
             return &files[i];
     fail_msg("there is no names.saga");
@@ -26,12 +24,11 @@ TEST(examples_of_names_should_have_their_statuses)
     file *const f = named_file();
     saga_naming naming;
     saga_info info;
-    uint32_t k;
-    int i, n_ok = 0;
+    int n_ok = 0;
 
     assert_int_equal(saga_probe(&info, f->p, f->n), SAGA_OK);
     assert_int_equal(info.n_cameras, 3);
-    for (i = 0; i < n_examples; i++) {
+    for (int i = 0; i < n_examples; i++) {
         const example *const e = &examples[i];
         const uint32_t n = tables[NAMES].nbytes + e->n;
         file copy = { .n = info.head_nbytes + tables[CHUNK].nbytes + n };
@@ -48,7 +45,7 @@ TEST(examples_of_names_should_have_their_statuses)
         store(chunk_at + 8, 4,
               crc_of(crc_of(owner_of(&copy, info.head_nbytes), chunk_at, 8),
                      payload, n));
-        for (k = 0; k < info.n_cameras; k++)
+        for (uint32_t k = 0; k < info.n_cameras; k++)
             if (saga_name_camera(&naming, copy.p, copy.n, k) != e->status)
                 fail_msg("example %d of names, camera %u: not %d", i + 1, k,
                          (int)e->status);
@@ -60,9 +57,7 @@ TEST(examples_of_names_should_have_their_statuses)
 
 TEST(probe_should_report_the_same_values)
 {
-    int i, k;
-
-    for (i = 0; i < n_files; i++) {
+    for (int i = 0; i < n_files; i++) {
         const uint8_t *const p = files[i].p;
         saga_info a;
 
@@ -87,7 +82,7 @@ TEST(probe_should_report_the_same_values)
         assert_int_equal(get(HEADER, p, "features", 0), a.features);
         assert_int_equal(get(HEADER, p, "unit_mantissa", 0), a.unit_mantissa);
         assert_int_equal(get(HEADER, p, "unit_exponent", 0), a.unit_exponent);
-        for (k = 0; k < 3; k++)
+        for (int k = 0; k < 3; k++)
             assert_int_equal(get(HEADER, p, "centre_mantissa", (uint32_t)k),
                              a.centre_mantissa[k]);
         assert_int_equal(get(HEADER, p, "centre_exponent", 0),
@@ -159,9 +154,9 @@ static uint32_t weights_of(const uint8_t *p)
     const uint32_t rows = 8 + (tools & 2u ? 4u : 0u) +
                           ((tools & 3u) || order ? 1u : 0u) + (tools & 1u) +
                           3 * order;
-    uint32_t n = 0, any = 0, w, i;
+    uint32_t n = 0, any = 0, w;
 
-    for (i = 0; i < 3; i++) {
+    for (uint32_t i = 0; i < 3; i++) {
         const uint32_t s = (uint32_t)get(HEADER, p, sources[i], 0);
         const uint32_t n_in = inputs_of(p, s);
 
@@ -173,7 +168,7 @@ static uint32_t weights_of(const uint8_t *p)
     w = width_of(p, "net_hyper");
     if (any & 1u)
         n += (in - f + 5) * w + w * w + w * f;
-    for (i = 0; i < 2; i++)
+    for (uint32_t i = 0; i < 2; i++)
         n += (in + f) * width_of(p, fuse[i]);
     n += layers_of(in, width_of(p, "net_fine"), f + 4) +
          layers_of(in, width_of(p, "net_geo"), rows);
@@ -184,9 +179,7 @@ static uint32_t weights_of(const uint8_t *p)
 
 TEST(networks_should_have_the_same_number_of_weights)
 {
-    int i;
-
-    for (i = 0; i < n_files; i++) {
+    for (int i = 0; i < n_files; i++) {
         saga_info info;
 
         assert_int_equal(saga_probe(&info, files[i].p, files[i].n), SAGA_OK);
@@ -197,18 +190,16 @@ TEST(networks_should_have_the_same_number_of_weights)
 static void check_camera(const uint8_t *p, const saga_camera *c,
                          uint32_t number)
 {
-    uint32_t k;
-
     assert_int_equal(get(CAMERA, p, "number", 0), number);
-    for (k = 0; k < 9; k++)
+    for (uint32_t k = 0; k < 9; k++)
         assert_int_equal(get(CAMERA, p, "rotation_q30", k),
                          c->rotation_q30[k]);
-    for (k = 0; k < 3; k++) {
+    for (uint32_t k = 0; k < 3; k++) {
         assert_int_equal(get(CAMERA, p, "centre", k), c->centre[k]);
         assert_int_equal(get(CAMERA, p, "background_q15", k),
                          c->background_q15[k]);
     }
-    for (k = 0; k < 2; k++) {
+    for (uint32_t k = 0; k < 2; k++) {
         assert_int_equal(get(CAMERA, p, "focal_q16", k), c->focal_q16[k]);
         assert_int_equal(get(CAMERA, p, "principal_q16", k),
                          c->principal_q16[k]);
@@ -222,22 +213,20 @@ static void check_camera(const uint8_t *p, const saga_camera *c,
  * which no field can be mistaken for another. */
 TEST(rig_should_hold_the_same_values)
 {
-    int i;
-
-    for (i = 0; i < n_files; i++) {
+    for (int i = 0; i < n_files; i++) {
         file *const f = &files[i];
         const uint32_t n = (uint32_t)get(HEADER, f->p, "n_cameras", 0);
         const uint32_t rig = rig_at(f->p), end = rig_end(f->p);
         uint8_t *const copy = malloc(end + 4);
-        uint32_t c, k, number;
+        uint32_t number;
         saga_camera cam;
 
         assert_non_null(copy);
         memcpy(copy, f->p, rig);
-        for (k = rig; k < end; k++)
+        for (uint32_t k = rig; k < end; k++)
             copy[k] = (uint8_t)(k * 167u >> 3 & 255u);
         store(copy + end, 4, crc_of(0, copy, end));
-        for (c = 0; c < n; c++) {
+        for (uint32_t c = 0; c < n; c++) {
             const uint32_t at = rig + c * tables[CAMERA].nbytes;
 
             assert_int_equal(saga_rig(&cam, &number, f->p, f->n, c), SAGA_OK);
@@ -318,9 +307,8 @@ static void check_cuts(saga_decoder *dec, file *f, const saga_segment *seg)
 {
     const uint8_t *const p = f->p + seg->offset;
     size_t end = tables[CHUNK].nbytes + segment_nbytes(f);
-    uint32_t i;
 
-    for (i = 0; i < n_layers_of(f); i++) {
+    for (uint32_t i = 0; i < n_layers_of(f); i++) {
         saga_layer_report layer;
         const size_t begin = end;
 
@@ -339,17 +327,14 @@ static void check_cuts(saga_decoder *dec, file *f, const saga_segment *seg)
 
 TEST(segments_should_be_cut_where_layers_end)
 {
-    int i;
-
-    for (i = 0; i < n_files; i++) {
+    for (int i = 0; i < n_files; i++) {
         file *const f = &files[i];
         saga_info info;
         saga_decoder *const dec = open_file(&info, f);
         saga_segment seg = { .n_frames = 0 };
-        uint32_t frame;
 
         assert_int_equal(info.n_layers, n_layers_of(f));
-        for (frame = 0; info.n_layers > 1 && frame < info.n_frames;
+        for (uint32_t frame = 0; info.n_layers > 1 && frame < info.n_frames;
              frame += seg.n_frames) {
             assert_int_equal(saga_find(&seg, f->p, f->n, frame, 1), SAGA_OK);
             check_cuts(dec, f, &seg);
@@ -360,16 +345,14 @@ TEST(segments_should_be_cut_where_layers_end)
 
 TEST(segments_should_be_found_with_the_same_values)
 {
-    int i;
-
-    for (i = 0; i < n_files; i++) {
+    for (int i = 0; i < n_files; i++) {
         file *const f = &files[i];
         const uint8_t *const index = index_of(f);
-        uint32_t s, first_frame = 0;
+        uint32_t first_frame = 0;
         saga_info info;
         saga_decoder *const dec = open_file(&info, f);
 
-        for (s = 0; s < info.n_segments; s++) {
+        for (uint32_t s = 0; s < info.n_segments; s++) {
             const uint8_t *const entry = index + s * tables[ENTRY].nbytes;
 
             check_found(dec, f, entry, first_frame);
@@ -387,9 +370,8 @@ static int is_coupled(const field *f)
     static const char *const names[] = {
         "header_nbytes", "n_cameras", "n_segments", "n_frames"
     };
-    size_t i;
 
-    for (i = 0; i < sizeof names / sizeof *names; i++)
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++)
         if (strcmp(f->name, names[i]) == 0)
             return 1;
     return 0;
@@ -450,11 +432,10 @@ static int is_refused_width(const trial *r, const field *f, const uint8_t *p,
         "net_fuse_c", "net_fuse_f", "net_fine", "net_geo"
     };
     const uint8_t *const h = r->header;
-    size_t i;
 
     if (strcmp(f->name, "width") != 0)
         return 0;
-    for (i = 0; i < sizeof may_be_0 / sizeof *may_be_0; i++)
+    for (size_t i = 0; i < sizeof may_be_0 / sizeof *may_be_0; i++)
         if (p == h + field_named(HEADER, may_be_0[i])->offset)
             return 0;
     return v == 0 ||
@@ -465,14 +446,14 @@ static int is_refused_width(const trial *r, const field *f, const uint8_t *p,
 static void try_field(const table *t, const field *f, uint8_t *p, void *user)
 {
     trial *const r = user;
-    int64_t lo, hi, v;
+    int64_t lo, hi;
     int fits;
 
     (void)t;
     if (!is_plain(f) || f->count != 1)
         return;
     if (f->nbytes == 1) {
-        for (v = 0; v < 256; v++)
+        for (int64_t v = 0; v < 256; v++)
             if (is_refused_width(r, f, p, v))
                 assert_int_equal(status_with(r->header, f, p, v, r->end,
                                              &fits), SAGA_ERR_DATA);
@@ -491,9 +472,7 @@ static void try_field(const table *t, const field *f, uint8_t *p, void *user)
 
 TEST(decoder_should_refuse_what_lies_outside_the_ranges)
 {
-    int i;
-
-    for (i = 0; i < n_files; i++) {
+    for (int i = 0; i < n_files; i++) {
         file *const f = &files[i];
         trial r;
 
@@ -539,14 +518,13 @@ static void try_camera(saga_decoder *dec, uint8_t *header, const field *f,
                        uint32_t i)
 {
     int64_t v[4], lo, hi;
-    int k;
 
     in_range(f, 0, &lo, &hi);
     v[0] = lo;
     v[1] = hi;
     v[2] = lo - 1;
     v[3] = hi + 1;
-    for (k = 0; k < 4; k++)
+    for (int k = 0; k < 4; k++)
         if (v[k] >= type_min(f) && v[k] <= type_max(f))
             assert_int_equal(status_of_view(dec, header, f, i, v[k]),
                              k < 2 ? SAGA_OK : SAGA_ERR_ARG);
@@ -560,8 +538,6 @@ TEST(view_should_refuse_cameras_outside_the_ranges)
     saga_segment seg;
     saga_info info;
     saga_decoder *const dec = open_file(&info, f);
-    uint32_t i;
-    int k;
 
     assert_non_null(header);
     memcpy(header, f->p, n);
@@ -570,10 +546,10 @@ TEST(view_should_refuse_cameras_outside_the_ranges)
     assert_int_equal(saga_decode(dec, &seg, f->p + seg.offset, seg.nbytes,
                                  NULL),
                      SAGA_OK);
-    for (k = 0; k < tables[CAMERA].n; k++) {
+    for (int k = 0; k < tables[CAMERA].n; k++) {
         const field *const c = &tables[CAMERA].f[k];
 
-        for (i = 0; is_plain(c) && i < c->count; i++)
+        for (uint32_t i = 0; is_plain(c) && i < c->count; i++)
             try_camera(dec, header, c, i);
     }
     free(header);

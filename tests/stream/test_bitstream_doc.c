@@ -12,13 +12,11 @@ static int n_named, n_layered;
 
 TEST(every_structure_should_have_a_table_without_gaps)
 {
-    int t, k;
-
-    for (t = 0; t < N_TABLES; t++) {
+    for (int t = 0; t < N_TABLES; t++) {
         uint32_t at = 0;
 
         assert_true(tables[t].n > 0);
-        for (k = 0; k < tables[t].n; k++) {
+        for (int k = 0; k < tables[t].n; k++) {
             const field *const f = &tables[t].f[k];
 
             if (f->offset != at)
@@ -35,10 +33,8 @@ TEST(every_structure_should_have_a_table_without_gaps)
 
 TEST(every_range_should_be_readable_and_fit_its_type)
 {
-    int t, k;
-
-    for (t = 0; t < N_TABLES; t++)
-        for (k = 0; k < tables[t].n; k++) {
+    for (int t = 0; t < N_TABLES; t++)
+        for (int k = 0; k < tables[t].n; k++) {
             const field *const f = &tables[t].f[k];
             int64_t lo, hi;
 
@@ -68,13 +64,10 @@ TEST(own_crc_should_have_the_check_value)
 
 TEST(headers_should_be_as_the_tables_say)
 {
-    int i;
-
-    for (i = 0; i < n_files; i++) {
+    for (int i = 0; i < n_files; i++) {
         uint8_t *const p = files[i].p;
         const uint32_t n = (uint32_t)get(HEADER, p, "n_cameras", 0);
         const uint32_t end = rig_end(p);
-        uint32_t c;
 
         check_values(HEADER, p, &files[i]);
         assert_true(bank_is_consistent(p));
@@ -85,7 +78,7 @@ TEST(headers_should_be_as_the_tables_say)
         assert_int_equal(get(HEADER, p, "header_nbytes", 0), end + 4);
         assert_true(end + 4 <= files[i].n);
         assert_int_equal(load(p + end, 4), crc_of(0, p, end));
-        for (c = 0; c < n; c++)
+        for (uint32_t c = 0; c < n; c++)
             check_values(CAMERA, p + rig_at(p) + c * tables[CAMERA].nbytes,
                          &files[i]);
     }
@@ -114,9 +107,8 @@ static void check_base(file *f, size_t *at)
 {
     const size_t begin = *at;
     uint32_t nbytes;
-    int k;
 
-    for (k = 0; k < 3 && has_base(f->p); k++)
+    for (int k = 0; k < 3 && has_base(f->p); k++)
         chunk(f, at, part[k], &nbytes);
     assert_int_equal(base_of(f->p, "nbytes"), *at - begin);
 }
@@ -126,14 +118,13 @@ static void check_layer(file *f, size_t *at, uint8_t *layer)
 {
     const size_t begin = *at;
     uint32_t nbytes;
-    int k;
 
     assert_true(get(LAYER, layer, "n_coarse", 0) <=
                 get(HEADER, f->p, "max_coarse", 0));
     assert_true(get(LAYER, layer, "n_fine", 0) <=
                 get(HEADER, f->p, "max_fine", 0));
     check_values(LAYER, layer, f);
-    for (k = 0; k < 3; k++) {
+    for (int k = 0; k < 3; k++) {
         chunk(f, at, part[k], &nbytes);
         assert_true(nbytes >= 1);
     }
@@ -147,12 +138,12 @@ static void check_segment(file *f, size_t *at, uint32_t i,
 {
     const size_t begin = *at;
     uint8_t *seg;
-    uint32_t nbytes, k;
+    uint32_t nbytes;
 
     seg = chunk(f, at, "SEGM", &nbytes);
     assert_int_equal(nbytes, segment_nbytes(f));
     check_values(SEGMENT, seg, f);
-    for (k = 0; k < n_layers_of(f); k++)
+    for (uint32_t k = 0; k < n_layers_of(f); k++)
         check_layer(f, at, layer_at(seg, k));
     assert_true(sum_of(f, seg, "n_prim") <=
                 get(HEADER, f->p, "max_prim", 0));
@@ -168,14 +159,14 @@ static void check_segment(file *f, size_t *at, uint32_t i,
 /* The chunk of names, where there is one: a name for each camera. */
 static void check_names(file *f, size_t *at)
 {
-    uint32_t nbytes, done = tables[NAMES].nbytes, i, length = 0;
+    uint32_t nbytes, done = tables[NAMES].nbytes, length = 0;
     uint8_t *p;
 
     if (f->n - *at < 4 || memcmp(f->p + *at, "NAME", 4) != 0)
         return;
     p = chunk(f, at, "NAME", &nbytes);
     n_named++;
-    for (i = 0; i < get(HEADER, f->p, "n_cameras", 0); i++) {
+    for (uint32_t i = 0; i < get(HEADER, f->p, "n_cameras", 0); i++) {
         check_values(NAME, p + done, f);
         assert_true(get(NAME, p + done, "shared", 0) <= length);
         length = (uint32_t)(get(NAME, p + done, "shared", 0) +
@@ -189,13 +180,11 @@ static void check_names(file *f, size_t *at)
 
 TEST(chunks_should_tile_every_file)
 {
-    int i;
-
-    for (i = 0; i < n_files; i++) {
+    for (int i = 0; i < n_files; i++) {
         file *const f = &files[i];
         const uint32_t n = (uint32_t)get(HEADER, f->p, "n_segments", 0);
         size_t at = (size_t)get(HEADER, f->p, "header_nbytes", 0);
-        uint32_t nbytes, s, first_frame = 0;
+        uint32_t nbytes, first_frame = 0;
         uint8_t *const index = chunk(f, &at, "INDX", &nbytes);
 
         assert_int_equal(nbytes, n * tables[ENTRY].nbytes);
@@ -203,7 +192,7 @@ TEST(chunks_should_tile_every_file)
         assert_int_equal(nbytes, get(HEADER, f->p, "nets_nbytes", 0));
         check_base(f, &at);
         check_names(f, &at);
-        for (s = 0; s < n; s++) {
+        for (uint32_t s = 0; s < n; s++) {
             uint8_t *const entry = index + s * tables[ENTRY].nbytes;
 
             check_values(ENTRY, entry, f);

@@ -118,11 +118,10 @@ static void check_divisions(const player *s)
     static const uint32_t lists[] = { 1, 37, 4000 };
     static const uint32_t bands[] = { 1, 3, 7, 10000 };
     const uint32_t crc = crc_of(s, &plain);
-    uint32_t i, k, b;
 
-    for (i = 0; i < 4; i++)
-        for (k = 0; k < 3; k++)
-            for (b = 0; b < 4; b++) {
+    for (uint32_t i = 0; i < 4; i++)
+        for (uint32_t k = 0; k < 3; k++)
+            for (uint32_t b = 0; b < 4; b++) {
                 const division d = { tiles[i], lists[k], bands[b], 1u << 30,
                                      8 };
 
@@ -134,9 +133,8 @@ static void check_budgets(const player *s)
 {
     static const uint32_t budgets[] = { 1, 2, 7, 100, 4096, 0xffffffffu };
     const uint32_t crc = crc_of(s, &plain);
-    uint32_t i;
 
-    for (i = 0; i < 6; i++) {
+    for (uint32_t i = 0; i < 6; i++) {
         const division d = { 32, 37, 2, budgets[i], 8 };
 
         assert_int_equal(crc_of(s, &d), crc);
@@ -149,9 +147,8 @@ static void assert_is_picture(const player *s)
     uint8_t *const p = draw(s, &plain);
     const size_t n = line_nbytes(s, &plain) * s->camera.height;
     uint32_t other = 0;
-    size_t i;
 
-    for (i = 3; i < n; i++)
+    for (size_t i = 3; i < n; i++)
         other += p[i] != p[i - 3];
     free(p);
     assert_true(other > n / 100);
@@ -159,9 +156,7 @@ static void assert_is_picture(const player *s)
 
 TEST(picture_should_not_depend_on_its_division)
 {
-    uint32_t i;
-
-    for (i = 0; i < N_STREAMS; i++) {
+    for (uint32_t i = 0; i < N_STREAMS; i++) {
         const gen_options o = options_of(i);
         player s;
 
@@ -197,9 +192,9 @@ static uint32_t crc_of_threads(const player *s, uint32_t n)
     uint8_t *const p = must(malloc(all));
     pthread_t thread[8];
     band job[8];
-    uint32_t i, crc;
+    uint32_t crc;
 
-    for (i = 0; i < n; i++) {
+    for (uint32_t i = 0; i < n; i++) {
         band *const b = &job[i];
 
         b->s = s;
@@ -215,7 +210,7 @@ static uint32_t crc_of_threads(const player *s, uint32_t n)
         b->picture.bits = 8;
         assert_int_equal(pthread_create(&thread[i], NULL, draw_band, b), 0);
     }
-    for (i = 0; i < n; i++)
+    for (uint32_t i = 0; i < n; i++)
         assert_int_equal(pthread_join(thread[i], NULL), 0);
     crc = saga_crc32c(0, p, all);
     free(p);
@@ -224,16 +219,14 @@ static uint32_t crc_of_threads(const player *s, uint32_t n)
 
 TEST(threads_should_draw_what_one_draws)
 {
-    uint32_t i, k;
-
-    for (i = 0; i < N_STREAMS; i++) {
+    for (uint32_t i = 0; i < N_STREAMS; i++) {
         const gen_options o = options_of(i);
         player s;
         uint32_t crc;
 
         make_scene(&s, &o);
         crc = crc_of(&s, &plain);
-        for (k = 0; k < 8; k++) {
+        for (uint32_t k = 0; k < 8; k++) {
             assert_int_equal(crc_of_threads(&s, 1), crc);
             assert_int_equal(crc_of_threads(&s, 4), crc);
             assert_int_equal(crc_of_threads(&s, 7), crc);
@@ -249,7 +242,7 @@ TEST(jobs_should_not_disturb_each_other)
     const gen_options o = options_of(1);
     const division d = { 16, 37, 1, 50, 8 };
     saga_job job[N];
-    int left = N, done[N] = { 0 }, i;
+    int left = N, done[N] = { 0 };
     player s;
     uint8_t *p;
     size_t line, n;
@@ -259,7 +252,7 @@ TEST(jobs_should_not_disturb_each_other)
     n = line * s.camera.height;
     p = must(malloc(n));
     memset(job, 0, sizeof job);
-    for (i = 0; i < N; i++) {
+    for (int i = 0; i < N; i++) {
         job[i].x1 = s.camera.width;
         job[i].y0 = s.camera.height * i / N;
         job[i].y1 = s.camera.height * (i + 1) / N;
@@ -268,7 +261,7 @@ TEST(jobs_should_not_disturb_each_other)
         job[i].scratch_nbytes = scratch_nbytes(&d);
         job[i].scratch = must(malloc(job[i].scratch_nbytes));
     }
-    for (i = 0; left > 0; i = (i + 1) % N) {
+    for (int i = 0; left > 0; i = (i + 1) % N) {
         const size_t from = (size_t)job[i].y0 * line;
         const saga_picture picture = { p + from, line, n - from, 8 };
         const saga_status status = saga_draw(s.dec, &job[i], &picture, 50);
@@ -280,7 +273,7 @@ TEST(jobs_should_not_disturb_each_other)
         }
     }
     assert_int_equal(saga_crc32c(0, p, n), crc_of(&s, &plain));
-    for (i = 0; i < N; i++)
+    for (int i = 0; i < N; i++)
         free(job[i].scratch);
     free(p);
     player_close(&s);
@@ -292,9 +285,8 @@ TEST(jobs_should_not_disturb_each_other)
 TEST(picture_should_not_depend_on_the_block)
 {
     static _Alignas(SAGA_WORK_ALIGN) uint8_t level_0[SAGA_WORK_MAX(0)];
-    uint32_t i;
 
-    for (i = 0; i < N_STREAMS; i += 2) {
+    for (uint32_t i = 0; i < N_STREAMS; i += 2) {
         const gen_options o = options_of(i);
         player exact, large, fixed;
         uint32_t crc;
@@ -334,9 +326,8 @@ static void check_depths(const player *s)
     const size_t n = 3u * s->camera.width * s->camera.height;
     uint8_t *const p = draw(s, &d8);
     uint16_t *const q = (uint16_t *)(void *)draw(s, &d16);
-    size_t i;
 
-    for (i = 0; i < n; i++)
+    for (size_t i = 0; i < n; i++)
         assert_true(apart((q[i] + 128u) / 257u, p[i]) <= 1);
     free(p);
     free(q);
@@ -344,9 +335,7 @@ static void check_depths(const player *s)
 
 TEST(samples_of_16_bits_should_be_those_of_8)
 {
-    uint32_t i;
-
-    for (i = 0; i < N_STREAMS; i++) {
+    for (uint32_t i = 0; i < N_STREAMS; i++) {
         const gen_options o = options_of(i);
         player s;
 
@@ -372,16 +361,15 @@ static void check_rect(const player *s, const uint8_t *whole, int bits,
     const size_t line = line_nbytes(s, &d);
     uint8_t *const p = must(malloc(n));
     const saga_picture picture = { p, stride, n, bits };
-    size_t y, x;
 
     memset(p, CANARY, n);
     draw_rect(s, &d, rect[0], rect[1], rect[2], rect[3], &picture);
-    for (y = 0; y < rows; y++) {
+    for (size_t y = 0; y < rows; y++) {
         const uint8_t *const from = whole + ((size_t)rect[1] + y) * line +
                                     3 * sample * (size_t)rect[0];
 
         assert_memory_equal(p + y * stride, from, width);
-        for (x = width; y + 1 < rows && x < stride; x++)
+        for (size_t x = width; y + 1 < rows && x < stride; x++)
             assert_int_equal(p[y * stride + x], CANARY);
     }
     free(p);
@@ -397,17 +385,16 @@ TEST(job_should_begin_at_the_first_sample)
     static const int32_t tiles[] = { 8, 16, 32, 64 };
     const gen_options o = options_of(1);
     player s;
-    uint32_t i, k, bits;
 
     make_scene(&s, &o);
     assert_int_equal(s.camera.width, 160);
     assert_int_equal(s.camera.height, 120);
-    for (bits = 8; bits <= 16; bits += 8) {
+    for (uint32_t bits = 8; bits <= 16; bits += 8) {
         const division d = { 16, 500, 1, 1u << 30, (int)bits };
         uint8_t *const whole = draw(&s, &d);
 
-        for (i = 0; i < sizeof rects / sizeof *rects; i++)
-            for (k = 0; k < 4; k++)
+        for (uint32_t i = 0; i < sizeof rects / sizeof *rects; i++)
+            for (uint32_t k = 0; k < 4; k++)
                 check_rect(&s, whole, (int)bits, rects[i], tiles[k]);
         free(whole);
     }

@@ -75,10 +75,8 @@ static void begin_drawn(player *p, painter *b)
 /* A job that has been begun and is far from its end. */
 static void begin_job(const player *p, painter *a)
 {
-    int i;
-
     prepare(a);
-    for (i = 0; i < 20; i++)
+    for (int i = 0; i < 20; i++)
         assert_int_equal(go_on(p, a, FEW), SAGA_AGAIN);
 }
 
@@ -290,18 +288,17 @@ TEST(segment_should_be_refused_when_another_is_named)
 {
     saga_segment seg[2], wrong;
     player p;
-    int i;
 
     player_make(&p, &options);
     seg[0] = player_find(&p, 0);
     seg[1] = player_find(&p, 1);
-    for (i = 0; i < 2; i++) /* fewer bytes than the index says come first */
+    for (int i = 0; i < 2; i++) /* fewer bytes than the index says come first */
         assert_int_equal(saga_decode(p.dec, &seg[1 - i],
                                      p.bytes + seg[i].offset, seg[i].nbytes,
                                      NULL),
                          seg[i].nbytes < seg[1 - i].nbytes
                              ? SAGA_ERR_TRUNCATED : SAGA_ERR_DATA);
-    for (i = 0; i < 3; i++) {
+    for (int i = 0; i < 3; i++) {
         wrong = seg[0];
         *(i == 0 ? &wrong.number : i == 1 ? &wrong.first_frame
                                           : &wrong.n_frames) += 1;
@@ -318,7 +315,6 @@ TEST(segment_should_be_refused_when_of_another_file)
 {
     player p, q;
     gen_stream g;
-    uint32_t i;
 
     gen_stream_make(&g, &options);
     player_open(&p, &g);
@@ -326,7 +322,7 @@ TEST(segment_should_be_refused_when_of_another_file)
     player_open(&q, &g);
     gen_stream_free(&g);
     assert_int_equal(p.n, q.n);
-    for (i = 0; i < 2; i++) {
+    for (uint32_t i = 0; i < 2; i++) {
         const saga_segment seg = player_find(&p, i);
 
         player_decode(&q, i);

@@ -39,11 +39,11 @@ typedef struct {
 
 static void find_segments(base *b)
 {
-    uint32_t frame = 0, i;
+    uint32_t frame = 0;
 
     assert_int_equal(saga_probe(&b->info, b->bytes, b->n), SAGA_OK);
     assert_true(b->info.n_segments <= GEN_MAX_SEGMENTS);
-    for (i = 0; i < b->info.n_segments; i++) {
+    for (uint32_t i = 0; i < b->info.n_segments; i++) {
         assert_int_equal(saga_find(&b->segment[i], b->bytes, b->n, frame, 1),
                          SAGA_OK);
         frame += b->segment[i].n_frames;
@@ -55,13 +55,12 @@ static void find_segments(base *b)
 static int is_too_large(const gen_stream *g)
 {
     size_t n_weights = 0;
-    int net, i;
 
-    for (net = 0; net < SAGA_N_NETS; net++) {
+    for (int net = 0; net < SAGA_N_NETS; net++) {
         saga_net_shape s;
 
         saga_model_net(&s, &g->header.model, net);
-        for (i = 0; i < s.n_layers; i++)
+        for (int i = 0; i < s.n_layers; i++)
             n_weights += (size_t)s.dim[i] * s.dim[i + 1];
     }
     return n_weights > BASE_NBYTES;
@@ -135,9 +134,7 @@ static mutate_class class_of(uint64_t number)
 /* The first of several layers may do. */
 static int is_original_segment(const base *b, const uint8_t *p, size_t n)
 {
-    uint32_t i;
-
-    for (i = 0; i < b->info.n_segments; i++)
+    for (uint32_t i = 0; i < b->info.n_segments; i++)
         if ((b->segment[i].nbytes == n ||
              (b->info.n_layers > 1 && b->segment[i].nbytes > n)) &&
             memcmp(b->bytes + b->segment[i].offset, p, n) == 0)
@@ -149,14 +146,12 @@ static int is_original_segment(const base *b, const uint8_t *p, size_t n)
 static int is_unchanged(const base *b, const mutate_result *result,
                         const uint8_t *bytes)
 {
-    uint32_t i;
-
     if (result->head_nbytes == 0)
         return result->n_segments == 0;
     if (result->head_nbytes != b->info.head_nbytes ||
         memcmp(bytes, b->bytes, b->info.head_nbytes) != 0)
         return 0;
-    for (i = 0; i < result->n_segments; i++)
+    for (uint32_t i = 0; i < result->n_segments; i++)
         if (!is_original_segment(b, bytes + result->segment[i].offset,
                                  result->segment[i].nbytes))
             return 0;
@@ -210,10 +205,8 @@ static uint32_t reached(const table *t, int c)
 
 static void print_row(const char *name, const uint32_t *count)
 {
-    int i;
-
     printf("%-10s", name);
-    for (i = 0; i < MUTATE_N_STAGES; i++)
+    for (int i = 0; i < MUTATE_N_STAGES; i++)
         printf(" %7" PRIu32, count[i]);
     printf("\n");
 }
@@ -221,15 +214,14 @@ static void print_row(const char *name, const uint32_t *count)
 static void print_table(const table *t)
 {
     uint32_t all[MUTATE_N_STAGES] = { 0 };
-    int c, i;
 
     printf("%-10s", "damage in");
-    for (i = 0; i < MUTATE_N_STAGES; i++)
+    for (int i = 0; i < MUTATE_N_STAGES; i++)
         printf(" %7s", mutate_stage_text[i]);
     printf("   (the stage that refused)\n");
-    for (c = 0; c < MUTATE_N_CLASSES; c++) {
+    for (int c = 0; c < MUTATE_N_CLASSES; c++) {
         print_row(mutate_class_text[c], t->count[c]);
-        for (i = 0; i < MUTATE_N_STAGES; i++)
+        for (int i = 0; i < MUTATE_N_STAGES; i++)
             all[i] += t->count[c][i];
     }
     print_row("all", all);
@@ -242,9 +234,8 @@ static void print_table(const table *t)
 static void assert_depth(const table *t, uint32_t n)
 {
     uint32_t segments = 0, networks = reached(t, MUTATE_IN_NETWORKS);
-    int c;
 
-    for (c = MUTATE_RAW_SIGNED; c < MUTATE_N_CLASSES; c++)
+    for (int c = MUTATE_RAW_SIGNED; c < MUTATE_N_CLASSES; c++)
         segments += c == MUTATE_IN_NETWORKS ? 0 : reached(t, c);
     printf("reconstructed: %" PRIu32 " of %" PRIu32 ", and %" PRIu32
            " with damaged networks\n", segments, n, networks);
@@ -261,12 +252,11 @@ TEST(damaged_streams_should_only_give_a_status)
     const int verbose = getenv("SAGA_TEST_VERBOSE") != NULL;
     table t;
     base b;
-    uint32_t i;
 
     memset(&t, 0, sizeof t);
     memset(&b, 0, sizeof b);
     printf("streams from %" PRIu64 ", %" PRIu32 " of them\n", seed, n);
-    for (i = 0; i < n; i++) {
+    for (uint32_t i = 0; i < n; i++) {
         keep_base(&b, (seed + i) / PER_BASE);
         if (verbose) {
             printf("stream %" PRIu64 "\n", seed + i);
@@ -285,9 +275,8 @@ TEST(undamaged_streams_should_be_drawn)
 {
     const uint64_t seed = testing_seed(0) / PER_BASE;
     uint64_t r = seed;
-    uint32_t i;
 
-    for (i = 0; i < 48; i++) {
+    for (uint32_t i = 0; i < 48; i++) {
         mutate_result result;
         base b;
 
@@ -307,12 +296,11 @@ TEST(no_changed_byte_should_go_unnoticed)
 {
     mutate_result result;
     uint64_t r = 5;
-    size_t i;
     base b;
 
     make_base(&b, 10);
     assert_true(b.info.n_segments > 1 && b.info.n_layers > 1);
-    for (i = 0; i < b.n; i++) {
+    for (size_t i = 0; i < b.n; i++) {
         b.bytes[i] ^= (uint8_t)(1u << i % 8);
         mutate_play(&result, b.bytes, b.n, &r);
         assert_null(result.broken);
@@ -325,9 +313,7 @@ TEST(no_changed_byte_should_go_unnoticed)
 
 TEST(pieces_should_make_the_same_file_again)
 {
-    uint64_t i;
-
-    for (i = 0; i < 20; i++) {
+    for (uint64_t i = 0; i < 20; i++) {
         mutate_file f;
         uint8_t *joined;
         size_t n;

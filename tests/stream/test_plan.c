@@ -78,18 +78,16 @@ static void end(player *p)
 
 static void assert_canaries(const player *p)
 {
-    uint32_t i;
-
-    for (i = 0; i < N_CANARIES; i++)
+    for (uint32_t i = 0; i < N_CANARIES; i++)
         assert_int_equal(p->work[p->info.work_nbytes + i], CANARY);
 }
 
 static saga_status decode(player *p, saga_decoder *dec, uint32_t number)
 {
     saga_segment seg;
-    uint32_t frame = 0, i;
+    uint32_t frame = 0;
 
-    for (i = 0; i < number; i++)
+    for (uint32_t i = 0; i < number; i++)
         frame += p->g.n_frames[i];
     assert_int_equal(saga_find(&seg, p->bytes, p->n, frame, 1), SAGA_OK);
     assert_int_equal(seg.number, number);
@@ -174,9 +172,7 @@ static gen_options full_options(void)
 
 TEST(levels_should_be_those_of_the_public_header)
 {
-    int i;
-
-    for (i = 0; i < SAGA_N_PROFILES; i++) {
+    for (int i = 0; i < SAGA_N_PROFILES; i++) {
         assert_int_equal(saga_caps[i].work_nbytes, SAGA_WORK_MAX(i));
         assert_int_equal(saga_caps[i].cover, SAGA_COVER_MAX(i));
     }
@@ -187,7 +183,7 @@ static void check_open(const gen_options *o)
     player p;
     saga_decoder *dec;
     const uint8_t *head;
-    size_t size, n, k;
+    size_t size, n;
 
     begin(&p, o);
     head = p.bytes;
@@ -199,13 +195,13 @@ static void check_open(const gen_options *o)
                      SAGA_ERR_SPACE);
     assert_null(dec);
     assert_int_equal(saga_open(&dec, p.work, 0, head, n, NULL), SAGA_ERR_SPACE);
-    for (k = 1; k < SAGA_WORK_ALIGN; k++) {
+    for (size_t k = 1; k < SAGA_WORK_ALIGN; k++) {
         dec = p.dec;
         assert_int_equal(saga_open(&dec, p.work + k, size, head, n, NULL),
                          SAGA_ERR_ALIGN);
         assert_null(dec);
     }
-    for (k = 0; k < size; k++)
+    for (size_t k = 0; k < size; k++)
         assert_int_equal(p.work[k], CANARY);
     assert_int_equal(saga_open(&dec, p.work, size, head, n - 1, NULL),
                      SAGA_ERR_TRUNCATED);
@@ -216,9 +212,7 @@ static void check_open(const gen_options *o)
 
 TEST(open_should_refuse_a_smaller_or_misaligned_block)
 {
-    uint32_t i;
-
-    for (i = 0; i < 16; i++) {
+    for (uint32_t i = 0; i < 16; i++) {
         const gen_options o = options_of(testing_seed(1), i);
 
         check_open(&o);
@@ -230,13 +224,12 @@ static void check_canaries(const gen_options *o)
     static const int32_t times[] = { 0, 32768, 65535 };
     player p;
     saga_camera c;
-    uint32_t i, k;
 
     begin(&p, o);
-    for (i = 0; i < p.g.n_segments; i++) {
+    for (uint32_t i = 0; i < p.g.n_segments; i++) {
         assert_int_equal(decode(&p, p.dec, i), SAGA_OK);
         assert_canaries(&p);
-        for (k = 0; k < 3; k++) {
+        for (uint32_t k = 0; k < 3; k++) {
             c = rig(&p, k);
             assert_int_equal(saga_view(p.dec, &c, times[k]), SAGA_OK);
             assert_canaries(&p);
@@ -250,10 +243,9 @@ static void check_canaries(const gen_options *o)
 TEST(decoder_should_stay_inside_its_block)
 {
     gen_options o = full_options();
-    uint32_t i;
 
     check_canaries(&o);
-    for (i = 0; i < n_streams(); i++) {
+    for (uint32_t i = 0; i < n_streams(); i++) {
         o = options_of(testing_seed(1), i);
         o.n_segments = 1 + i % GEN_MAX_SEGMENTS;
         check_canaries(&o);
@@ -274,11 +266,10 @@ static uint64_t nets_of_document(const saga_model *m)
 {
     uint64_t nbytes = 0;
     saga_net_shape s;
-    int net, i;
 
-    for (net = 0; net < SAGA_N_NETS; net++) {
+    for (int net = 0; net < SAGA_N_NETS; net++) {
         saga_model_net(&s, m, net);
-        for (i = 0; i < s.n_layers; i++)
+        for (int i = 0; i < s.n_layers; i++)
             nbytes += to_16((to_16(s.dim[i]) * (s.int8 ? 1 : 2) + 5) *
                             s.dim[i + 1]);
     }
@@ -310,9 +301,9 @@ static uint64_t work_of_document(const saga_header *h)
 
 TEST(block_should_be_as_large_as_the_document_says)
 {
-    uint32_t n_plain = 0, i;
+    uint32_t n_plain = 0;
 
-    for (i = 0; i < 64; i++) {
+    for (uint32_t i = 0; i < 64; i++) {
         const gen_options o = options_of(testing_seed(1), i);
         saga_header h;
         player p;
@@ -330,20 +321,17 @@ TEST(block_should_be_as_large_as_the_document_says)
  * whatever the block held. */
 TEST(vectors_should_be_empty_when_opened)
 {
-    uint32_t i;
-
-    for (i = 0; i < 8; i++) {
+    for (uint32_t i = 0; i < 8; i++) {
         gen_options o = options_of(testing_seed(1), i);
         saga_header h;
         saga_plan plan;
         player p;
-        size_t k;
 
         o.base = 0;
         begin(&p, &o);
         assert_int_equal(saga_head_read(&h, p.bytes, p.n), SAGA_OK);
         assert_int_equal(saga_plan_make(&plan, &h, DECODER_NBYTES), SAGA_OK);
-        for (k = 0; k < sizeof(saga_vectors); k++)
+        for (size_t k = 0; k < sizeof(saga_vectors); k++)
             assert_int_equal(p.work[plan.vectors_at + k], 0);
         end(&p);
     }
@@ -353,9 +341,7 @@ TEST(vectors_should_be_empty_when_opened)
  * what is left is the padding to 16. */
 TEST(block_should_be_used_up_to_its_end)
 {
-    uint32_t i;
-
-    for (i = 0; i < 32; i++) {
+    for (uint32_t i = 0; i < 32; i++) {
         gen_options o = options_of(testing_seed(1), i);
         player p;
         saga_symbols *s;
@@ -385,9 +371,7 @@ TEST(block_should_be_used_up_to_its_end)
  * networks choose among. */
 TEST(tools_should_cost_nothing_when_off)
 {
-    uint32_t i;
-
-    for (i = 0; i < 24; i++) {
+    for (uint32_t i = 0; i < 24; i++) {
         const gen_options o = options_of(testing_seed(1), i);
         saga_header h;
         saga_plan plan;
@@ -412,11 +396,11 @@ TEST(tools_should_cost_nothing_when_off)
 /* Steps in which n anchors of the given groups are decoded. */
 static uint32_t steps_of(const uint32_t *group, uint32_t n, uint32_t blocks)
 {
-    uint32_t count[SAGA_MAX_GROUPS] = { 0 }, steps = 0, i;
+    uint32_t count[SAGA_MAX_GROUPS] = { 0 }, steps = 0;
 
-    for (i = 0; i < n; i++)
+    for (uint32_t i = 0; i < n; i++)
         count[group[i]]++;
-    for (i = 0; i < SAGA_MAX_GROUPS; i++)
+    for (uint32_t i = 0; i < SAGA_MAX_GROUPS; i++)
         steps += (count[i] + blocks - 1) / blocks;
     return steps;
 }
@@ -440,12 +424,12 @@ static uint32_t rounds_of_tier(const player *p, uint32_t number, int level)
     saga_header h;
     saga_plan plan;
     const saga_coarse *coarse;
-    uint32_t steps, i;
+    uint32_t steps;
 
     assert_int_equal(saga_head_read(&h, p->bytes, p->n), SAGA_OK);
     assert_int_equal(saga_plan_make(&plan, &h, DECODER_NBYTES), SAGA_OK);
     coarse = (const saga_coarse *)(const void *)(p->work + plan.coarse_at);
-    for (i = 0; i < n; i++)
+    for (uint32_t i = 0; i < n; i++)
         group[i] = level == SAGA_TIER_COARSE ? coarse[i].group
             : suffix_group(s->fine_suffix[i], m->tier[level].n_groups);
     steps = steps_of(group, n, m->bank_blocks);
@@ -460,10 +444,9 @@ static uint64_t macs_of_layers(const player *p, uint32_t number)
     const uint32_t n_layers = p->info.n_layers;
     uint64_t macs = 0;
     saga_nets nets;
-    uint32_t i;
 
     saga_nets_layout(&nets, m);
-    for (i = 0; i < n_layers; i++)
+    for (uint32_t i = 0; i < n_layers; i++)
         macs += saga_plan_macs(m, &nets, &p->g.segment[number * n_layers +
                                                        i].n, 0);
     return macs;
@@ -478,11 +461,10 @@ static uint64_t macs_of_segment(const player *p, uint32_t number)
     const uint32_t count[SAGA_N_TIERS] = { n->coarse, n->fine };
     saga_nets nets;
     uint64_t macs;
-    int level;
 
     saga_nets_layout(&nets, m);
     macs = saga_plan_macs(m, &nets, n, 0);
-    for (level = 0; level < SAGA_N_TIERS; level++)
+    for (int level = 0; level < SAGA_N_TIERS; level++)
         if (m->bank_slots && saga_tier_writes(m, level)) {
             const uint32_t most = saga_plan_rounds(m, level, count[level]);
             const uint32_t steps = rounds_of_tier(p, number, level);
@@ -496,9 +478,9 @@ static uint64_t macs_of_segment(const player *p, uint32_t number)
 /* All ways n anchors fall into groups, up to what is left over in each. */
 static uint32_t most_steps(uint32_t n, uint32_t groups, uint32_t blocks)
 {
-    uint32_t used, most = 0;
+    uint32_t most = 0;
 
-    for (used = 1; used <= groups && used <= n; used++) {
+    for (uint32_t used = 1; used <= groups && used <= n; used++) {
         const uint32_t steps = used + (n - used) / blocks;
 
         most = steps > most ? steps : most;
@@ -509,9 +491,8 @@ static uint32_t most_steps(uint32_t n, uint32_t groups, uint32_t blocks)
 TEST(most_steps_should_be_reached_and_never_passed)
 {
     uint64_t r = testing_seed(1);
-    uint32_t i, k;
 
-    for (i = 0; i < 20000; i++) {
+    for (uint32_t i = 0; i < 20000; i++) {
         const uint32_t n = (uint32_t)gen_range(&r, 0, i & 1 ? 200 : 1 << 22);
         uint32_t group[200] = { 0 };
         saga_model m;
@@ -522,7 +503,7 @@ TEST(most_steps_should_be_reached_and_never_passed)
         assert_int_equal(saga_plan_rounds(&m, 0, n),
                          most_steps(n, m.tier[0].n_groups,
                                     m.bank_blocks));
-        for (k = 0; k < 200; k++)
+        for (uint32_t k = 0; k < 200; k++)
             group[k] = (uint32_t)gen_range(&r, 0, m.tier[0].n_groups - 1);
         if (n <= 200)
             assert_true(steps_of(group, n, m.bank_blocks) <=
@@ -535,10 +516,9 @@ static void check_macs(const gen_options *o)
     player p;
     saga_camera c;
     saga_report report;
-    uint32_t i;
 
     begin(&p, o);
-    for (i = 0; i < p.g.n_segments; i++) {
+    for (uint32_t i = 0; i < p.g.n_segments; i++) {
         n_macs = 0;
         assert_int_equal(decode(&p, p.dec, i), SAGA_OK);
         assert_true(n_macs <= p.info.decode_macs);
@@ -564,12 +544,11 @@ static void check_macs(const gen_options *o)
 TEST(macs_should_be_counted_exactly)
 {
     gen_options o = full_options();
-    uint32_t i;
 
     printf("seeds from %" PRIu64 ", %" PRIu32 " streams\n", testing_seed(1),
            n_streams());
     check_macs(&o);
-    for (i = 0; i < n_streams(); i++) {
+    for (uint32_t i = 0; i < n_streams(); i++) {
         o = options_of(testing_seed(1), i);
         o.n_segments = i % 4 == 3 ? 3 : 1;
         check_macs(&o);
@@ -589,9 +568,8 @@ TEST(points_should_be_what_the_vectors_hold)
     };
     const uint32_t n = sizeof net / sizeof net[0];
     saga_nets nets = { 0 };
-    uint32_t i;
 
-    for (i = 0; i < n; i++) {
+    for (uint32_t i = 0; i < n; i++) {
         memcpy(nets.shape[i].dim, net[i].dim, sizeof net[i].dim);
         nets.shape[i].n_layers = net[i].n_layers;
         assert_int_equal(saga_net_points(&nets, 1u << i), net[i].points);
@@ -603,16 +581,14 @@ TEST(points_should_be_what_the_vectors_hold)
 
 TEST(info_should_be_that_of_the_header)
 {
-    uint32_t i, net;
-
-    for (i = 0; i < 32; i++) {
+    for (uint32_t i = 0; i < 32; i++) {
         const gen_options o = options_of(testing_seed(1), i);
         saga_net_shape s;
-        uint32_t weights = 0, coarse = 0, fine = 0, prim = 0, k;
+        uint32_t weights = 0, coarse = 0, fine = 0, prim = 0;
         player p;
 
         begin(&p, &o);
-        for (net = 0; net < SAGA_N_NETS; net++) {
+        for (uint32_t net = 0; net < SAGA_N_NETS; net++) {
             saga_model_net(&s, &p.g.header.model, (int)net);
             weights += saga_net_macs(&s);
         }
@@ -621,7 +597,7 @@ TEST(info_should_be_that_of_the_header)
         assert_int_equal(p.info.tools & SAGA_TOOLS_PICTURE, o.tools);
         assert_int_equal(p.info.motion_order, o.tools >> 3);
         assert_int_equal(p.info.features, p.g.header.model.features);
-        for (k = 0; k < o.n_layers; k++) {
+        for (uint32_t k = 0; k < o.n_layers; k++) {
             const saga_counts *const n = &p.g.segment[k].n;
 
             coarse = n->coarse > coarse ? n->coarse : coarse;
@@ -663,14 +639,13 @@ TEST(decoder_should_be_movable_at_any_time)
     saga_decoder *at;
     uint8_t *block;
     uint32_t crc;
-    int when;
 
     begin(&p, &picture_options);
     c = rig(&p, 1);
     assert_int_equal(decode(&p, p.dec, 0), SAGA_OK);
     assert_int_equal(saga_view(p.dec, &c, 20000), SAGA_OK);
     crc = draw(p.dec, &c);
-    for (when = 0; when < 3; when++) {
+    for (int when = 0; when < 3; when++) {
         assert_int_equal(saga_open(&p.dec, p.work, p.info.work_nbytes,
                                    p.bytes, p.n, NULL), SAGA_OK);
         if (when > 0)
@@ -721,11 +696,10 @@ TEST(picture_should_not_depend_on_what_the_block_held)
     player p;
     saga_camera c;
     uint32_t crc[2];
-    int i;
 
     begin(&p, &picture_options);
     c = rig(&p, 2);
-    for (i = 0; i < 2; i++) {
+    for (int i = 0; i < 2; i++) {
         memset(p.work, i ? 0xff : 0, p.info.work_nbytes);
         assert_int_equal(saga_open(&p.dec, p.work, p.info.work_nbytes,
                                    p.bytes, p.n, NULL), SAGA_OK);
@@ -758,10 +732,10 @@ static uint32_t see_all(seen *list, const player *p, const saga_camera *c,
     saga_report report;
     saga_animated a;
     saga_splat s;
-    uint32_t i, n = 0;
+    uint32_t n = 0;
 
     assert_int_equal(saga_tell(&report, p->dec), SAGA_OK);
-    for (i = 0; i < report.n_primitives; i++) {
+    for (uint32_t i = 0; i < report.n_primitives; i++) {
         assert_int_equal(saga_primitive_at(&a, p->dec, i, t), SAGA_OK);
         if (saga_project(&s, &a, c, 0))
             list[n++] = (seen){ s.depth, i };
@@ -778,7 +752,7 @@ static void check_colours(uint32_t tools)
     player p;
     saga_camera c;
     seen *list;
-    uint32_t crc, n, i;
+    uint32_t crc, n;
 
     o.tools = tools;
     begin(&p, &o);
@@ -789,7 +763,7 @@ static void check_colours(uint32_t tools)
     crc = draw(p.dec, &c);
     n = see_all(list, &p, &c, t);
     assert_true(n > 5);
-    for (i = 0; i < n; i++) {
+    for (uint32_t i = 0; i < n; i++) {
         uint16_t colour[3];
         saga_splat s;
 
@@ -910,11 +884,10 @@ TEST(cut_segment_should_be_refused)
                             .tools_fixed = 1 };
     player p;
     saga_segment seg;
-    size_t n;
 
     begin(&p, &o);
     assert_int_equal(saga_find(&seg, p.bytes, p.n, 0, 1), SAGA_OK);
-    for (n = 0; n < seg.nbytes; n++) {
+    for (size_t n = 0; n < seg.nbytes; n++) {
         uint8_t *const copy = must(malloc(n ? n : 1));
 
         memcpy(copy, p.bytes + seg.offset, n);
@@ -933,10 +906,9 @@ TEST(cut_head_should_be_refused)
     player p;
     saga_segment seg;
     saga_decoder *dec;
-    size_t n;
 
     begin(&p, &o);
-    for (n = 0; n < p.info.head_nbytes; n += n < 700 ? 1 : 97) {
+    for (size_t n = 0; n < p.info.head_nbytes; n += n < 700 ? 1 : 97) {
         uint8_t *const copy = must(malloc(n ? n : 1));
 
         memcpy(copy, p.bytes, n);

@@ -69,16 +69,14 @@ static void check_lengths(const char *what, const uint8_t *bytes, size_t n,
     const size_t header = SAGA_HEADER_NBYTES +
                           GEN_MAX_CAMERAS * SAGA_CAMERA_NBYTES + 4;
     uint8_t *const more = must(malloc(n + MORE));
-    int call;
 
     memcpy(more, bytes, n);
     memset(more + n, 0x53, MORE);
-    for (call = 0; call < N_CALLS; call++) {
+    for (int call = 0; call < N_CALLS; call++) {
         const saga_status whole = status_of(call, more, n + MORE);
         saga_status before = SAGA_ERR_TRUNCATED, s;
-        size_t k;
 
-        for (k = 0; k <= n + MORE;
+        for (size_t k = 0; k <= n + MORE;
              k += k < header ? 1 : k + 2 < head ? 101 : k < head + 2 ? 1
                 : 997) {
             s = status_of(call, more, k);
@@ -129,16 +127,15 @@ static size_t networks_at(const uint8_t *bytes)
 TEST(lengths_should_be_judged_by_their_own_bytes)
 {
     static const int32_t by[] = { 0, -1, 1, 12, 100, 1000, INT32_MAX };
-    int i;
 
-    for (i = 0; i < N_STREAMS; i++) {
-        size_t n, head, at[2], k, m;
+    for (int i = 0; i < N_STREAMS; i++) {
+        size_t n, head, at[2];
         uint8_t *const bytes = make(&streams[i], &n, &head);
 
         at[0] = fx_load32_le(bytes + SAGA_MAGIC_NBYTES) + 4;
         at[1] = networks_at(bytes) + 4;
-        for (k = 0; k < 2; k++)
-            for (m = 0; m < sizeof by / sizeof *by; m++) {
+        for (size_t k = 0; k < 2; k++)
+            for (size_t m = 0; m < sizeof by / sizeof *by; m++) {
                 uint8_t *const copy = must(malloc(n));
 
                 memcpy(copy, bytes, n);
@@ -159,14 +156,13 @@ TEST(lengths_should_be_judged_by_their_own_bytes)
 TEST(damage_should_show_in_the_head_alone)
 {
     uint64_t r = 31;
-    int i, k;
 
-    for (i = 0; i < N_STREAMS; i++) {
+    for (int i = 0; i < N_STREAMS; i++) {
         size_t n, head;
         uint8_t *const bytes = make(&streams[i], &n, &head);
         uint8_t *const copy = must(malloc(n));
 
-        for (k = 0; k < 12; k++) {
+        for (int k = 0; k < 12; k++) {
             const size_t at = gen_random(&r) % (k < 8 ? 178 : head);
             saga_info info;
 
@@ -197,15 +193,15 @@ TEST(version_should_be_zero_in_no_file)
         { { 1, 0, 1, 0 }, SAGA_ERR_VERSION },
         { { 1, 0, 0, 128 }, SAGA_ERR_VERSION }
     };
-    size_t n, head, i, k;
+    size_t n, head;
     uint8_t *const bytes = make(&streams[0], &n, &head);
 
-    for (i = 0; i < sizeof all / sizeof *all; i++) {
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
         memcpy(bytes + 4, all[i].p, 4);
         gen_stream_sign_header(bytes);
         assert_int_equal(status_of(PROBE, bytes, n), all[i].s);
         check_lengths("a version", bytes, n, head);
-        for (k = 4; k < 8; k++)
+        for (size_t k = 4; k < 8; k++)
             assert_int_equal(status_of(PROBE, bytes, k), SAGA_ERR_TRUNCATED);
         if (all[i].s)
             assert_int_equal(status_of(PROBE, bytes, 8), all[i].s);
@@ -239,20 +235,19 @@ static uint8_t *with_tool(const uint8_t *bytes, size_t n, uint32_t tool)
 TEST(tools_should_be_looked_at_before_the_size)
 {
     static const uint32_t wrong[] = { 72, 8, 12, 16, 36, 180 };
-    int bit, i;
 
-    for (i = 0; i < N_STREAMS; i++) {
-        size_t n, head, k;
+    for (int i = 0; i < N_STREAMS; i++) {
+        size_t n, head;
         uint8_t *const bytes = make(&streams[i], &n, &head);
 
-        for (bit = 7; bit < 32; bit += bit == 8 ? 3 : 1) {
+        for (int bit = 7; bit < 32; bit += bit == 8 ? 3 : 1) {
             uint8_t *const copy = with_tool(bytes, n, 1u << bit);
 
             check_lengths("a tool", copy, n, head);
-            for (k = 0; k < SAGA_HEADER_NBYTES; k++)
+            for (size_t k = 0; k < SAGA_HEADER_NBYTES; k++)
                 assert_int_equal(status_of(PROBE, copy, k),
                                  SAGA_ERR_TRUNCATED);
-            for (k = 0; k < sizeof wrong / sizeof *wrong; k++) {
+            for (size_t k = 0; k < sizeof wrong / sizeof *wrong; k++) {
                 copy[wrong[k]] ^= 0x40;
                 assert_int_equal(status_of(PROBE, copy, SAGA_HEADER_NBYTES),
                                  SAGA_ERR_VERSION);
@@ -285,9 +280,8 @@ static void check_segment(saga_decoder *dec, const saga_segment *seg,
                           const uint8_t *bytes, size_t n, saga_status want)
 {
     saga_layer_report layer;
-    size_t k;
 
-    for (k = seg->nbytes; k <= n; k += k < seg->nbytes + 40 ? 1 : 499) {
+    for (size_t k = seg->nbytes; k <= n; k += k < seg->nbytes + 40 ? 1 : 499) {
         assert_int_equal(saga_decode(dec, seg, bytes, k, NULL), want);
         if (want == SAGA_OK)
             assert_int_equal(saga_find_layer(&layer, dec, seg, bytes, k, 0),
@@ -299,9 +293,7 @@ static void check_segment(saga_decoder *dec, const saga_segment *seg,
  * where the index cuts it. */
 TEST(segments_should_end_where_the_index_says)
 {
-    int i, k;
-
-    for (i = 0; i < N_STREAMS; i++) {
+    for (int i = 0; i < N_STREAMS; i++) {
         size_t n, head;
         uint8_t *const bytes = make(&streams[i], &n, &head);
         uint8_t *const more = must(calloc(n + MORE, 1));
@@ -316,7 +308,7 @@ TEST(segments_should_end_where_the_index_says)
         p = more + seg.offset;
         check_segment(dec, &seg, p, n + MORE - seg.offset, SAGA_OK);
         cut = seg;
-        for (k = 1; k < 36; k += 13) {   /* inside SEGM */
+        for (int k = 1; k < 36; k += 13) {   /* inside SEGM */
             cut.nbytes = (uint32_t)k;
             check_segment(dec, &cut, p, n + MORE - seg.offset,
                           SAGA_ERR_TRUNCATED);

@@ -56,11 +56,10 @@ static void assert_same_nets(const saga_net_symbols *a,
                              const saga_net_symbols *b, const saga_model *m)
 {
     saga_nets nets;
-    int net, i;
 
     saga_nets_layout(&nets, m);
-    for (net = 0; net < SAGA_N_NETS; net++)
-        for (i = 0; i < nets.shape[net].n_layers; i++)
+    for (int net = 0; net < SAGA_N_NETS; net++)
+        for (int i = 0; i < nets.shape[net].n_layers; i++)
             assert_same_layer(&a->layer[net][i], &b->layer[net][i],
                               nets.shape[net].dim[i],
                               nets.shape[net].dim[i + 1],
@@ -74,9 +73,9 @@ static saga_segment segment_of(player *p, const gen_stream *g,
                                uint32_t number)
 {
     const saga_segment seg = player_find(p, number);
-    uint32_t frame = 0, i;
+    uint32_t frame = 0;
 
-    for (i = 0; i < number; i++)
+    for (uint32_t i = 0; i < number; i++)
         frame += g->n_frames[i];
     assert_int_equal(seg.first_frame, frame);
     assert_int_equal(seg.n_frames, g->n_frames[number]);
@@ -117,9 +116,9 @@ static void check_segment(player *p, const gen_stream *g, uint32_t number)
     const uint32_t n_layers = saga_n_layers(&g->header);
     saga_counts sum = { 0, 0, 0 };
     saga_report report;
-    uint32_t range[3], i;
+    uint32_t range[3];
 
-    for (i = 0; i < n_layers; i++) {
+    for (uint32_t i = 0; i < n_layers; i++) {
         const saga_symbols *const want = &g->segment[number * n_layers + i];
 
         check_layer(g, want, RECORDER_LAYER(number, i), range, p->bytes,
@@ -134,7 +133,7 @@ static void check_segment(player *p, const gen_stream *g, uint32_t number)
     assert_int_equal(report.n_coarse, sum.coarse);
     assert_int_equal(report.n_fine, sum.fine);
     assert_int_equal(report.n_primitives, g->base.n.prim + sum.prim);
-    for (i = 0; i < 3; i++)
+    for (uint32_t i = 0; i < 3; i++)
         assert_int_equal(report.final_range[i], range[i]);
 }
 
@@ -158,12 +157,11 @@ static void check_base(const player *p, const gen_stream *g)
 static void check_stream(gen_stream *g)
 {
     player p;
-    uint32_t i;
 
     player_open(&p, g);
     assert_int_equal(p.info.n_segments, g->n_segments);
     check_base(&p, g);
-    for (i = 0; i < g->n_segments; i++)
+    for (uint32_t i = 0; i < g->n_segments; i++)
         check_segment(&p, g, i);
     player_close(&p);
 }
@@ -187,25 +185,21 @@ typedef struct {
 
 static void cover_segment(coverage *c, const saga_symbols *s)
 {
-    uint32_t i;
-
     c->no_fine += s->n.fine == 0;
     c->no_prim += s->n.fine != 0 && s->n.prim == 0;
     c->one_coarse += s->n.coarse == 1;
-    for (i = 0; i < 4 * s->n.fine; i++)
+    for (uint32_t i = 0; i < 4 * s->n.fine; i++)
         c->extreme += s->fine_offset[i] == SAGA_MAX_RESIDUAL ||
                       s->fine_offset[i] == -SAGA_MAX_RESIDUAL;
 }
 
 static void cover_memory(coverage *c, const saga_model *m)
 {
-    uint32_t i;
-
     c->update[!(m->tools & SAGA_TOOL_BANK) ? 0
               : m->tools & SAGA_TOOL_PLAIN_WRITE ? 2 : 1]++;
     if (!(m->tools & SAGA_TOOL_BANK))
         return;
-    for (i = 0; i < SAGA_N_KINDS; i++)
+    for (uint32_t i = 0; i < SAGA_N_KINDS; i++)
         c->reads[i][(m->sources[i] & SAGA_SOURCE_BANK) != 0]++;
     c->slots[m->bank_slots / SAGA_MIN_SLOTS]++;
     c->slot_width[m->bank_width / 8]++;
@@ -216,26 +210,26 @@ static void cover_memory(coverage *c, const saga_model *m)
 static void cover(coverage *c, const gen_stream *g)
 {
     const saga_model *const m = &g->header.model;
-    uint32_t together = 0, i;
+    uint32_t together = 0;
 
     c->tools[m->tools & 31u]++;
     c->level[g->header.level]++;
     c->segments[g->n_segments]++;
-    for (i = 0; i < SAGA_N_KINDS; i++)
+    for (uint32_t i = 0; i < SAGA_N_KINDS; i++)
         c->sources[i][m->sources[i] & 7u]++;
     cover_memory(c, m);
     together = (m->sources[0] & 1u) | (m->sources[0] >> 1 & 2u);
     together = together << 5 | (m->sources[1] & 7u) << 2 |
                (m->sources[2] & 3u);
     c->together[together]++;
-    for (i = 0; i < SAGA_N_TIERS; i++) {
+    for (uint32_t i = 0; i < SAGA_N_TIERS; i++) {
         c->groups[i][m->tier[i].n_groups]++;
         c->window[i][m->tier[i].window]++;
         c->neighbours[i][m->tier[i].neighbours]++;
         c->suffix[i][m->tier[i].suffix_bits]++;
         c->children[i][m->tier[i].max_children]++;
     }
-    for (i = 0; i < g->n_segments; i++)
+    for (uint32_t i = 0; i < g->n_segments; i++)
         cover_segment(c, &g->segment[i]);
 }
 
@@ -257,9 +251,8 @@ static void assert_all(const uint32_t *count, uint32_t first, uint32_t last)
 static void assert_sources(const coverage *c)
 {
     static const uint8_t coarse[] = { 0, 1, 4, 5 };
-    uint32_t i;
 
-    for (i = 0; i < 4; i++)
+    for (uint32_t i = 0; i < 4; i++)
         assert_int_not_equal(c->sources[SAGA_KIND_COARSE][coarse[i]], 0);
     assert_all(c->sources[SAGA_KIND_FINE], 0, 7);
     assert_all(c->sources[SAGA_KIND_PRIM], 0, 3);
@@ -267,12 +260,10 @@ static void assert_sources(const coverage *c)
 
 static void assert_memory(const coverage *c)
 {
-    uint32_t i;
-
-    for (i = 0; i < SAGA_N_KINDS; i++)
+    for (uint32_t i = 0; i < SAGA_N_KINDS; i++)
         assert_all(c->reads[i], 0, 1);
     assert_all(c->update, 0, 2);
-    for (i = 1; i <= SAGA_MAX_SLOTS / SAGA_MIN_SLOTS; i *= 2)
+    for (uint32_t i = 1; i <= SAGA_MAX_SLOTS / SAGA_MIN_SLOTS; i *= 2)
         assert_int_not_equal(c->slots[i], 0);
     assert_all(c->slot_width, 1, 8);
     assert_int_not_equal(c->step_of_one, 0);
@@ -281,12 +272,10 @@ static void assert_memory(const coverage *c)
 
 static void assert_covered(const coverage *c, uint32_t n)
 {
-    uint32_t i;
-
     assert_all(c->tools, 0, 31);
     assert_sources(c);
     assert_memory(c);
-    for (i = 0; i < SAGA_N_TIERS; i++) {
+    for (uint32_t i = 0; i < SAGA_N_TIERS; i++) {
         assert_all(c->groups[i], 1, SAGA_MAX_GROUPS);
         assert_all(c->neighbours[i], 1, SAGA_MAX_NEIGHBOURS);
         assert_all(c->suffix[i], 0, SAGA_MAX_SUFFIX_BITS);
@@ -326,11 +315,10 @@ TEST(stream_should_decode_to_the_symbols_it_was_made_from)
     const uint64_t seed = testing_seed(1);
     const uint32_t n = testing_count(600, 100000);
     coverage c;
-    uint32_t i;
 
     memset(&c, 0, sizeof c);
     printf("seeds from %" PRIu64 ", %" PRIu32 " streams\n", seed, n);
-    for (i = 0; i < n; i++) {
+    for (uint32_t i = 0; i < n; i++) {
         const gen_options o = options_of(seed + i, i);
         gen_stream g;
 
@@ -401,13 +389,12 @@ TEST(stream_should_survive_full_sets_of_equal_suffixes)
 {
     gen_stream g;
     saga_symbols *s;
-    uint32_t i;
 
     make_full(&g);
     s = &g.segment[0];
-    for (i = 0; i < s->n.prim; i++)
+    for (uint32_t i = 0; i < s->n.prim; i++)
         s->prim_suffix[i] = 0;
-    for (i = 0; i < s->n.fine; i++)
+    for (uint32_t i = 0; i < s->n.fine; i++)
         s->fine_suffix[i] = 0;
     check_stream(&g);
     gen_stream_free(&g);
@@ -417,17 +404,16 @@ TEST(stream_should_survive_every_extreme_residual)
 {
     gen_stream g;
     saga_symbols *s;
-    uint32_t i;
 
     make_full(&g);
     s = &g.segment[0];
-    for (i = 0; i < 4 * s->n.coarse; i++)
+    for (uint32_t i = 0; i < 4 * s->n.coarse; i++)
         s->centre[i] = i & 1 ? SAGA_MAX_RESIDUAL : -SAGA_MAX_RESIDUAL;
-    for (i = 0; i < g.header.model.features * s->n.coarse; i++)
+    for (uint32_t i = 0; i < g.header.model.features * s->n.coarse; i++)
         s->feature[i] = i & 2 ? SAGA_MAX_RESIDUAL : -SAGA_MAX_RESIDUAL;
-    for (i = 0; i < 4 * s->n.fine; i++)
+    for (uint32_t i = 0; i < 4 * s->n.fine; i++)
         s->fine_offset[i] = i & 4 ? SAGA_MAX_RESIDUAL : -SAGA_MAX_RESIDUAL;
-    for (i = 0; i < 4 * s->n.prim; i++)
+    for (uint32_t i = 0; i < 4 * s->n.prim; i++)
         s->prim_offset[i] = i & 8 ? SAGA_MAX_RESIDUAL : -SAGA_MAX_RESIDUAL;
     check_stream(&g);
     gen_stream_free(&g);
@@ -513,9 +499,8 @@ static void prim_less(gen_stream *g) { g->segment[0].n.prim--; }
 static void deep(gen_stream *g)
 {
     saga_symbols *const s = &g->segment[0];
-    uint32_t i;
 
-    for (i = 0; i < s->n_nodes; i++) {
+    for (uint32_t i = 0; i < s->n_nodes; i++) {
         s->split[i] = 1;
         s->occupancy[i] = 1;
     }
@@ -828,9 +813,8 @@ TEST(encoder_should_take_rows_by_what_formats_leave)
     saga_error error = { "" };
     saga_encoder *e;
     gen_stream g;
-    int k;
 
-    for (k = 0; k < SAGA_N_FINER; k++) {
+    for (int k = 0; k < SAGA_N_FINER; k++) {
         make_rich(&g);
         finer_to(&g, k, (uint8_t)k);
         e = saga_encoder_open(&g.header, g.rig, &g.nets, &error);
@@ -883,18 +867,16 @@ static void assert_same_splats(const saga_splat *a, const saga_splat *b)
 /* Two decoders hold the same segment and see the same. */
 static void assert_same_views(player *a, player *b, int32_t t)
 {
-    uint32_t i;
-
     player_view(a, 0, t);
     player_view(b, 0, t);
     assert_memory_equal(&a->report, &b->report, sizeof a->report);
-    for (i = 0; i < a->report.n_primitives; i++) {
+    for (uint32_t i = 0; i < a->report.n_primitives; i++) {
         const saga_animated x = player_primitive(a, i, t);
         const saga_animated y = player_primitive(b, i, t);
 
         assert_memory_equal(&x, &y, sizeof x);
     }
-    for (i = 0; i < a->report.n_splats; i++) {
+    for (uint32_t i = 0; i < a->report.n_splats; i++) {
         const saga_splat x = player_splat(a, i), y = player_splat(b, i);
 
         assert_same_splats(&x, &y);
@@ -927,8 +909,7 @@ static void check_random_access(uint64_t seed, uint32_t tools)
 TEST(segment_should_not_depend_on_those_before_it)
 {
     const uint64_t seed = testing_seed(1);
-    uint32_t i;
 
-    for (i = 0; i < 16; i++)
+    for (uint32_t i = 0; i < 16; i++)
         check_random_access(seed + i, (i * 5 + 31) % 32);
 }

@@ -77,9 +77,8 @@ static void assert_same(const saga_splat *a, const saga_splat *b)
 static int is_untouched(const saga_splat *s)
 {
     const uint8_t *const p = (const uint8_t *)s;
-    size_t i;
 
-    for (i = 0; i < sizeof *s; i++)
+    for (size_t i = 0; i < sizeof *s; i++)
         if (p[i] != CANARY)
             return 0;
     return 1;
@@ -90,13 +89,12 @@ static void check_part(const film *f, uint32_t first, uint32_t n)
 {
     saga_splat *const all = malloc(((size_t)n + 2) * sizeof *all);
     saga_splat one;
-    uint32_t i;
 
     assert_non_null(all);
     memset(all, CANARY, ((size_t)n + 2) * sizeof *all);
     assert_int_equal(saga_splats_at(all + 1, f->dec, first, n), SAGA_OK);
     assert_true(is_untouched(all) && is_untouched(all + n + 1));
-    for (i = 0; i < n; i++) {
+    for (uint32_t i = 0; i < n; i++) {
         assert_int_equal(saga_splat_at(&one, f->dec, first + i), SAGA_OK);
         assert_same(all + 1 + i, &one);
     }
@@ -105,10 +103,10 @@ static void check_part(const film *f, uint32_t first, uint32_t n)
 
 static void tap_should_give_what_single_splats_are(void **state)
 {
-    uint32_t most = 0, seed;
+    uint32_t most = 0;
 
     (void)state;
-    for (seed = 1; seed <= 24; seed++) {
+    for (uint32_t seed = 1; seed <= 24; seed++) {
         film f;
         uint32_t n;
 
@@ -128,9 +126,7 @@ static void tap_should_give_what_single_splats_are(void **state)
 /* The camera looks away from everything: a view, but of no splats. */
 static void turn_away(film *f)
 {
-    int i;
-
-    for (i = 0; i < 3; i++)
+    for (int i = 0; i < 3; i++)
         f->camera.centre[i] = 1 << 29;
     f->camera.near_plane = INT32_MAX;
 }

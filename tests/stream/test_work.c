@@ -82,10 +82,8 @@ static uint64_t anchors_of(const saga_info *i)
 /* The slowest file's header as it stands, and with one anchor more. */
 TEST(slowest_should_be_the_last_that_is_valid)
 {
-    int level, kind;
-
-    for (level = 0; level < SAGA_N_PROFILES; level++)
-        for (kind = 0; kind < GEN_N_SLOW; kind++) {
+    for (int level = 0; level < SAGA_N_PROFILES; level++)
+        for (int kind = 0; kind < GEN_N_SLOW; kind++) {
             const saga_level_caps *const cap = &saga_caps[level];
             gen_stream g;
             saga_counts max;
@@ -113,10 +111,8 @@ TEST(slowest_should_be_the_last_that_is_valid)
 
 TEST(slowest_should_decode)
 {
-    int level, kind;
-
-    for (level = 0; level < SAGA_N_PROFILES; level++)
-        for (kind = 0; kind < GEN_N_SLOW; kind++) {
+    for (int level = 0; level < SAGA_N_PROFILES; level++)
+        for (int kind = 0; kind < GEN_N_SLOW; kind++) {
             const uint32_t share = share_of(level);
             gen_stream g;
             double begin;
@@ -160,7 +156,7 @@ TEST(levels_should_be_as_the_tables_say)
     static const char second[] = "| level | anchors |";
     FILE *const page = fopen("docs/bitstream.md", "r");
     char line[512];
-    int inside = 0, n = 0, i;
+    int inside = 0, n = 0;
 
     assert_non_null(page);
     while (fgets(line, sizeof line, page)) {
@@ -172,7 +168,7 @@ TEST(levels_should_be_as_the_tables_say)
                : line[0] == '|' ? inside : 0;
         if (!inside || line[2] < '0' || line[2] > '9')
             continue;
-        for (i = 0; i < (inside == 1 ? 9 : 4); i++)
+        for (int i = 0; i < (inside == 1 ? 9 : 4); i++)
             v[i] = read_cell(&s);
         assert_true(v[0] < SAGA_N_PROFILES);
         if (inside == 1) {
@@ -199,10 +195,9 @@ static uint64_t run_of(const saga_model *m, int net)
 {
     saga_net_shape s;
     uint64_t r = 0;
-    int i;
 
     saga_model_net(&s, m, net);
-    for (i = 0; i < s.n_layers; i++)
+    for (int i = 0; i < s.n_layers; i++)
         r += (uint64_t)s.dim[i] * s.dim[i + 1];
     return s.n_layers ? r + 4096 : 0;
 }
@@ -250,9 +245,7 @@ static uint64_t scaffold_of(const saga_model *m, uint64_t nc, uint64_t nf,
 /* Section 5's formula, of random streams with any tools. */
 TEST(work_should_be_as_the_formula_says)
 {
-    int i;
-
-    for (i = 0; i < 60; i++) {
+    for (int i = 0; i < 60; i++) {
         const gen_options o = { .seed = 4000 + (uint64_t)i, .level = i % 4,
                                 .n_coarse = 30, .bank = i % 3, .base = i % 2,
                                 .n_layers = 1 + (uint32_t)i / 2 % 3 };
@@ -297,11 +290,11 @@ static uint32_t digest(const film *f)
 {
     const int32_t from[3] = { 3 << 22, -(1 << 23), 77 };
     saga_report r;
-    uint32_t crc, i;
+    uint32_t crc;
 
     assert_int_equal(saga_tell(&r, f->dec), SAGA_OK);
     crc = saga_crc32c(0, (const uint8_t *)&r, sizeof r);
-    for (i = 0; i < r.n_primitives; i++) {
+    for (uint32_t i = 0; i < r.n_primitives; i++) {
         saga_animated a;
         uint16_t colour[3];
 
@@ -349,7 +342,7 @@ static void stop_everywhere(gen_stream *g, uint64_t seed)
 {
     patience opened = { 0, 0 }, decoded = { 0, 0 };
     const saga_watch opening = { ask, &opened }, decoding = { ask, &decoded };
-    uint32_t i, expected;
+    uint32_t expected;
     film f;
 
     load(&f, g);
@@ -357,7 +350,7 @@ static void stop_everywhere(gen_stream *g, uint64_t seed)
     assert_int_equal(decode(&f, &decoding), SAGA_OK);
     assert_true(opened.n_asked > 0 && decoded.n_asked > 0);
     expected = digest(&f);
-    for (i = 1; i <= EARLY + 1 + AT_RANDOM; i++) {
+    for (uint32_t i = 1; i <= EARLY + 1 + AT_RANDOM; i++) {
         const uint32_t r = (uint32_t)gen_random(&seed);
 
         if (i > EARLY || i <= decoded.n_asked)
@@ -374,9 +367,8 @@ static void stop_everywhere(gen_stream *g, uint64_t seed)
 TEST(stopped_decoder_should_decode_again)
 {
     gen_stream g;
-    int i;
 
-    for (i = 0; i < 12; i++) {
+    for (int i = 0; i < 12; i++) {
         const gen_options o = { .seed = 900 + (uint64_t)i, .level = i % 4,
                                 .n_coarse = 16, .bank = i % 3,
                                 .base = i % 2,
@@ -386,7 +378,7 @@ TEST(stopped_decoder_should_decode_again)
         stop_everywhere(&g, o.seed);
         gen_stream_free(&g);
     }
-    for (i = 0; i < GEN_N_SLOW; i++) {
+    for (int i = 0; i < GEN_N_SLOW; i++) {
         gen_slow_make(&g, 0, i, testing_sanitized() ? 8 : 1);
         stop_everywhere(&g, (uint64_t)i);
         gen_stream_free(&g);
@@ -425,10 +417,8 @@ static int is_late(void *user)
  * eighth of level 3's slowest are some seconds. */
 TEST(deadline_should_be_kept)
 {
-    int level, kind;
-
-    for (level = 2; testing_long() && level < SAGA_N_PROFILES; level++)
-        for (kind = 0; kind < GEN_N_SLOW; kind++) {
+    for (int level = 2; testing_long() && level < SAGA_N_PROFILES; level++)
+        for (int kind = 0; kind < GEN_N_SLOW; kind++) {
             double deadline, late;
             const saga_watch watch = { is_late, &deadline };
             gen_stream g;
@@ -486,9 +476,7 @@ static void see_wall(film *f, saga_camera *c, int level, uint32_t n)
 /* As many splats as a view may have that all cover it, and one more. */
 TEST(view_should_cost_what_the_level_allows)
 {
-    int level;
-
-    for (level = 0; level < SAGA_N_PROFILES; level++) {
+    for (int level = 0; level < SAGA_N_PROFILES; level++) {
         const uint32_t most = SAGA_COVER_MAX(level);
         saga_camera c;
         saga_report r;

@@ -64,9 +64,7 @@ static int n_examples, n_sizes;
 
 static inline table *table_named(const char *name)
 {
-    int i;
-
-    for (i = 0; i < N_TABLES; i++)
+    for (int i = 0; i < N_TABLES; i++)
         if (strcmp(tables[i].name, name) == 0)
             return &tables[i];
     return NULL;
@@ -297,22 +295,17 @@ static inline uint64_t load(const uint8_t *p, uint32_t nbytes)
 
 static inline void store(uint8_t *p, uint32_t nbytes, uint64_t v)
 {
-    uint32_t i;
-
-    for (i = 0; i < nbytes; i++)
+    for (uint32_t i = 0; i < nbytes; i++)
         p[i] = (uint8_t)(v >> 8 * i & 255u);
 }
 
 /* Bit by bit, from the definition. */
 static inline uint32_t crc_of(uint32_t crc, const uint8_t *p, size_t n)
 {
-    size_t i;
-    int k;
-
     crc = ~crc;
-    for (i = 0; i < n; i++) {
+    for (size_t i = 0; i < n; i++) {
         crc ^= p[i];
-        for (k = 0; k < 8; k++)
+        for (int k = 0; k < 8; k++)
             crc = crc & 1u ? crc >> 1 ^ 0x82f63b78u : crc >> 1;
     }
     return ~crc;
@@ -329,9 +322,7 @@ static inline int64_t element(const field *f, const uint8_t *p, uint32_t i)
 
 static inline const field *field_named(int t, const char *name)
 {
-    int k;
-
-    for (k = 0; k < tables[t].n; k++)
+    for (int k = 0; k < tables[t].n; k++)
         if (strcmp(tables[t].f[k].name, name) == 0)
             return &tables[t].f[k];
     fail_msg("the table %s has no field %s", tables[t].name, name);
@@ -414,14 +405,11 @@ typedef void (*visitor)(const table *t, const field *f, uint8_t *p,
 
 static inline void visit(const table *t, uint8_t *p, visitor each, void *user)
 {
-    int k;
-
-    for (k = 0; k < t->n; k++) {
+    for (int k = 0; k < t->n; k++) {
         const field *const f = &t->f[k];
         const table *const inner = table_named(f->type);
-        int m;
 
-        for (m = 0; inner && m < inner->n; m++)
+        for (int m = 0; inner && m < inner->n; m++)
             each(t, &inner->f[m], p + f->offset, user);
         if (!inner)
             each(t, f, p, user);
@@ -432,13 +420,12 @@ static inline void check_value(const table *t, const field *f, uint8_t *p,
                                void *user)
 {
     const file *const where = user;
-    uint32_t i;
 
     if (f->range[0] == '"') {
         assert_int_equal(strlen(f->range), f->count + 2);
         assert_memory_equal(p + f->offset, f->range + 1, f->count);
     }
-    for (i = 0; is_plain(f) && i < f->count; i++) {
+    for (uint32_t i = 0; is_plain(f) && i < f->count; i++) {
         const int64_t v = element(f, p, i);
         int64_t lo, hi;
 
@@ -502,9 +489,9 @@ static inline uint8_t *layer_at(uint8_t *p, uint32_t i)
 static inline uint32_t sum_of(const file *f, const uint8_t *segment,
                               const char *name)
 {
-    uint32_t sum = 0, i;
+    uint32_t sum = 0;
 
-    for (i = 0; i < n_layers_of(f); i++)
+    for (uint32_t i = 0; i < n_layers_of(f); i++)
         sum += (uint32_t)get(LAYER, segment + tables[SEGMENT].nbytes +
                              i * tables[LAYER].nbytes, name, 0);
     return sum;

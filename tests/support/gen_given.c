@@ -49,9 +49,8 @@ gen_given gen_given_ball(int32_t depth, int log2_scale)
                            .quat = { 1 << GIVEN_Q_QUAT, 0, 0, 0 },
                            .opacity = GIVEN_FULL,
                            .log2_width_q10 = 28 << 10 } };
-    int i;
 
-    for (i = 0; i < 3; i++) {
+    for (int i = 0; i < 3; i++) {
         g.p.support[i] = 1024;
         g.p.log2_scale_q10[i] = (int16_t)(log2_scale * 1024);
         g.colour_q15[i] = 32768;
@@ -86,18 +85,17 @@ static void make_model(saga_model *m, uint32_t tools)
         [SAGA_OUT_MOTION2] = GIVEN_Q_MOTION,
         [SAGA_OUT_MOTION3] = GIVEN_Q_MOTION, [SAGA_OUT_COLOUR] = Q_COLOUR
     };
-    int i;
 
     m->tools = tools;
     m->features = N_FEATURES;
     m->octaves = 1;
-    for (i = 0; i < SAGA_N_TIERS; i++)
+    for (int i = 0; i < SAGA_N_TIERS; i++)
         m->tier[i] = (saga_tier){ .n_groups = 1, .neighbours = 1,
                                   .max_children = 16, .softmax_q8 = 1 };
-    for (i = 0; i < SAGA_N_STEPS; i++)
+    for (int i = 0; i < SAGA_N_STEPS; i++)
         m->step_q16[i] = STEP << 16;
     memcpy(m->out_q, q, sizeof q);
-    for (i = 0; i < SAGA_NET_QUERY; i++) {
+    for (int i = 0; i < SAGA_NET_QUERY; i++) {
         m->width[i] = 1;
         m->q_in[i] = Q_FEATURE;
     }
@@ -122,9 +120,7 @@ static void no_weights(saga_layer_symbols *l, uint32_t n_in, uint32_t n_out)
 static void pass(saga_layer_symbols *l, uint32_t n_in, saga_rows rows,
                  uint32_t column, int shift)
 {
-    uint32_t i;
-
-    for (i = 0; i < rows.n; i++) {
+    for (uint32_t i = 0; i < rows.n; i++) {
         l->weight[(rows.first + i) * n_in + column + i] = 1;
         l->shift[rows.first + i] = (uint8_t)shift;
     }
@@ -149,30 +145,25 @@ static void make_geo(saga_layer_symbols *l, uint32_t n_in, const saga_model *m)
         { SAGA_OUT_MOTION3, AT_MOTION + 6, 0 }
     };
     saga_rows rows[SAGA_N_OUTS];
-    size_t i;
 
     saga_model_rows(rows, m);
-    for (i = 0; i < sizeof out / sizeof *out; i++)
+    for (size_t i = 0; i < sizeof out / sizeof *out; i++)
         pass(l, n_in, rows[out[i].out], out[i].at, out[i].shift);
 }
 
 /* Deviations of 64 steps, predictions of 0. */
 static void make_entropy(saga_layer_symbols *l, uint32_t n_out)
 {
-    uint32_t i;
-
-    for (i = n_out / 2; i < n_out; i++)
+    for (uint32_t i = n_out / 2; i < n_out; i++)
         l->bias[i] = 6 << 8;
 }
 
 /* max(0, colour / 2), less what colour_of adds. */
 static void make_colour(saga_layer_symbols l[2])
 {
-    int i;
-
     pass_all(&l[0], 3, 3, 0);
     pass_all(&l[1], 3, 3, 0);
-    for (i = 0; i < 3; i++)
+    for (int i = 0; i < 3; i++)
         l[1].bias[i] = -8192;
 }
 
@@ -180,13 +171,12 @@ static void make_nets(saga_net_symbols *nets, const saga_model *m)
 {
     const saga_rows support = { .first = N_FEATURES, .n = 3 };
     saga_net_shape s;
-    int net, i;
 
-    for (net = 0; net < SAGA_N_NETS; net++) {
+    for (int net = 0; net < SAGA_N_NETS; net++) {
         saga_layer_symbols *const l = nets->layer[net];
 
         saga_model_net(&s, m, net);
-        for (i = 0; i < s.n_layers; i++)
+        for (int i = 0; i < s.n_layers; i++)
             no_weights(&l[i], s.dim[i], s.dim[i + 1]);
         if (net >= SAGA_NET_E_COARSE && net <= SAGA_NET_E_PRIM)
             make_entropy(l, s.dim[1]);
@@ -211,9 +201,8 @@ static void make_nets(saga_net_symbols *nets, const saga_model *m)
 static int32_t leaf_cell(uint32_t key, uint32_t depth, int axis)
 {
     int32_t cell = 0;
-    uint32_t i;
 
-    for (i = 0; i < depth; i++)
+    for (uint32_t i = 0; i < depth; i++)
         cell |= (int32_t)(key >> (3 * i + 2 - (uint32_t)axis) & 1u) << i;
     return cell;
 }
@@ -229,9 +218,8 @@ static int32_t leaf_centre(uint32_t key, uint32_t depth, int axis)
 static int32_t leaf_distance(uint32_t key, uint32_t depth, const int32_t *x)
 {
     int32_t most = 0;
-    int i;
 
-    for (i = 0; i < 3; i++) {
+    for (int i = 0; i < 3; i++) {
         const int32_t d = abs(x[i] - leaf_centre(key, depth, i));
 
         most = d > most ? d : most;
@@ -249,13 +237,12 @@ static void place(placed *to, const gen_given *p, uint32_t n, uint32_t depth)
 {
     const uint32_t n_leaves = 1u << 3 * depth;
     uint8_t *const taken = array(n_leaves, 1);
-    uint32_t i, k;
 
-    for (i = 0; i < n; i++) {
+    for (uint32_t i = 0; i < n; i++) {
         uint32_t best = n_leaves;
         int32_t least = INT32_MAX;
 
-        for (k = 0; k < n_leaves; k++) {
+        for (uint32_t k = 0; k < n_leaves; k++) {
             const int32_t d = leaf_distance(k, depth, p[i].p.x);
 
             if (!taken[k] && d < least) {
@@ -281,17 +268,15 @@ static int by_key(const void *a, const void *b)
 static void make_tree(saga_symbols *s, const placed *p, uint32_t n,
                       uint32_t depth)
 {
-    uint32_t i, k, level;
-
     s->split = array((size_t)n * (depth + 1), 1);
     s->occupancy = array((size_t)n * (depth + 1), sizeof *s->occupancy);
-    for (i = 0; i < n; i++)
-        for (level = 0; level <= depth; level++) {
+    for (uint32_t i = 0; i < n; i++)
+        for (uint32_t level = 0; level <= depth; level++) {
             const uint32_t below = 3 * (depth - level);
 
             if (i > 0 && p[i].key >> below == p[i - 1].key >> below)
                 continue;
-            for (k = i; level < depth && k < n &&
+            for (uint32_t k = i; level < depth && k < n &&
                         p[k].key >> below == p[i].key >> below; k++)
                 s->occupancy[s->n_nodes] |=
                     (uint16_t)(1u << (p[k].key >> (below - 3) & 7u));
@@ -357,19 +342,18 @@ static void make_features(int32_t *f, const gen_given *given, uint32_t depth,
                           int32_t time)
 {
     const saga_primitive *const p = &given->p;
-    int i;
 
     f[AT_OPACITY] = steps("opacity", p->opacity, STEP);
     f[AT_TIME] = time;
     f[AT_WIDTH] = steps("log2_width", p->log2_width_q10 - (15 << 10), 2 * STEP);
-    for (i = 0; i < 4; i++) {
+    for (int i = 0; i < 4; i++) {
         f[AT_QUAT + i] = steps("quat", p->quat[i] -
                                (i ? 0 : 1 << GIVEN_Q_QUAT), 1);
         f[AT_SLOPE + i] = steps("slope", p->slope[i], 1);
     }
-    for (i = 0; i < 9; i++)
+    for (int i = 0; i < 9; i++)
         f[AT_MOTION + i] = steps("motion", p->motion[i], STEP);
-    for (i = 0; i < 3; i++) {
+    for (int i = 0; i < 3; i++) {
         const int32_t half = SAGA_LOG2_HALF_X - (int32_t)depth;
 
         f[AT_SCALE + i] = steps("log2_scale", p->log2_scale_q10[i] -
@@ -389,12 +373,10 @@ static uint32_t n_copies(const gen_given *p)
 
 static void make_counts(saga_symbols *s, const placed *p, uint32_t n)
 {
-    uint32_t i;
-
     s->n.coarse = n;
     s->n_fine = array(n, 1);
     s->n_prim = array((size_t)n * 16, 1);
-    for (i = 0; i < n; i++) {
+    for (uint32_t i = 0; i < n; i++) {
         uint32_t left = n_copies(&p[i].given);
 
         for (; left > 0; s->n_fine[i]++) {
@@ -416,21 +398,20 @@ static void make_counts(saga_symbols *s, const placed *p, uint32_t n)
 static void make_symbols(saga_symbols *s, placed *p, uint32_t n,
                          uint32_t depth)
 {
-    uint32_t i, j, k, fine = 0, prim = 0;
+    uint32_t fine = 0, prim = 0;
 
     make_tree(s, p, n, depth);
     make_counts(s, p, n);
-    for (i = 0; i < n; i++) {
+    for (uint32_t i = 0; i < n; i++) {
         int32_t at[4], in[4] = { 0, 0, 0, 0 }, time;
-        int axis;
 
-        for (axis = 0; axis < 3; axis++)
+        for (int axis = 0; axis < 3; axis++)
             make_offset(&at[axis], &in[axis], &p[i], axis, depth);
         time = make_time(&at[3], p[i].given.p.t_centre);
         make_features(s->feature + i * N_FEATURES, &p[i].given, depth, time);
-        for (j = 0; j < s->n_fine[i]; j++, fine++) {
+        for (uint32_t j = 0; j < s->n_fine[i]; j++, fine++) {
             memcpy(s->fine_offset + 4 * fine, at, sizeof at);
-            for (k = 0; k < s->n_prim[fine]; k++, prim++)
+            for (uint32_t k = 0; k < s->n_prim[fine]; k++, prim++)
                 memcpy(s->prim_offset + 4 * prim, in, sizeof in);
         }
     }
@@ -467,7 +448,7 @@ void gen_given_make(gen_stream *g, gen_given *p, uint32_t n, uint32_t tools,
                     uint32_t n_frames)
 {
     placed *const all = array(n, sizeof *all);
-    uint32_t depth = 2, i;
+    uint32_t depth = 2;
 
     while (depth < MAX_DEPTH && 1u << 3 * depth < 2 * n)
         depth++;
@@ -480,7 +461,7 @@ void gen_given_make(gen_stream *g, gen_given *p, uint32_t n, uint32_t tools,
     place(all, p, n, depth);
     qsort(all, n, sizeof *all, by_key);
     make_symbols(&g->segment[0], all, n, depth);
-    for (i = 0; i < n; i++)
+    for (uint32_t i = 0; i < n; i++)
         p[i] = all[i].given;
     g->n_segments = 1;
     g->n_frames[0] = n_frames;

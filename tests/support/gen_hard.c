@@ -38,12 +38,11 @@ void gen_hard_camera(saga_camera *c, gen_rng *r, int width, int height)
 {
     static const int32_t reach[] = { 0, 1 << 12, 1 << 23, 1 << 27, 1 << 29 };
     const double focal = width * exp2(gen_uniform(r, -4, 5));
-    int i;
 
     gen_any_camera(c, r, width, height, reach[gen_int(r, 0, 4)]);
-    for (i = 0; i < 3 && gen_one_in(r, 8); i++)
+    for (int i = 0; i < 3 && gen_one_in(r, 8); i++)
         c->centre[i] = gen_one_in(r, 2) ? 1 << 29 : -(1 << 29);
-    for (i = 0; i < 2; i++) {
+    for (int i = 0; i < 2; i++) {
         const double f = focal * exp2(gen_uniform(r, -1, 1));
 
         c->focal_q16[i] = to_int(clamp(f * 65536, 1, INT32_MAX), INT32_MAX);
@@ -58,15 +57,14 @@ static void place(int32_t *x, const saga_camera *c, const double *pixel,
                   double z)
 {
     double v[3] = { 0, 0, z };
-    int i, k;
 
-    for (i = 0; i < 2; i++)
+    for (int i = 0; i < 2; i++)
         v[i] = (pixel[i] - c->principal_q16[i] / 65536.0) * z /
                (c->focal_q16[i] / 65536.0);
-    for (i = 0; i < 3; i++) {
+    for (int i = 0; i < 3; i++) {
         double sum = c->centre[i];
 
-        for (k = 0; k < 3; k++)
+        for (int k = 0; k < 3; k++)
             sum += c->rotation_q30[3 * k + i] / 1073741824.0 * v[k];
         x[i] = to_int(sum, limit_x);
     }
@@ -77,12 +75,11 @@ static void hard_position(saga_animated *a, gen_rng *r, const saga_camera *c,
 {
     const double border = gen_one_in(r, 8) ? 40 : gen_one_in(r, 4) ? 2 : 0.2;
     double pixel[2];
-    int i;
 
     pixel[0] = c->width * gen_uniform(r, -border, 1 + border);
     pixel[1] = c->height * gen_uniform(r, -border, 1 + border);
     place(a->x, c, pixel, gen_one_in(r, 32) ? -z : z);
-    for (i = 0; i < 3 && gen_one_in(r, 64); i++)
+    for (int i = 0; i < 3 && gen_one_in(r, 64); i++)
         a->x[i] = gen_int(r, -(1 << 29), 1 << 29);
 }
 
@@ -91,11 +88,10 @@ static void hard_quat(saga_animated *a, gen_rng *r)
 {
     const int32_t reach[] = { 1 << 30, 1 << 30, 1 << 14, 3, 1 };
     const int32_t n = reach[gen_int(r, 0, 4)];
-    int i;
 
-    for (i = 0; i < 4; i++)
+    for (int i = 0; i < 4; i++)
         a->quat[i] = gen_int(r, -n, n);
-    for (i = 0; i < 4 && gen_one_in(r, 4); i++)
+    for (int i = 0; i < 4 && gen_one_in(r, 4); i++)
         a->quat[i] = 0;
     if (gen_one_in(r, 16))
         a->quat[gen_int(r, 0, 3)] = gen_one_in(r, 2) ? 1 << 30 : -(1 << 30);
@@ -107,9 +103,8 @@ static void hard_scale(saga_animated *a, gen_rng *r, const saga_camera *c,
 {
     const double sigma = log2(0.01) + gen_uniform(r, 0, log2(1e8));
     const double ratio = gen_one_in(r, 2) ? 1.5 : log2(1e4);
-    int i;
 
-    for (i = 0; i < 3; i++) {
+    for (int i = 0; i < 3; i++) {
         const double log2_box = fmax(sigma - gen_uniform(r, 0, ratio),
                                      log2(0.01)) +
                                 log2(z * 65536.0 / c->focal_q16[0]);

@@ -100,10 +100,8 @@ void mutate_split(mutate_file *f, const uint8_t *bytes, size_t n)
 
 void mutate_free(mutate_file *f)
 {
-    uint32_t i;
-
     free(f->header);
-    for (i = 0; i < f->n_parts; i++)
+    for (uint32_t i = 0; i < f->n_parts; i++)
         free(f->part[i].p);
 }
 
@@ -122,7 +120,7 @@ static void relink(const mutate_file *f, uint8_t *index, size_t n)
 {
     uint64_t at = f->header_nbytes;
     size_t entry = 0;
-    uint32_t i = 0, k;
+    uint32_t i = 0;
 
     for (; i < f->segments && i < f->n_parts; i++)
         at += f->part[i].n + SAGA_CHUNK_NBYTES;
@@ -130,7 +128,7 @@ static void relink(const mutate_file *f, uint8_t *index, size_t n)
     while (i < f->n_parts && entry + SAGA_INDEX_ENTRY_NBYTES <= n) {
         uint32_t nbytes = 0;
 
-        for (k = 0; k < n_chunks(f) && i < f->n_parts; k++, i++)
+        for (uint32_t k = 0; k < n_chunks(f) && i < f->n_parts; k++, i++)
             nbytes += (uint32_t)f->part[i].n + SAGA_CHUNK_NBYTES;
         fx_store32_le(index + entry, (uint32_t)(at & 0xffffffffu));
         fx_store32_le(index + entry + 4, (uint32_t)(at >> 32));
@@ -149,15 +147,14 @@ static size_t layer_at(uint32_t layer)
 /* The lengths of layers in each segment's header. */
 static void link_layers(const mutate_file *f)
 {
-    uint32_t i, k, m;
-
     if (f->n_layers == 1)
         return;
-    for (i = f->segments; i + n_chunks(f) <= f->n_parts; i += n_chunks(f))
-        for (k = 0; k < f->n_layers; k++) {
+    for (uint32_t i = f->segments; i + n_chunks(f) <= f->n_parts;
+         i += n_chunks(f))
+        for (uint32_t k = 0; k < f->n_layers; k++) {
             uint32_t nbytes = 0;
 
-            for (m = 1; m <= 3; m++)
+            for (uint32_t m = 1; m <= 3; m++)
                 nbytes += (uint32_t)f->part[i + 3 * k + m].n +
                           SAGA_CHUNK_NBYTES;
             if (f->part[i].n >= layer_at(k + 1))
@@ -176,10 +173,10 @@ enum { NETS_CHUNK = 1 };
 static void link_base(const mutate_file *f, uint8_t *header)
 {
     saga_io io = { header, NULL, SAGA_MAGIC_NBYTES };
-    uint32_t nbytes = 0, i;
+    uint32_t nbytes = 0;
     saga_header h;
 
-    for (i = 2; i < f->segments; i++)
+    for (uint32_t i = 2; i < f->segments; i++)
         nbytes += SAGA_CHUNK_NBYTES + (uint32_t)f->part[i].n;
     saga_header_io(&io, &h);
     if (f->segments > 2 && (h.model.tools & SAGA_TOOL_BASE))
@@ -190,10 +187,9 @@ static uint8_t *join(const mutate_file *f, size_t *n, int link)
 {
     uint8_t *out;
     size_t at = f->header_nbytes;
-    uint32_t i;
 
     *n = at;
-    for (i = 0; i < f->n_parts; i++)
+    for (uint32_t i = 0; i < f->n_parts; i++)
         *n += SAGA_CHUNK_NBYTES + f->part[i].n;
     out = must(malloc(*n + 1));
     memcpy(out, f->header, at);
@@ -203,7 +199,7 @@ static uint8_t *join(const mutate_file *f, size_t *n, int link)
         relink(f, f->part[0].p, f->part[0].n);
         fx_store32_le(out + NETS_NBYTES_AT, (uint32_t)f->part[1].n);
     }
-    for (i = 0; i < f->n_parts; i++) {
+    for (uint32_t i = 0; i < f->n_parts; i++) {
         write_chunk(out + at, &f->part[i]);
         at += SAGA_CHUNK_NBYTES + f->part[i].n;
     }
@@ -219,7 +215,7 @@ uint8_t *mutate_join(const mutate_file *f, size_t *n)
 void mutate_sign(uint8_t *bytes, size_t n)
 {
     uint64_t at;
-    uint32_t owner, i;
+    uint32_t owner;
 
     if (n < SAGA_HEADER_NBYTES)
         return;
@@ -228,7 +224,7 @@ void mutate_sign(uint8_t *bytes, size_t n)
         return;
     gen_stream_sign_header(bytes);
     owner = fx_load32_le(bytes + at - 4);
-    for (i = 0; n - at >= SAGA_CHUNK_NBYTES; i++) {
+    for (uint32_t i = 0; n - at >= SAGA_CHUNK_NBYTES; i++) {
         saga_io io = { bytes + at, NULL, 0 };
         saga_chunk chunk;
 
@@ -355,10 +351,9 @@ static mutate_stage stage_of_layer(const head *h, saga_counts n,
 {
     mutate_stage stage = MUTATE_AT_VIEW;
     saga_scaffold sc;
-    int i;
 
     scaffold_open(&sc, h, n);
-    for (i = 0; i < 3 && stage == MUTATE_AT_VIEW; i++) {
+    for (int i = 0; i < 3 && stage == MUTATE_AT_VIEW; i++) {
         saga_range_dec range;
         witness w;
 
@@ -441,12 +436,12 @@ static int fit_chunk(const saga_scaffold *sc, int chunk, mutate_part *part,
 static void repair(const head *h, mutate_part *segment, uint32_t layer)
 {
     saga_counts n;
-    int attempt, i, again = 1;
+    int again = 1;
 
     if (segment->n != saga_segment_nbytes(saga_n_layers(&h->header)))
         return;
     n = counts_of(segment, layer);
-    for (attempt = 0; attempt < ATTEMPTS && again; attempt++) {
+    for (int attempt = 0; attempt < ATTEMPTS && again; attempt++) {
         const saga_counts was = n;
         saga_scaffold sc;
         int ok = 1;
@@ -455,7 +450,7 @@ static void repair(const head *h, mutate_part *segment, uint32_t layer)
             return;
         scaffold_open(&sc, h, n);
         again = 0;
-        for (i = 0; i < 3 && ok && !again; i++)
+        for (int i = 0; i < 3 && ok && !again; i++)
             ok = fit_chunk(&sc, i, segment + 1 + 3 * layer + i, &n, &again);
         saga_scaffold_free(&sc);
         set_counts(segment, layer, &n);
@@ -486,15 +481,16 @@ static void repair_all(mutate_file *f)
 {
     uint8_t *bytes;
     size_t n;
-    uint32_t i, k;
     head h;
 
     raise_maxima(f);
     bytes = mutate_join(f, &n);
     if (f->n_parts > f->segments &&
         head_open(&h, bytes, f->header_nbytes, f->part[1].p, f->part[1].n)) {
-        for (i = f->segments; i + n_chunks(f) <= f->n_parts; i += n_chunks(f))
-            for (k = 0; k < saga_n_layers(&h.header) && k < f->n_layers; k++)
+        for (uint32_t i = f->segments; i + n_chunks(f) <= f->n_parts;
+             i += n_chunks(f))
+            for (uint32_t k = 0;
+                 k < saga_n_layers(&h.header) && k < f->n_layers; k++)
                 repair(&h, &f->part[i], k);
         free(h.params);
     }
@@ -515,11 +511,10 @@ static void insert(mutate_part *part, uint64_t *r)
 {
     const size_t at = pick(r, (uint32_t)part->n + 1), k = few(r, 64);
     const size_t rest = part->n - at;
-    size_t i;
 
     resize(part, part->n + k);
     memmove(part->p + at + k, part->p + at, rest);
-    for (i = 0; i < k; i++)
+    for (size_t i = 0; i < k; i++)
         part->p[at + i] = (uint8_t)gen_random(r);
 }
 
@@ -762,7 +757,7 @@ static void fit_networks(mutate_file *f)
     saga_header h;
     saga_plan plan;
     size_t n;
-    int attempt, ok = 1;
+    int ok = 1;
     uint8_t *const bytes = mutate_join(f, &n);
     uint8_t *params = NULL;
 
@@ -770,7 +765,7 @@ static void fit_networks(mutate_file *f)
          !saga_plan_make(&plan, &h, 0) && plan.work_nbytes <= 64u << 20;
     if (ok)
         params = must(aligned_alloc(16, plan.nets.nbytes + 16));
-    for (attempt = 0; attempt < 4 && ok; attempt++) {
+    for (int attempt = 0; attempt < 4 && ok; attempt++) {
         saga_range_dec range;
 
         memset(padded, 0, f->part[1].n + PAD);
@@ -823,10 +818,8 @@ uint8_t *mutate_make(const uint8_t *bytes, size_t n, mutate_class c,
 void mutate_extreme_nets(gen_stream *g, uint64_t *r)
 {
     saga_net_shape s;
-    uint32_t row;
-    int net;
 
-    for (net = 0; net < SAGA_N_NETS; net++) {
+    for (int net = 0; net < SAGA_N_NETS; net++) {
         saga_layer_symbols *l;
 
         saga_model_net(&s, &g->header.model, net);
@@ -834,7 +827,7 @@ void mutate_extreme_nets(gen_stream *g, uint64_t *r)
             continue;
         l = &g->nets.layer[net][s.n_layers - 1];
         l->bias_shift = (uint8_t)gen_range(r, 10, 13);
-        for (row = 0; row < s.dim[s.n_layers]; row++) {
+        for (uint32_t row = 0; row < s.dim[s.n_layers]; row++) {
             l->shift[row] = (uint8_t)gen_range(r, 0, 24);
             l->bias[row] = pick(r, 3) == 0 ? 0
                          : pick(r, 2) ? SAGA_MAX_RESIDUAL
@@ -856,9 +849,7 @@ enum {
 
 static int is_one_of(saga_status s, const saga_status *all, size_t n)
 {
-    size_t i;
-
-    for (i = 0; i < n; i++)
+    for (size_t i = 0; i < n; i++)
         if (s == all[i])
             return 1;
     return 0;
@@ -906,19 +897,17 @@ typedef struct {
 /* A valid camera, often at a limit of some field. */
 static void odd_camera(saga_camera *c, uint64_t *r)
 {
-    int i;
-
     memset(c, 0, sizeof *c);
-    for (i = 0; i < 3; i++) {
+    for (int i = 0; i < 3; i++) {
         c->rotation_q30[4 * i] = pick(r, 2) ? 1 << 30 : -(1 << 30);
         c->centre[i] = pick(r, 3) ? gen_range(r, -(1 << 24), 1 << 24)
                                   : gen_range(r, -(1 << 29), 1 << 29);
         c->background_q15[i] = (uint16_t)gen_range(r, 0, 32768);
     }
     if (pick(r, 2))
-        for (i = 0; i < 9; i++)
+        for (int i = 0; i < 9; i++)
             c->rotation_q30[i] = gen_range(r, -619000000, 619000000);
-    for (i = 0; i < 2; i++) {
+    for (int i = 0; i < 2; i++) {
         c->focal_q16[i] = pick(r, 3) ? gen_range(r, 1 << 16, 100 << 16)
                                      : gen_range(r, 1, INT32_MAX);
         c->principal_q16[i] = pick(r, 4) ? gen_range(r, 0, 40 << 16)
@@ -933,11 +922,10 @@ static void odd_camera(saga_camera *c, uint64_t *r)
 static int rig_camera(saga_camera *c, player *p)
 {
     uint32_t number;
-    int i;
 
     if (saga_rig(c, &number, p->head, p->n_head, 0) != SAGA_OK)
         return 0;
-    for (i = 0; i < 2; i++) {
+    for (int i = 0; i < 2; i++) {
         c->focal_q16[i] = c->focal_q16[i] / 5 + (c->focal_q16[i] > 0);
         c->principal_q16[i] /= 5;
     }
@@ -967,11 +955,10 @@ static uint32_t crc_of_samples(uint32_t crc, const uint8_t *pixels, size_t n,
 {
     uint8_t two[2];
     uint16_t v;
-    size_t i;
 
     if (bits == 8)
         return saga_crc32c(crc, pixels, n);
-    for (i = 0; i < n; i += 2) {
+    for (size_t i = 0; i < n; i += 2) {
         memcpy(&v, pixels + i, 2);
         fx_store16_le(two, v);
         crc = saga_crc32c(crc, two, 2);
@@ -1019,7 +1006,6 @@ static void look(player *p, const saga_camera *c, int is_rig)
     const saga_status s = saga_view(p->dec, c, t);
     saga_report report;
     saga_splat splat;
-    uint32_t i;
 
     if (is_rig && s == SAGA_ERR_ARG) {
         refuse(p->result, MUTATE_AT_VIEW, s);
@@ -1030,7 +1016,7 @@ static void look(player *p, const saga_camera *c, int is_rig)
         return;
     PROMISE(p->result, saga_tell(&report, p->dec) == SAGA_OK);
     PROMISE(p->result, report.n_splats <= report.n_primitives);
-    for (i = 0; i < report.n_splats; i++) {
+    for (uint32_t i = 0; i < report.n_splats; i++) {
         PROMISE(p->result, saga_splat_at(&splat, p->dec, i) == SAGA_OK);
         PROMISE(p->result, splat.depth >= 1 && splat.x0 >= 0 &&
                 splat.y0 >= 0 && splat.x0 < splat.x1 &&
@@ -1046,7 +1032,6 @@ static void look_around(player *p)
     saga_report report;
     saga_animated a;
     saga_camera c;
-    uint32_t i;
 
     PROMISE(p->result, saga_tell(&report, p->dec) == SAGA_OK);
     PROMISE(p->result, report.n_layers >= 1 &&
@@ -1056,7 +1041,7 @@ static void look_around(player *p)
             report.n_fine <= report.n_layers * p->info.max_fine &&
             report.n_primitives - p->info.base_primitives <=
                 p->info.max_primitives);
-    for (i = 0; i < report.n_primitives; i++) {
+    for (uint32_t i = 0; i < report.n_primitives; i++) {
         PROMISE(p->result,
                 saga_primitive_at(&a, p->dec, i, 65535) == SAGA_OK);
         PROMISE(p->result, a.x[0] >= -(1 << 29) && a.x[0] <= 1 << 29);
@@ -1087,9 +1072,8 @@ static int split_segment(mutate_part part[SEGMENT_PARTS], uint32_t n_layers,
         SAGA_CHUNK_PRIM
     };
     size_t at = 0;
-    uint32_t i;
 
-    for (i = 0; i < 1 + 3 * n_layers; i++) {
+    for (uint32_t i = 0; i < 1 + 3 * n_layers; i++) {
         saga_chunk chunk;
 
         if (saga_head_chunk(&chunk, type[i ? 1 + (i - 1) % 3 : 0], owner,
@@ -1112,7 +1096,6 @@ static mutate_stage stage_of_segment(player *p, const uint8_t *bytes, size_t n)
                         p->info.nets_nbytes;
     mutate_stage stage = MUTATE_AT_VIEW;
     mutate_part part[SEGMENT_PARTS];
-    uint32_t i;
     head h;
 
     if (!split_segment(part, p->info.n_layers, owner_of(p), bytes, n))
@@ -1120,7 +1103,7 @@ static mutate_stage stage_of_segment(player *p, const uint8_t *bytes, size_t n)
     if (!head_open(&h, p->head, p->n_head, p->head + nets,
                    p->info.nets_nbytes))
         return MUTATE_AT_NETWORKS;
-    for (i = 0; i < p->info.n_layers && stage == MUTATE_AT_VIEW; i++) {
+    for (uint32_t i = 0; i < p->info.n_layers && stage == MUTATE_AT_VIEW; i++) {
         const saga_counts counts = counts_of(&part[0], i);
 
         stage = MUTATE_AT_SEGMENT;
@@ -1204,9 +1187,9 @@ static void play_segment(player *p, const saga_segment *seg,
 /* Segments through the index, from frame 0 on. */
 static void play_segments(player *p, const uint8_t *bytes, size_t n)
 {
-    uint32_t frame = 0, i;
+    uint32_t frame = 0;
 
-    for (i = 0; i < GEN_MAX_SEGMENTS && i < p->info.n_segments; i++) {
+    for (uint32_t i = 0; i < GEN_MAX_SEGMENTS && i < p->info.n_segments; i++) {
         saga_segment seg;
         const saga_status s = saga_find(&seg, p->head, p->n_head, frame, 1);
 

@@ -62,10 +62,8 @@ double gen_normal(gen_rng *r)
 
 void gen_front_camera(saga_camera *c, int width, int height)
 {
-    int i;
-
     memset(c, 0, sizeof *c);
-    for (i = 0; i < 3; i++) {
+    for (int i = 0; i < 3; i++) {
         c->rotation_q30[4 * i] = 1 << 30;
         c->background_q15[i] = (uint16_t)(8192 * (i + 1));
     }
@@ -81,14 +79,13 @@ void gen_any_camera(saga_camera *c, gen_rng *r, int width, int height,
                     int32_t reach)
 {
     double q[4], len = 0, m[9];
-    int i;
 
     gen_front_camera(c, width, height);
-    for (i = 0; i < 4; i++) {
+    for (int i = 0; i < 4; i++) {
         q[i] = gen_normal(r);
         len += q[i] * q[i];
     }
-    for (i = 0; i < 4; i++)
+    for (int i = 0; i < 4; i++)
         q[i] /= sqrt(len);
     m[0] = 1 - 2 * (q[2] * q[2] + q[3] * q[3]);
     m[1] = 2 * (q[1] * q[2] - q[0] * q[3]);
@@ -99,11 +96,11 @@ void gen_any_camera(saga_camera *c, gen_rng *r, int width, int height,
     m[6] = 2 * (q[1] * q[3] - q[0] * q[2]);
     m[7] = 2 * (q[2] * q[3] + q[0] * q[1]);
     m[8] = 1 - 2 * (q[1] * q[1] + q[2] * q[2]);
-    for (i = 0; i < 9; i++)
+    for (int i = 0; i < 9; i++)
         c->rotation_q30[i] = (int32_t)lrint(m[i] * 1073741824);
-    for (i = 0; i < 3; i++)
+    for (int i = 0; i < 3; i++)
         c->centre[i] = gen_int(r, -reach, reach);
-    for (i = 0; i < 2; i++)
+    for (int i = 0; i < 2; i++)
         c->principal_q16[i] += 65536 * gen_int(r, -40, 40);
     c->near_plane = 1;
 }
@@ -115,20 +112,19 @@ static void random_primitive(saga_primitive *p, gen_rng *r,
     const double f = c->focal_q16[0] / 65536.0;
     const double px = gen_uniform(r, 0, c->width) - c->width / 2.0;
     const double py = gen_uniform(r, 0, c->height) - c->height / 2.0;
-    int i;
 
     memset(p, 0, sizeof *p);
     p->x[0] = (int32_t)(px * z / f);
     p->x[1] = (int32_t)(py * z / f);
     p->x[2] = (int32_t)z;
     p->t_centre = 32768;
-    for (i = 0; i < 3; i++) {
+    for (int i = 0; i < 3; i++) {
         const double log2_px = log2(1.02) + 0.95 * gen_normal(r);
 
         p->support[i] = 1 << 16;
         p->log2_scale_q10[i] = (int16_t)lrint(1024 * (log2_px + log2(z / f)));
     }
-    for (i = 0; i < 4; i++)
+    for (int i = 0; i < 4; i++)
         p->quat[i] = (int16_t)gen_int(r, -16384, 16384);
     /* an opacity below 1, 1 / (1 + 2^-normal) = 8 / (1 + 2^(3 - o)) */
     p->opacity = (int16_t)lrint(
@@ -138,18 +134,15 @@ static void random_primitive(saga_primitive *p, gen_rng *r,
 void gen_uniform_scene(saga_primitive *p, uint32_t n, gen_rng *r,
                        const saga_camera *c)
 {
-    uint32_t i;
-
-    for (i = 0; i < n; i++)
+    for (uint32_t i = 0; i < n; i++)
         random_primitive(p + i, r, c);
 }
 
 void gen_colour(uint16_t colour_q15[3], uint32_t index)
 {
     gen_rng r = { index };
-    int i;
 
-    for (i = 0; i < 3; i++)
+    for (int i = 0; i < 3; i++)
         colour_q15[i] = (uint16_t)gen_int(&r, 0, 32768);
 }
 
@@ -157,10 +150,10 @@ uint32_t gen_splats(saga_splat *splats, uint32_t *source,
                     const saga_primitive *p, const saga_prim_format *f,
                     uint32_t n, const saga_camera *c, int32_t t)
 {
-    uint32_t i, n_splats = 0;
+    uint32_t n_splats = 0;
     saga_animated a;
 
-    for (i = 0; i < n; i++) {
+    for (uint32_t i = 0; i < n; i++) {
         saga_animate(&a, p + i, f, t);
         if (!saga_project(splats + n_splats, &a, c, 0))
             continue;

@@ -39,10 +39,9 @@ static int is_valid(saga_header *h)
 static void make_bank(saga_model *m, int level, int kind)
 {
     const saga_level_caps *const cap = &saga_caps[level];
-    int i;
 
     m->tools |= SAGA_TOOL_BANK;
-    for (i = 0; i < SAGA_N_KINDS; i++)
+    for (int i = 0; i < SAGA_N_KINDS; i++)
         m->sources[i] |= SAGA_SOURCE_BANK;
     m->bank_slots = cap->n_slots;
     m->bank_width = (uint8_t)(kind == GEN_SLOW_WIDE && level > 0 ? 64 : 16);
@@ -53,7 +52,6 @@ static void make_model(saga_model *m, int level, int kind, uint32_t features)
 {
     const saga_level_caps *const cap = &saga_caps[level];
     const int wide = kind == GEN_SLOW_WIDE;
-    int i;
 
     memset(m, 0, sizeof *m);
     m->tools = SAGA_TOOLS_PICTURE & ~(uint32_t)(wide ? SAGA_TOOL_VIEW : 0);
@@ -63,20 +61,20 @@ static void make_model(saga_model *m, int level, int kind, uint32_t features)
     m->features = (uint8_t)features;
     m->octaves = (uint8_t)(wide ? 8 : 1);
     m->lambda_t_q8 = 1;
-    for (i = 0; i < SAGA_N_TIERS; i++)
+    for (int i = 0; i < SAGA_N_TIERS; i++)
         m->tier[i] = (saga_tier){ .n_groups = 16, .window = 32,
                                   .neighbours = 16, .suffix_bits = 8,
                                   .max_children = 16, .radius2_q12 = 65535,
                                   .softmax_q8 = 1 };
-    for (i = 0; i < SAGA_N_STEPS; i++)
+    for (int i = 0; i < SAGA_N_STEPS; i++)
         m->step_q16[i] = 16u << 16;
-    for (i = 0; i < SAGA_N_OUTS; i++)
+    for (int i = 0; i < SAGA_N_OUTS; i++)
         m->out_q[i] = 8;
-    for (i = 0; wide && i < SAGA_N_KINDS; i++)
+    for (int i = 0; wide && i < SAGA_N_KINDS; i++)
         m->sources[i] |= SAGA_SOURCE_HYPER;
     if (kind != GEN_SLOW_ANCHORS)
         make_bank(m, level, kind);
-    for (i = 0; i < SAGA_N_NETS; i++) {
+    for (int i = 0; i < SAGA_N_NETS; i++) {
         m->width[i] = (uint8_t)(!saga_is_described(m, i) ? 0
                                 : wide ? cap->width : 1);
         m->q_in[i] = (uint8_t)(saga_is_described(m, i) ? 8 : 0);
@@ -95,7 +93,6 @@ static void make_layer(saga_layer_symbols *l, const saga_net_shape *s, int i,
                        int is_entropy)
 {
     const uint32_t n_in = s->dim[i], n_out = s->dim[i + 1];
-    uint32_t row;
 
     l->step_q16 = 1;
     l->bias_scale = 63;
@@ -103,7 +100,7 @@ static void make_layer(saga_layer_symbols *l, const saga_net_shape *s, int i,
     l->weight = array((size_t)n_in * n_out, sizeof *l->weight);
     l->bias = array(n_out, sizeof *l->bias);
     l->shift = array(n_out, 1);
-    for (row = n_out / 2; is_entropy && row < n_out; row++)
+    for (uint32_t row = n_out / 2; is_entropy && row < n_out; row++)
         l->bias[row] = -4 * (1 << 8);
     if (!is_entropy)
         l->bias_scale = 0;
@@ -112,11 +109,10 @@ static void make_layer(saga_layer_symbols *l, const saga_net_shape *s, int i,
 static void make_nets(gen_stream *g)
 {
     saga_net_shape s;
-    int net, i;
 
-    for (net = 0; net < SAGA_N_NETS; net++) {
+    for (int net = 0; net < SAGA_N_NETS; net++) {
         saga_model_net(&s, &g->header.model, net);
-        for (i = 0; i < s.n_layers; i++)
+        for (int i = 0; i < s.n_layers; i++)
             make_layer(&g->nets.layer[net][i], &s, i,
                        net >= SAGA_NET_E_COARSE && net <= SAGA_NET_E_PRIM &&
                        i + 1 == s.n_layers);
@@ -136,7 +132,7 @@ static void make_node(tree *t, int x, int tm, uint32_t want)
 {
     saga_symbols *const s = t->s;
     const uint32_t at = s->n_nodes++;
-    uint32_t i, given = 0;
+    uint32_t given = 0;
 
     if (want == 1) {
         s->split[at] = (uint8_t)(!t->chains ? 0
@@ -147,7 +143,7 @@ static void make_node(tree *t, int x, int tm, uint32_t want)
         return;
     }
     s->split[at] = 1;
-    for (i = 0; i < 8; i++) {
+    for (uint32_t i = 0; i < 8; i++) {
         const uint32_t some = (want - given + 7 - i) / (8 - i);
 
         if (some == 0)
@@ -163,17 +159,16 @@ static void make_layer_symbols(saga_symbols *s, const saga_model *m,
 {
     tree t = { s, chains, SAGA_LOG2_HALF_X - m->tier[0].suffix_bits,
                SAGA_LOG2_HALF_T - m->tier[0].suffix_bits };
-    uint32_t i;
 
     s->n = *n;
     s->split = array((size_t)n->coarse * 25, 1);
     s->occupancy = array((size_t)n->coarse * 25, sizeof *s->occupancy);
     make_node(&t, 0, 0, n->coarse);
     s->n_fine = array(n->coarse, 1);
-    for (i = 0; i < n->fine; i++)
+    for (uint32_t i = 0; i < n->fine; i++)
         s->n_fine[i % n->coarse]++;
     s->n_prim = array(n->fine, 1);
-    for (i = 0; i < n->prim; i++)
+    for (uint32_t i = 0; i < n->prim; i++)
         s->n_prim[i % n->fine]++;
     s->centre = array((size_t)n->coarse * 4, sizeof *s->centre);
     s->feature = array((size_t)n->coarse * m->features, sizeof *s->feature);
@@ -240,7 +235,6 @@ static void make_header(saga_header *h)
 void gen_slow_make(gen_stream *g, int level, int kind, uint32_t share)
 {
     saga_counts n;
-    uint32_t i;
 
     memset(g, 0, sizeof *g);
     make_header(&g->header);
@@ -251,7 +245,7 @@ void gen_slow_make(gen_stream *g, int level, int kind, uint32_t share)
     n.coarse = (g->header.max.coarse + share - 1) / share;
     n.fine = (g->header.max.fine + share - 1) / share;
     n.prim = 1;
-    for (i = 0; i < SAGA_MAX_LAYERS; i++)
+    for (uint32_t i = 0; i < SAGA_MAX_LAYERS; i++)
         make_layer_symbols(&g->segment[i], &g->header.model, &n,
                            kind == GEN_SLOW_ANCHORS);
 }
@@ -275,13 +269,12 @@ void gen_slow_wall(gen_stream *g, int level, uint32_t n)
     const uint32_t n_given = (n + COPIES - 1) / COPIES;
     saga_rig_camera *const c = g->rig;
     gen_given p[MOST];
-    uint32_t i;
 
     if (n_given > MOST) {
         fprintf(stderr, "gen_slow: a wall of too many\n");
         exit(2);
     }
-    for (i = 0; i < n_given; i++) {
+    for (uint32_t i = 0; i < n_given; i++) {
         p[i] = gen_given_ball(0, 27);
         place(&p[i], i, n_given <= 32 ? 4 : 8);
         p[i].p.opacity = FAINT;
@@ -289,10 +282,10 @@ void gen_slow_wall(gen_stream *g, int level, uint32_t n)
     }
     gen_given_make(g, p, n_given, 0, 1);
     g->header.level = (uint8_t)level;
-    for (i = 0; i < SAGA_NET_QUERY; i++)
+    for (uint32_t i = 0; i < SAGA_NET_QUERY; i++)
         g->header.model.int8[i] = saga_caps[level].int8_only;
     c->width = c->height = SIDE;
-    for (i = 0; i < 2; i++) {
+    for (uint32_t i = 0; i < 2; i++) {
         c->focal_q16[i] = SIDE << 16;
         c->principal_q16[i] = SIDE << 15;
     }

@@ -65,12 +65,11 @@ static void make_memory(saga_model *m, uint64_t *r, const gen_options *o)
 {
     const int32_t most = (int32_t)saga_caps[o->level].n_slots;
     const int reader = gen_range(r, 0, SAGA_N_KINDS - 1);
-    int i;
 
     m->tools |= SAGA_TOOL_BANK;
     if (o->bank == GEN_BANK_PLAIN)
         m->tools |= SAGA_TOOL_PLAIN_WRITE;
-    for (i = 0; i < SAGA_N_KINDS; i++)
+    for (int i = 0; i < SAGA_N_KINDS; i++)
         if (o->bank_alone)
             m->sources[i] = SAGA_SOURCE_BANK;
         else if (i == reader || one_in(r, 2))
@@ -138,23 +137,21 @@ static void make_model(saga_model *m, uint64_t *r, const gen_options *o)
 /* Choices that make a picture worth looking at. */
 static void model_for_picture(saga_model *m)
 {
-    int i;
-
     m->tier[SAGA_TIER_COARSE].suffix_bits = 4;
     m->tier[SAGA_TIER_FINE].suffix_bits = 4;
-    for (i = 0; i < SAGA_N_TIERS; i++) {
+    for (int i = 0; i < SAGA_N_TIERS; i++) {
         m->tier[i].softmax_q8 = 739;        /* log2(e) / 0.5 */
         m->tier[i].radius2_q12 = 4 << 12;
         m->tier[i].neighbours = 8;
         m->tier[i].window = 16;
     }
     m->lambda_t_q8 = 256;
-    for (i = 0; i < SAGA_N_STEPS; i++)
+    for (int i = 0; i < SAGA_N_STEPS; i++)
         m->step_q16[i] = 256u << 16;
-    for (i = 0; i < SAGA_N_OUTS; i++)
+    for (int i = 0; i < SAGA_N_OUTS; i++)
         m->out_q[i] = 11;
     m->out_q[SAGA_OUT_QUAT] = 14;
-    for (i = 0; i < SAGA_N_NETS; i++)
+    for (int i = 0; i < SAGA_N_NETS; i++)
         m->q_in[i] = (uint8_t)(saga_is_described(m, i) ? 12 : 0);
     m->width[SAGA_NET_GEO] = m->width[SAGA_NET_FINE] = 32;
     m->width[SAGA_NET_FUSE_C] = m->width[SAGA_NET_FUSE_F] = 32;
@@ -165,9 +162,7 @@ static void model_for_picture(saga_model *m)
  * have what they are asked for, so that they stay as they are. */
 static void drop_layers(saga_model *m, uint64_t *r, const gen_options *o)
 {
-    int i;
-
-    for (i = 0; i < SAGA_N_TIERS; i++)
+    for (int i = 0; i < SAGA_N_TIERS; i++)
         if ((o->no_fuse >> i & 1u) || (!o->picture && one_in(r, 3)))
             m->width[saga_fuse_net(i)] = 0;
     if (o->linear)
@@ -234,12 +229,12 @@ static void make_scales(saga_layer_symbols *l, uint32_t n_in, uint32_t n_out,
 {
     const int32_t most = fx_min(one_in(r, 4) ? SAGA_N_DROPS - 1 : 3,
                                 l->weight_scale / SAGA_DROP);
-    uint32_t n, i;
+    uint32_t n;
 
     l->scale_mode = (uint8_t)gen_range(r, 0, SAGA_N_SCALE_MODES - 1);
     n = saga_scale_lines(l->scale_mode, n_in, n_out);
     l->drop = array(n, 1);
-    for (i = 0; i < n; i++)
+    for (uint32_t i = 0; i < n; i++)
         l->drop[i] = (uint8_t)gen_range(r, 0, most);
 }
 
@@ -251,7 +246,6 @@ static void make_layer(saga_layer_symbols *l, const saga_net_shape *s, int i,
     const uint32_t n_in = s->dim[i], n_out = s->dim[i + 1];
     const int32_t limit = fx_min(s->int8 ? 127 : 2000,
                                  n_in ? (int32_t)(40000 / n_in) : 1);
-    uint32_t row, k;
 
     l->step_shift = (uint8_t)gen_range(r, 8, 16);
     l->step_q16 = (uint32_t)gen_range(r, 1 << (l->step_shift - 1),
@@ -263,11 +257,11 @@ static void make_layer(saga_layer_symbols *l, const saga_net_shape *s, int i,
     l->weight = array((size_t)n_in * n_out, sizeof *l->weight);
     l->bias = array(n_out, sizeof *l->bias);
     l->shift = array(n_out, 1);
-    for (row = 0; row < n_out; row++) {
+    for (uint32_t row = 0; row < n_out; row++) {
         const int32_t range = gen_range(r, 1, limit);
         const double typical = range * sqrt((double)n_in + 1) / 2;
 
-        for (k = 0; k < n_in; k++)
+        for (uint32_t k = 0; k < n_in; k++)
             l->weight[row * n_in + k] = gen_range(r, -range, range);
         l->shift[row] = (uint8_t)fx_clamp(
             (int32_t)floor(log2(typical + 1)) + gen_range(r, -1, 1), 0, 24);
@@ -279,10 +273,8 @@ static void make_layer(saga_layer_symbols *l, const saga_net_shape *s, int i,
  * for what they take from the values. */
 static void make_finer(saga_layer_symbols *l, uint32_t n, uint64_t *r)
 {
-    uint32_t row;
-
     l->finer = array(n, 1);
-    for (row = 0; row < n; row++)
+    for (uint32_t row = 0; row < n; row++)
         l->finer[row] = (uint8_t)(one_in(r, 8)
             ? gen_range(r, 1, SAGA_N_FINER - 1) : 0);
 }
@@ -293,15 +285,14 @@ static void aim_layer(saga_layer_symbols *l, const saga_net_shape *s, int i,
                       const saga_model *m, int net)
 {
     const uint32_t n_in = s->dim[i];
-    uint32_t row, k;
 
     l->bias_shift = 12;
-    for (row = 0; row < s->dim[i + 1]; row++) {
+    for (uint32_t row = 0; row < s->dim[i + 1]; row++) {
         const target t = target_of(m, net, row);
         double power = 1;
         int shift;
 
-        for (k = 0; k < n_in; k++) {
+        for (uint32_t k = 0; k < n_in; k++) {
             const double w = (double)l->weight[row * n_in + k] *
                              l->step_q16 / (1 << l->step_shift);
             power += w * w;
@@ -318,13 +309,12 @@ static void make_nets(gen_stream *g, uint64_t *r, int picture)
 {
     const saga_model *const m = &g->header.model;
     saga_nets nets;
-    int net, i;
 
     saga_nets_layout(&nets, m);
-    for (net = 0; net < SAGA_N_NETS; net++) {
+    for (int net = 0; net < SAGA_N_NETS; net++) {
         const saga_net_shape *const s = &nets.shape[net];
 
-        for (i = 0; i < s->n_layers; i++) {
+        for (int i = 0; i < s->n_layers; i++) {
             saga_layer_symbols *const l = &g->nets.layer[net][i];
             uint64_t aside;
 
@@ -363,7 +353,7 @@ static void make_tree(tree *t, uint64_t *r)
     while (depth > 0) {
         const uint8_t x = stack[--depth].x, tm = stack[depth].t;
         const uint32_t spare = t->want - leaves - depth - 1;
-        uint32_t split = (uint32_t)gen_range(r, 0, 3), n, mask = 0, i;
+        uint32_t split = (uint32_t)gen_range(r, 0, 3), n, mask = 0;
 
         if (spare > 0 && split == 0)
             split = 1;
@@ -377,14 +367,14 @@ static void make_tree(tree *t, uint64_t *r)
         if (split && spare == 0 && !one_in(r, 8))
             split = 0;
         n = split == 0 ? 0 : split == 1 ? 8 : split == 2 ? 2 : 16;
-        for (i = 0; i < n; i++)
+        for (uint32_t i = 0; i < n; i++)
             mask |= (uint32_t)gen_range(r, 0, 1) << i;
         if (n) {
             uint32_t children = 0;
 
             if (depth == 0 && spare > 0 && t->want > 4)
                 mask = (1u << n) - 1;
-            for (i = 0; i < n; i++)
+            for (uint32_t i = 0; i < n; i++)
                 if (mask >> i & 1u && children++ > spare)
                     mask &= ~(1u << i);
             if (mask == 0)
@@ -399,7 +389,7 @@ static void make_tree(tree *t, uint64_t *r)
         s->split[s->n_nodes] = (uint8_t)split;
         s->occupancy[s->n_nodes++] = (uint16_t)mask;
         leaves += split == 0;
-        for (i = 0; i < n; i++)
+        for (uint32_t i = 0; i < n; i++)
             if (mask >> i & 1u) {
                 stack[depth].x = (uint8_t)(x + (split & 1u));
                 stack[depth++].t = (uint8_t)(tm + (split >> 1));
@@ -428,9 +418,8 @@ static int32_t make_residual(uint64_t *r, int picture)
 static int32_t *residuals(size_t n, uint64_t *r, int picture)
 {
     int32_t *const q = array(n, sizeof *q);
-    size_t i;
 
-    for (i = 0; i < n; i++)
+    for (size_t i = 0; i < n; i++)
         q[i] = make_residual(r, picture);
     return q;
 }
@@ -448,10 +437,10 @@ static uint32_t *suffixes(const uint8_t *n_children, uint32_t n_parents,
 {
     uint32_t *const s = array(total, sizeof *s);
     const uint32_t mask = bits == 8 ? 0xffffffffu : (1u << 4 * bits) - 1;
-    uint32_t at = 0, parent, i;
+    uint32_t at = 0;
 
-    for (parent = 0; parent < n_parents; parent++) {
-        for (i = 0; i < n_children[parent]; i++)
+    for (uint32_t parent = 0; parent < n_parents; parent++) {
+        for (uint32_t i = 0; i < n_children[parent]; i++)
             s[at + i] = i && one_in(r, 8) ? s[at]
                                           : (uint32_t)gen_random(r) & mask;
         qsort(s + at, n_children[parent], sizeof *s, compare);
@@ -464,9 +453,9 @@ static uint32_t *suffixes(const uint8_t *n_children, uint32_t n_parents,
 static uint32_t children(uint8_t *n, uint32_t n_parents, int max, uint32_t cap,
                          int full, uint64_t *r)
 {
-    uint32_t total = 0, i;
+    uint32_t total = 0;
 
-    for (i = 0; i < n_parents; i++) {
+    for (uint32_t i = 0; i < n_parents; i++) {
         uint32_t k = (uint32_t)gen_range(r, full ? max / 2 : 0, max);
 
         if (full && i + 1 == n_parents)
@@ -476,7 +465,7 @@ static uint32_t children(uint8_t *n, uint32_t n_parents, int max, uint32_t cap,
         n[i] = (uint8_t)k;
         total += k;
     }
-    for (i = 0; full && i < n_parents; i++)
+    for (uint32_t i = 0; full && i < n_parents; i++)
         while (n[i] < max && total < cap) {
             n[i]++;
             total++;
@@ -507,9 +496,7 @@ static void make_scaffold(saga_symbols *s, const saga_model *m, uint64_t *r,
     s->centre = residuals(4 * (size_t)s->n.coarse, r, o->picture);
     s->feature = residuals(m->features * (size_t)s->n.coarse, r, o->picture);
     if (o->picture) {
-        uint32_t i;
-
-        for (i = 0; i < m->features * s->n.coarse; i++)
+        for (uint32_t i = 0; i < m->features * s->n.coarse; i++)
             s->feature[i] = gen_range(r, -40, 40);
     }
     s->fine_suffix = suffixes(s->n_fine, s->n.coarse, s->n.fine,
@@ -536,17 +523,16 @@ static void make_camera(saga_rig_camera *c, uint32_t number)
         sa * st, ct, ca * st,
         sa * ct, -st, ca * ct
     };
-    int i;
 
     memset(c, 0, sizeof *c);
     c->number = number;
-    for (i = 0; i < 9; i++)
+    for (int i = 0; i < 9; i++)
         c->rotation_q30[i] = (int32_t)lround(axes[i] * (1 << 30));
-    for (i = 0; i < 3; i++)
+    for (int i = 0; i < 3; i++)
         c->centre[i] = (int32_t)lround(-2.6 * (1 << 23) * axes[6 + i]);
     c->width = 160;
     c->height = 120;
-    for (i = 0; i < 2; i++)
+    for (int i = 0; i < 2; i++)
         c->focal_q16[i] = 110 << 16;
     c->principal_q16[0] = 80 << 16;
     c->principal_q16[1] = 60 << 16;
@@ -565,14 +551,13 @@ static void fit_model(saga_model *m, uint64_t *r, const gen_options *o)
 
     do {
         saga_net_shape s;
-        int net;
 
         make_model(m, r, o);
         if (o->picture)
             model_for_picture(m);
         drop_layers(m, r, o);
         weights = 0;
-        for (net = 0; net < SAGA_N_NETS; net++) {
+        for (int net = 0; net < SAGA_N_NETS; net++) {
             saga_model_net(&s, m, net);
             weights += saga_net_macs(&s);
         }
@@ -583,7 +568,6 @@ void gen_stream_make(gen_stream *g, const gen_options *o)
 {
     const uint32_t n_layers = o->n_layers ? o->n_layers : 1;
     uint64_t r = o->seed;
-    uint32_t i, k;
 
     memset(g, 0, sizeof *g);
     fit_model(&g->header.model, &r, o);
@@ -594,13 +578,13 @@ void gen_stream_make(gen_stream *g, const gen_options *o)
     g->header.unit_mantissa = 1;
     g->header.unit_exponent = -22;
     g->header.n_cameras = GEN_MAX_CAMERAS;
-    for (i = 0; i < GEN_MAX_CAMERAS; i++)
+    for (uint32_t i = 0; i < GEN_MAX_CAMERAS; i++)
         make_camera(&g->rig[i], i);
     make_nets(g, &r, o->picture);
     g->n_segments = o->n_segments ? o->n_segments : 1;
     g->named = o->named;
-    for (i = 0; i < g->n_segments; i++) {
-        for (k = 0; k < n_layers; k++)
+    for (uint32_t i = 0; i < g->n_segments; i++) {
+        for (uint32_t k = 0; k < n_layers; k++)
             make_scaffold(&g->segment[i * n_layers + k], &g->header.model, &r,
                           o);
         g->n_frames[i] = (uint32_t)gen_range(&r, 1, 60);
@@ -612,11 +596,9 @@ void gen_stream_make(gen_stream *g, const gen_options *o)
 
 void gen_stream_free(gen_stream *g)
 {
-    uint32_t i;
-
     saga_net_symbols_free(&g->nets);
     recorder_free_symbols(&g->base);
-    for (i = 0; i < g->n_segments * saga_n_layers(&g->header); i++)
+    for (uint32_t i = 0; i < g->n_segments * saga_n_layers(&g->header); i++)
         recorder_free_symbols(&g->segment[i]);
 }
 
@@ -633,9 +615,8 @@ void gen_stream_name(saga_naming *naming, uint32_t camera)
 static int add_names(saga_encoder *e, const gen_stream *g, saga_error *error)
 {
     saga_naming names[GEN_MAX_CAMERAS];
-    uint32_t i;
 
-    for (i = 0; i < g->header.n_cameras; i++)
+    for (uint32_t i = 0; i < g->header.n_cameras; i++)
         gen_stream_name(&names[i], i);
     return saga_encoder_names(e, names, error);
 }
@@ -646,11 +627,10 @@ void gen_stream_encode(gen_stream *g, uint8_t **bytes, size_t *n)
     saga_error error = { "" };
     saga_encoder *const e = saga_encoder_open(&g->header, g->rig, &g->nets,
                                               &error);
-    uint32_t i;
     int ok = e && (!g->named || add_names(e, g, &error)) &&
              (!g->has_base || saga_encoder_base(e, &g->base, &error));
 
-    for (i = 0; ok && i < g->n_segments; i++)
+    for (uint32_t i = 0; ok && i < g->n_segments; i++)
         ok = saga_encoder_segment(e, &g->segment[i * saga_n_layers(&g->header)],
                                   g->n_frames[i], &error);
     ok = ok && saga_encoder_finish(e, bytes, n, &sizes, &error);

@@ -20,12 +20,11 @@ static void assert_given(const given_view *v)
     static const int32_t times[] = { 0, 32768, 65535 };
     const saga_prim_format f = gen_given_format(v->tools);
     saga_animated want, got;
-    uint32_t i, k, index = 0;
-    int j;
+    uint32_t index = 0;
 
-    for (i = 0; i < v->n; i++)
-        for (k = 0; k < n_copies(&v->p[i]); k++, index++)
-            for (j = 0; j < 3; j++) {
+    for (uint32_t i = 0; i < v->n; i++)
+        for (uint32_t k = 0; k < n_copies(&v->p[i]); k++, index++)
+            for (int j = 0; j < 3; j++) {
                 saga_animate(&want, &v->p[i].p, &f, times[j]);
                 assert_int_equal(saga_primitive_at(&got, v->dec, index,
                                                    times[j]),

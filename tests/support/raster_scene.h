@@ -35,9 +35,8 @@ static inline void *need(size_t nbytes)
 static inline void sort_scene(scene *s)
 {
     saga_key *const tmp = need(s->n * sizeof *tmp);
-    uint32_t i;
 
-    for (i = 0; i < s->n; i++)
+    for (uint32_t i = 0; i < s->n; i++)
         s->order[i] = (saga_key){ s->splats[i].depth, i };
     saga_depth_sort(s->order, tmp, s->n);
     (void)saga_raster_boxes(s->order, s->splats, s->n, &s->cam);
@@ -163,9 +162,8 @@ static inline void exact_picture(picture *p, const scene *s, int bits)
 static inline void expect_equal(const picture *got, const picture *want)
 {
     const size_t line = (size_t)want->width * pixel_of(want->pic.bits);
-    int y;
 
-    for (y = 0; y < want->height; y++)
+    for (int y = 0; y < want->height; y++)
         assert_memory_equal(sample_at(got, 0, y), sample_at(want, 0, y), line);
 }
 

@@ -21,8 +21,6 @@ typedef struct {
 
 static inline void rate_scene_model(saga_model *m)
 {
-    int i;
-
     memset(m, 0, sizeof *m);
     m->tools = SAGA_TOOLS_PICTURE;
     m->features = 6;
@@ -32,7 +30,7 @@ static inline void rate_scene_model(saga_model *m)
     m->sources[SAGA_KIND_FINE] = SAGA_SOURCE_HYPER | SAGA_SOURCE_PARENT |
                                  SAGA_SOURCE_GROUPS;
     m->sources[SAGA_KIND_PRIM] = SAGA_SOURCE_HYPER | SAGA_SOURCE_PARENT;
-    for (i = 0; i < SAGA_N_TIERS; i++) {
+    for (int i = 0; i < SAGA_N_TIERS; i++) {
         m->tier[i].n_groups = 3;
         m->tier[i].window = 12;
         m->tier[i].neighbours = 4;
@@ -47,7 +45,7 @@ static inline void rate_scene_model(saga_model *m)
     m->step_q16[SAGA_STEP_PRIM] = 128u << 16;
     m->out_q[SAGA_OUT_COARSE] = 10;
     m->out_q[SAGA_OUT_HYPER] = m->out_q[SAGA_OUT_SIGMA] = 10;
-    for (i = 0; i < SAGA_N_NETS; i++) {
+    for (int i = 0; i < SAGA_N_NETS; i++) {
         m->width[i] = 8;
         m->q_in[i] = 10;
     }
@@ -56,34 +54,30 @@ static inline void rate_scene_model(saga_model *m)
 /* tools: SAGA_TOOL_BANK, and _PLAIN_WRITE or not. */
 static inline void rate_scene_bank(saga_model *m, uint32_t tools)
 {
-    int i;
-
     m->tools |= tools;
     m->bank_slots = SAGA_MIN_SLOTS;
     m->bank_width = 8;
     m->bank_blocks = 5;
-    for (i = 0; i < SAGA_N_KINDS; i++)
+    for (int i = 0; i < SAGA_N_KINDS; i++)
         m->sources[i] |= SAGA_SOURCE_BANK;
 }
 
 static inline void rate_scene_coarse(saga_scene *s, uint32_t depth, saga_rng r)
 {
     uint64_t k = 0;
-    uint32_t i, b;
-    size_t a;
 
-    for (i = 0; i < s->n.coarse; i++) {
+    for (uint32_t i = 0; i < s->n.coarse; i++) {
         saga_coarse *const c = &s->coarse[i];
 
         c->depth_x = (uint8_t)depth;
-        for (b = 0; b < 3 * depth; b++)
+        for (uint32_t b = 0; b < 3 * depth; b++)
             c->cell[2 - b % 3] = (uint16_t)(c->cell[2 - b % 3] |
                                             (i >> b & 1u) << b / 3);
         c->group = (uint8_t)(i % 3);
         c->n_fine = 3;
         c->first_fine = 3 * i;
         saga_scene_cell(s->coarse_x + 4 * (size_t)i, c);
-        for (a = 0; a < 4; a++)
+        for (size_t a = 0; a < 4; a++)
             s->coarse_x[4 * (size_t)i + a] += saga_scene_half_x(c) *
                 R(0.2 * (saga_rng_double(r, k++) - 0.5));
     }
@@ -92,10 +86,9 @@ static inline void rate_scene_coarse(saga_scene *s, uint32_t depth, saga_rng r)
 static inline void rate_scene_fine(saga_scene *s, saga_rng r)
 {
     uint64_t k = 0;
-    uint32_t i, p, at = 0;
-    size_t a;
+    uint32_t at = 0;
 
-    for (i = 0; i < s->n.fine; i++) {
+    for (uint32_t i = 0; i < s->n.fine; i++) {
         saga_fine *const f = &s->fine[i];
         const saga_coarse *const c = &s->coarse[i / 3];
 
@@ -104,12 +97,12 @@ static inline void rate_scene_fine(saga_scene *s, saga_rng r)
         f->first_prim = at;
         f->n_prim = (uint8_t)(2 + i % 2);
         saga_scene_cell(s->fine_x + 4 * (size_t)i, c);
-        for (a = 0; a < 4; a++)
+        for (size_t a = 0; a < 4; a++)
             s->fine_x[4 * (size_t)i + a] += saga_scene_half_x(c) *
                 R(1.4 * (saga_rng_double(r, k++) - 0.5));
-        for (p = 0; p < f->n_prim; p++, at++) {
+        for (uint32_t p = 0; p < f->n_prim; p++, at++) {
             s->prim_fine[at] = i;
-            for (a = 0; a < 4; a++)
+            for (size_t a = 0; a < 4; a++)
                 s->prim_x[4 * (size_t)at + a] =
                     s->fine_x[4 * (size_t)i + a] + saga_scene_half_x(c) *
                     R(0.8 * (saga_rng_double(r, k++) - 0.5));
@@ -125,7 +118,6 @@ static inline void rate_scene_make(rate_scene *f, const saga_model *m,
     const saga_counts counts = { n, 3 * n, 15 * n / 2 };
     const saga_rng r = saga_rng_stream(5, 0);
     saga_scene *const s = &f->s;
-    size_t i;
 
     memset(f, 0, sizeof *f);
     assert_true(saga_scene_init(s, m, counts, 1, 77, &error));
@@ -133,10 +125,10 @@ static inline void rate_scene_make(rate_scene *f, const saga_model *m,
     memset(f->d.reals, 0, f->d.n_reals * sizeof *f->d.reals);
     rate_scene_coarse(s, depth, saga_rng_stream(5, 1));
     rate_scene_fine(s, saga_rng_stream(5, 2));
-    for (i = 0; i < (size_t)n * m->features; i++)
+    for (size_t i = 0; i < (size_t)n * m->features; i++)
         s->coarse_feature[i] = R(saga_rng_normal(r, i));
     /* Biases away from 0. */
-    for (i = 0; i < s->n_reals - (size_t)(s->params - s->reals); i++)
+    for (size_t i = 0; i < s->n_reals - (size_t)(s->params - s->reals); i++)
         s->params[i] = R(0.5) * s->params[i] +
                        R(0.05 * saga_rng_normal(r, 100000 + i));
     assert_true(saga_twin_init(&f->w, s, &error));

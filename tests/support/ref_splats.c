@@ -27,23 +27,20 @@ static void rotation(double r[3][3], const double *quat)
         { 2 * (x * z - w * y), 2 * (y * z + w * x),
           w * w - x * x - y * y + z * z }
     };
-    int i, j;
 
-    for (i = 0; i < 3; i++)
-        for (j = 0; j < 3; j++)
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++)
             r[i][j] = m[i][j];
 }
 
 /* c = a b a^t */
 static void conjugate(double c[3][3], double a[3][3], double b[3][3])
 {
-    int i, j, k, l;
-
-    for (i = 0; i < 3; i++)
-        for (j = 0; j < 3; j++) {
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) {
             c[i][j] = 0;
-            for (k = 0; k < 3; k++)
-                for (l = 0; l < 3; l++)
+            for (int k = 0; k < 3; k++)
+                for (int l = 0; l < 3; l++)
                     c[i][j] += a[i][k] * b[k][l] * a[j][l];
         }
 }
@@ -54,15 +51,14 @@ static void covariance(double cov[3], const ref_primitive *p,
 {
     double r[3][3], w[3][3], j[3][3] = { { 0 } }, s[3][3] = { { 0 } };
     double a[3][3], b[3][3];
-    int i, k;
 
     rotation(r, quat);
-    for (i = 0; i < 3; i++) {
+    for (int i = 0; i < 3; i++) {
         s[i][i] = exp2(2 * p->log2_scale[i]);
-        for (k = 0; k < 3; k++)
+        for (int k = 0; k < 3; k++)
             w[i][k] = cam->rotation[3 * i + k];
     }
-    for (i = 0; i < 2; i++) {
+    for (int i = 0; i < 2; i++) {
         const double side = i ? cam->height : cam->width;
         const double lo = (-0.15 * side - cam->principal[i]) / cam->focal[i];
         const double hi = (1.15 * side - cam->principal[i]) / cam->focal[i];
@@ -88,15 +84,15 @@ static int project(splat *o, const ref_primitive *p, double t,
     const double life = dt / fmin(0.5, exp2(p->log2_width));
     const double age = fmin(4, fmax(-4, life));
     double x[3], quat[4], view[3], cov[3], det;
-    int i, k;
+    int k;
 
-    for (i = 0; i < 3; i++)
+    for (int i = 0; i < 3; i++)
         x[i] = p->mean[i] - cam->centre[i] + p->support[i] *
                (p->motion[i] * age + p->motion[3 + i] * age * age +
                 p->motion[6 + i] * age * age * age);
-    for (i = 0; i < 4; i++)
+    for (int i = 0; i < 4; i++)
         quat[i] = p->quat[i] + p->slope[i] * age;
-    for (i = 0; i < 3; i++)
+    for (int i = 0; i < 3; i++)
         for (view[i] = 0, k = 0; k < 3; k++)
             view[i] += cam->rotation[3 * i + k] * x[k];
     o->q0 = log2(1 + exp2(SAGA_PEAK_LOG2 - p->opacity)) -
@@ -105,7 +101,7 @@ static int project(splat *o, const ref_primitive *p, double t,
     if (view[2] < cam->near_plane || o->q0 >= cam->cut ||
         fabs(view[0] / view[2]) >= 8 || fabs(view[1] / view[2]) >= 8)
         return 0;
-    for (i = 0; i < 2; i++) {
+    for (int i = 0; i < 2; i++) {
         const double side = i ? cam->height : cam->width;
 
         o->mean[i] = cam->principal[i] + cam->focal[i] * view[i] / view[2];
@@ -117,7 +113,7 @@ static int project(splat *o, const ref_primitive *p, double t,
     o->inverse[0] = cov[2] / det;
     o->inverse[1] = -cov[1] / det;
     o->inverse[2] = cov[0] / det;
-    for (i = 0; i < 3; i++)
+    for (int i = 0; i < 3; i++)
         o->colour[i] = p->colour[i];
     return 1;
 }
@@ -136,12 +132,10 @@ static void draw_pixel(double rgb[3], uint8_t *unsure, const splat *s,
                        double margin)
 {
     double t = 1;
-    size_t i;
-    int c;
 
     rgb[0] = rgb[1] = rgb[2] = 0;
     *unsure = 0;
-    for (i = 0; i < n && t >= cam->t_floor; i++) {
+    for (size_t i = 0; i < n && t >= cam->t_floor; i++) {
         const double dx = x - s[i].mean[0], dy = y - s[i].mean[1];
         const double form = s[i].inverse[0] * dx * dx +
                             2 * s[i].inverse[1] * dx * dy +
@@ -153,13 +147,13 @@ static void draw_pixel(double rgb[3], uint8_t *unsure, const splat *s,
             *unsure = 1;
         if (q >= cam->cut)
             continue;
-        for (c = 0; c < 3; c++)
+        for (int c = 0; c < 3; c++)
             rgb[c] += alpha * t * s[i].colour[c];
         t -= alpha * t;
         if (fabs(t - cam->t_floor) < margin * cam->t_floor)
             *unsure = 1;
     }
-    for (c = 0; c < 3; c++)
+    for (int c = 0; c < 3; c++)
         rgb[c] += t * cam->background[c];
 }
 
@@ -169,7 +163,7 @@ void ref_splats_draw(double *image, uint8_t *unsure, const ref_primitive *p,
     const size_t plane = (size_t)cam->width * (size_t)cam->height;
     splat *const s = malloc((n + 1) * sizeof *s);
     size_t i, m = 0;
-    int x, y, c;
+    int y;
 
     for (i = 0; i < n; i++) {
         s[m].index = i;
@@ -178,11 +172,11 @@ void ref_splats_draw(double *image, uint8_t *unsure, const ref_primitive *p,
     }
     qsort(s, m, sizeof *s, by_depth);
     for (y = 0, i = 0; y < cam->height; y++)
-        for (x = 0; x < cam->width; x++, i++) {
+        for (int x = 0; x < cam->width; x++, i++) {
             double rgb[3];
 
             draw_pixel(rgb, unsure + i, s, m, x + 0.5, y + 0.5, cam, margin);
-            for (c = 0; c < 3; c++)
+            for (int c = 0; c < 3; c++)
                 image[(size_t)c * plane + i] = rgb[c];
         }
     free(s);

@@ -7,12 +7,11 @@ static double pixel(const double *x, const double *y, int px, int py,
                     int width, int height)
 {
     double mean[5] = { 0 }, norm = 0, sx, sy, sxy;
-    int i, j;
 
-    for (i = -5; i <= 5; i++)
+    for (int i = -5; i <= 5; i++)
         norm += exp(-i * i / 4.5);
-    for (i = -5; i <= 5; i++)
-        for (j = -5; j <= 5; j++) {
+    for (int i = -5; i <= 5; i++)
+        for (int j = -5; j <= 5; j++) {
             const int u = px + j, v = py + i;
             const double w = exp(-(i * i + j * j) / 4.5) / (norm * norm);
             double a, b;
@@ -38,10 +37,9 @@ static double pixel(const double *x, const double *y, int px, int py,
 double ref_ssim(const double *x, const double *y, int width, int height)
 {
     double sum = 0;
-    int i, j;
 
-    for (i = 0; i < height; i++)
-        for (j = 0; j < width; j++)
+    for (int i = 0; i < height; i++)
+        for (int j = 0; j < width; j++)
             sum += pixel(x, y, j, i, width, height);
     return sum / (width * height);
 }

@@ -45,27 +45,25 @@ static inline real scene_normal(saga_rng r, uint64_t i, double mean,
 static inline void scene_random(saga_splat_params *p, size_t n, uint64_t seed,
                                 double px)
 {
-    size_t i, a;
-
-    for (i = 0; i < n; i++) {
+    for (size_t i = 0; i < n; i++) {
         const saga_rng r = saga_rng_stream(seed, i);
         const double z = 2 + 2 * (double)saga_rng_float(r, 0);
 
         p->mean[3 * i] = scene_uniform(r, 1, -0.55 * z, 0.55 * z);
         p->mean[3 * i + 1] = scene_uniform(r, 2, -0.35 * z, 0.35 * z);
         p->mean[3 * i + 2] = (real)(float)(z - 3);
-        for (a = 0; a < 4; a++)
+        for (size_t a = 0; a < 4; a++)
             p->quat[4 * i + a] = scene_normal(r, 3 + a, 0, 1);
-        for (a = 0; a < 3; a++) {
+        for (size_t a = 0; a < 3; a++) {
             p->log2_scale[3 * i + a] =
                 scene_normal(r, 7 + a, log2(px * 0.03), 0.8);
             p->colour[3 * i + a] = scene_uniform(r, 10 + a, 0, 1);
             p->support[3 * i + a] = scene_uniform(r, 13 + a, 0.1, 0.3);
         }
         p->opacity[i] = scene_normal(r, 16, 0, 2);
-        for (a = 0; a < 9; a++)
+        for (size_t a = 0; a < 9; a++)
             p->motion[9 * i + a] = scene_normal(r, 17 + a, 0, 0.5);
-        for (a = 0; a < 4; a++)
+        for (size_t a = 0; a < 4; a++)
             p->slope[4 * i + a] = scene_normal(r, 26 + a, 0, 0.5);
         p->t_centre[i] = scene_uniform(r, 30, 0, 1);
         p->log2_width[i] = scene_normal(r, 31, -0.5, 0.5);

@@ -18,27 +18,21 @@ static uint32_t crc_u32(uint32_t crc, uint32_t v)
 
 static uint32_t crc_i32s(uint32_t crc, const int32_t *v, size_t n)
 {
-    size_t i;
-
-    for (i = 0; i < n; i++)
+    for (size_t i = 0; i < n; i++)
         crc = crc_u32(crc, (uint32_t)v[i]);
     return crc;
 }
 
 static uint32_t crc_u32s(uint32_t crc, const uint32_t *v, size_t n)
 {
-    size_t i;
-
-    for (i = 0; i < n; i++)
+    for (size_t i = 0; i < n; i++)
         crc = crc_u32(crc, v[i]);
     return crc;
 }
 
 static uint32_t crc_u8s(uint32_t crc, const uint8_t *v, size_t n)
 {
-    size_t i;
-
-    for (i = 0; i < n; i++)
+    for (size_t i = 0; i < n; i++)
         crc = crc_u32(crc, v[i]);
     return crc;
 }
@@ -64,9 +58,7 @@ static uint32_t layer_crc(uint32_t crc, const saga_layer_symbols *l,
 static uint32_t finer_crc(uint32_t crc, const saga_layer_symbols *l,
                           uint32_t n)
 {
-    uint32_t i;
-
-    for (i = 0; i < n; i++)
+    for (uint32_t i = 0; i < n; i++)
         crc = crc_u32(crc, l->finer ? l->finer[i] : 0);
     return crc;
 }
@@ -74,14 +66,12 @@ static uint32_t finer_crc(uint32_t crc, const saga_layer_symbols *l,
 static uint32_t scaffold_crc(uint32_t crc, const saga_symbols *s,
                             uint32_t features)
 {
-    uint32_t i;
-
     crc = crc_u32(crc, s->n.coarse);
     crc = crc_u32(crc, s->n.fine);
     crc = crc_u32(crc, s->n.prim);
     crc = crc_u32(crc, s->n_nodes);
     crc = crc_u8s(crc, s->split, s->n_nodes);
-    for (i = 0; i < s->n_nodes; i++)
+    for (uint32_t i = 0; i < s->n_nodes; i++)
         crc = crc_u32(crc, s->occupancy[i]);
     crc = crc_u8s(crc, s->n_fine, s->n.coarse);
     crc = crc_i32s(crc, s->centre, 4 * (size_t)s->n.coarse);
@@ -99,10 +89,9 @@ uint32_t saga_symbols_crc(const saga_net_symbols *nets,
                           uint32_t features)
 {
     uint32_t crc = 0;
-    int net, i;
 
-    for (net = 0; net < SAGA_N_NETS; net++)
-        for (i = 0; i < shapes->shape[net].n_layers; i++) {
+    for (int net = 0; net < SAGA_N_NETS; net++)
+        for (int i = 0; i < shapes->shape[net].n_layers; i++) {
             crc = layer_crc(crc, &nets->layer[net][i],
                             shapes->shape[net].dim[i],
                             shapes->shape[net].dim[i + 1]);
@@ -111,7 +100,7 @@ uint32_t saga_symbols_crc(const saga_net_symbols *nets,
         }
     if (base)
         crc = scaffold_crc(crc, base, features);
-    for (i = 0; i < (int)n_layers; i++)
+    for (int i = 0; i < (int)n_layers; i++)
         crc = scaffold_crc(crc, &s[i], features);
     return crc;
 }
@@ -120,10 +109,10 @@ uint32_t saga_symbols_crc(const saga_net_symbols *nets,
 
 static uint32_t primitives_crc(const saga_decoder *dec, uint32_t n, int32_t t)
 {
-    uint32_t crc = 0, i;
+    uint32_t crc = 0;
     saga_animated a;
 
-    for (i = 0; i < n; i++) {
+    for (uint32_t i = 0; i < n; i++) {
         if (saga_primitive_at(&a, dec, i, t))
             return 0;
         crc = crc_i32s(crc, a.x, 3);
@@ -136,18 +125,17 @@ static uint32_t primitives_crc(const saga_decoder *dec, uint32_t n, int32_t t)
 
 static uint32_t splats_crc(const saga_decoder *dec, uint32_t n)
 {
-    uint32_t crc = 0, i;
+    uint32_t crc = 0;
     saga_splat s;
-    int k;
 
-    for (i = 0; i < n; i++) {
+    for (uint32_t i = 0; i < n; i++) {
         if (saga_splat_at(&s, dec, i))
             return 0;
         crc = crc_i32s(crc, s.mean_q8, 2);
         crc = crc_i32s(crc, s.chol_q28, 3);
         crc = crc_i32s(crc, &s.q0_q20, 1);
         crc = crc_u32(crc, s.depth);
-        for (k = 0; k < 3; k++)
+        for (int k = 0; k < 3; k++)
             crc = crc_u32(crc, s.colour_q15[k]);
     }
     return crc;
