@@ -177,7 +177,7 @@ def bd_table(scenes, rows, points):
                                scene.within))
         if len(states) > 1:
             before = rates(states[-2])
-            out.append([scene.name, "the rows before"] +
+            out.append([scene.name, "the version before"] +
                        against(curve(before, "all"), all_views, None) + ["-"] +
                        against(curve(before, "held_out"), held_out, None))
     return table(["scene", "against", "all cameras", "over dB", "by seeds",
@@ -209,31 +209,33 @@ def point_table(scenes, points):
                   "changing, held-out cameras"], out)
 
 
-PROTOCOL = """Each row is a file of `saga encode`, closed, reopened and decoded by
-the integer decoder. PSNR is that of the squared error over all frames of a
-camera, R, G and B, and then the mean over cameras; changing pixels are more
-than 8/255 off the temporal median of their view. A rate's row is the mean over
-its seeds. Held-out cameras are those that training never saw. CPU minutes are
-of `saga encode`, all threads together; the machine is shared."""
+PROTOCOL = """Each row is a file of `saga encode`, decoded by the integer decoder from the
+closed and reopened file. PSNR is computed from the squared error over all
+frames of a camera and over R, G and B; the table has the mean over the
+cameras. Changing pixels differ by more than 8/255 from the temporal median of
+their view. A row with several seeds is their mean. Held-out cameras are those
+that training never saw. CPU minutes are those of `saga encode`, all threads
+together, on a shared machine."""
 
 OTHERS = """x265 and VVenC code every camera as a stream of its own, the held-out
-ones too, which to them are views like all others; bytes are those of all raw
-streams, against our whole file. x265's decoded videos pass the same loader and
-the same measures (`saga eval` of a folder); it has the preset medium, --tune
-psnr, no wavefronts and no text in the stream (lab/simulcast.py). VVenC's points
-are those that came with the capture: version 1.15, preset medium, all cameras
-together; for PSNR without its perceptual quantisation. In series: one stream of
-all cameras after one another, every second one backwards in time, which is the
-strongest anchor of plain video that was found."""
+ones too. Their bytes are those of all raw streams, compared with our whole
+file. x265's decoded videos are read by the same loader and measured in the
+same way (`saga eval` of a folder). It runs with preset medium, --tune psnr, no
+wavefronts and no text in the stream (lab/simulcast.py). VVenC's points came
+with the capture: version 1.15, preset medium, all cameras together. "For PSNR"
+is VVenC without its perceptual quantisation. "In series" is one stream of all
+cameras one after another, every second one backwards in time: the best plain
+video coding that was found."""
 
 BD = """BD-rate is the mean change of bytes at equal PSNR, by monotone cubics of
-log-rate over the interval that both curves have; below 1 dB in common none is
-told. By seeds: the lowest and the highest of the seeds' own. Held-out cameras:
-our PSNR where we never looked against theirs of the same cameras, which they
-coded, at all bytes of both."""
+log-rate over the interval that both curves cover; below 1 dB in common there
+is none. "By seeds" is the lowest and the highest BD-rate of single seeds. For
+held-out cameras, our PSNR of views that training never saw is compared with
+the other codec's PSNR of the same cameras, which it coded; bytes are always
+those of all cameras."""
 
 SAVINGS = """The change of bytes at one PSNR of all cameras, where both curves
-reach it: what an average over an interval hides."""
+reach it. It shows what the average over an interval hides."""
 
 
 def page(scenes, rows, points):
