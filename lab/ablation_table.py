@@ -26,7 +26,7 @@ VARIANTS = [
     ("nothing", "constants by channel"),
     ("raw", "raw networks, 16 bits"),
     ("all", "all sources, whatever they are worth"),
-    ("all-no-bank", "... but the bank"),
+    ("all-no-bank", "... except the bank"),
     ("all-plain", "... with the plain update"),
 ]
 # A variant is compared with the full model, unless it has another here.
@@ -198,16 +198,16 @@ def ablation(rates):
                      for r in runs])
     table(["variant", "rate", "BD-rate"] + [label(i) + ": kB / dB / sources"
                                             for i in range(len(rates))], rows)
-    prose("Sources of coarse anchors, fine offsets and primitive offsets, "
-          "where they were worth their weights: hyperprior, parent, groups, "
-          "bank. Rate: mean change of the bytes against the full model "
-          "(the last two: against all sources), on the same symbols. "
-          "BD-rate: the same at equal PSNR of the training views, by "
-          "monotone cubics of log-rate over the common interval. Fitted "
-          "anew, a value moves by up to half a step where the prediction it "
-          "is rounded against moves, which costs PSNR beside the file as "
-          "trained, and differs from variant to variant by chance: where "
-          "the two numbers disagree, that is why.")
+    prose("The letters are the sources of coarse anchors, fine offsets and "
+          "primitive offsets that were worth their weights: hyperprior, "
+          "parent, groups, bank (m). \"Rate\" is the mean change of the "
+          "bytes against the full model (the last two rows: against all "
+          "sources), on the same symbols. \"BD-rate\" is the change at equal "
+          "PSNR of the training views, by monotone cubics of log-rate over "
+          "the common interval. The two numbers can disagree: features are "
+          "rounded against the prediction, so in a refit they move by up to "
+          "half a step, which costs PSNR compared with the file as trained, "
+          "and a different amount in each variant.")
     prose("All files here are the paper's V3: there is no residual hash "
           "([lab/residual-hash.md](../lab/residual-hash.md)).")
 
@@ -235,8 +235,9 @@ def slots(rate, folder):
         print("## Slots of the bank\n")
         table(["slots", "rate", "file, kB", "symbols", "entropy networks",
                "ms to decode a segment"], rows)
-        prose("The last rate. Rate: on the same symbols, against all sources "
-              "but the bank; the bank stays here, whatever it is worth.")
+        prose("Measured at the last rate. \"Rate\" is the change on the same "
+              "symbols against all sources except the bank. The bank is kept "
+              "here even where it does not pay.")
 
 
 def order0(scenes):
@@ -257,11 +258,12 @@ def order0(scenes):
                          kb(k["entropy0"]), f"{100 * k['saving']:.1f} %"])
     table(["scene", "kind", "saga, kB", "order-0, kB", "its entropy, kB",
            "saved"], rows)
-    prose("The same symbols: values as decoded, in steps, each channel with "
-          "its own adaptive frequencies (Krichevsky and Trofimov) and 32 bits "
-          "for their range. Structure is coded as a list of coordinates "
-          "there, which flatters us: values are what counts. Its entropy is "
-          "what no order-0 coder can go below.")
+    prose("Both sides code the same symbols. Values are coded as decoded, in "
+          "steps; each channel of the order-0 coder has adaptive frequencies "
+          "of its own (Krichevsky and Trofimov) and 32 bits for their range. "
+          "It codes structure as a list of coordinates, which favours us, so "
+          "the fair comparison is that of the values. \"Its entropy\" is the "
+          "limit of any order-0 coder.")
 
 
 def shared_scenes(folder):
@@ -296,14 +298,16 @@ def shared(scenes):
                [f"{r['bytes']:,}; {db(r['training'])} / {db(r['held_out'])}"
                 for r in rows[key]] + [""] * (len(factors) - len(rows[key]))
                for key, name in SHARING])
-    prose("Coarse anchors : fine anchors : primitives, to a coarse anchor. "
-          "Bytes; dB training / held out, of the decoded file on the sampled "
-          "pictures. Pictures of 160x90, 2,400 iterations, seed 1: all rows "
-          "of a scene go on from one warm-up; lambda by the rule times the "
-          "factor. One rendering each: below 2 % nothing is proved. A dash: "
-          "no PSNR in common, or one that falls as bytes grow. By place a "
-          "coarse anchor starts with the mean of what its primitives want, and "
-          "the rendering is short: more in [lab/anchors.md](../lab/anchors.md).")
+    prose("1:2:2 means one coarse anchor with two fine anchors and two "
+          "primitives. Cells have bytes; dB training / held out, from the "
+          "decoded file on the sampled pictures. Pictures of 160x90, 2,400 "
+          "iterations, seed 1; all rows of a scene continue from one "
+          "warm-up; lambda is the rule's times the factor. Each row is one "
+          "rendering, so less than 2 % proves nothing. A dash: no PSNR in "
+          "common, or one that falls as bytes grow. \"By place\": a coarse "
+          "anchor starts with the mean of its primitives' features. The "
+          "rendering is short; [lab/anchors.md](../lab/anchors.md) has "
+          "longer ones.")
 
 
 def beside(rates, scenes):
@@ -341,40 +345,40 @@ def beside(rates, scenes):
     rows += [["no base", "has none", "+104 % (4)", *one, "not measured"],
              ["two layers instead of one", "has none", *one, *one,
               "not measured (5)"]]
-    print("## Beside the paper\n")
+    print("## Compared with the paper\n")
     table(["row", "paper", "room", "ring", "ring, 100,000 primitives"], rows)
     prose("V1 and V2 are the BD-rate of the training views against shared "
-          "anchors with interpolation, the paper's full model, from the "
-          "tables above; V4, V5 and slots the change of the bytes on the same "
-          "symbols at 320x180, mean of the rates, slots at the last one. The "
-          "large scene has one rate.")
+          "anchors with interpolation (the paper's full model), from the "
+          "tables above. V4, V5 and slots are the change of the bytes on the "
+          "same symbols at 320x180: the mean of the rates, for slots the "
+          "last rate. The large scene has one rate.")
     for text in (
-            "V1: a primitive of ours has features of its own, learned "
-            "under the price of their bits, and siblings' features have next "
-            "to nothing in common; the paper has, we believe, more primitives "
-            "to an anchor. (1) At 100,000 primitives sharing by number takes "
-            "29 % more bytes at 0.5 dB less, by place was not run "
-            "([lab/anchors.md](../lab/anchors.md)).",
-            "V2: hardly a second fine anchor is within two supports: 500 "
-            "primitives of the room begin with 589 links where K is 4, so "
-            "there is little to interpolate; an anchor of one's own needs "
-            "none.",
-            "V3: no file of ours has a hash, as it cost 3 % in the mean where "
-            "anchors are not shared; where they are, it gained the paper's 2 "
-            "to 4 %. (2) [lab/residual-hash.md](../lab/residual-hash.md).",
-            "V4: networks are a tenth of a small file, of which raw ones "
-            "make a third; at 100,000 primitives they weigh little, as in "
-            "the paper, whose networks are 12 % after coding.",
-            "V5 and slots: the bank saves at most 0.5 % of the symbols beside "
-            "groups and hyperprior, so how it is "
-            "written and how large it is changes the bytes of its networks "
-            "alone. (3) [lab/memory.md](../lab/memory.md).",
-            "Base: (4) ten seconds of the room at 160x90, -51 % with one, "
-            "by BD-rate ([training.md](training.md)); the paper has none. "
-            "Layers: (5) on studio two cost 4 % of the "
-            "bytes and 1.1 dB held out at one rate "
-            "([lab/layers.md](../lab/layers.md)); the paper has no such "
-            "tool."):
+            "V1: here each primitive has features of its own, learned under "
+            "the price of their bits, and siblings' features have almost "
+            "nothing in common. We believe that the paper has more "
+            "primitives for each anchor. (1) At 100,000 primitives sharing "
+            "by number takes 29 % more bytes at 0.5 dB less; sharing by "
+            "place was not run ([lab/anchors.md](../lab/anchors.md)).",
+            "V2: few primitives have a second fine anchor within two "
+            "supports. With K = 4, 500 primitives of the room begin with 589 "
+            "links, so there is little to interpolate; a primitive with an "
+            "anchor of its own needs none.",
+            "V3: none of our files has a hash. Where anchors are not shared "
+            "it cost 3 % on the mean; where they are shared it gained the "
+            "paper's 2 to 4 %. (2) "
+            "[lab/residual-hash.md](../lab/residual-hash.md).",
+            "V4: networks are a tenth of a small file, and would be a third "
+            "of it if they were not coded. At 100,000 primitives they weigh "
+            "little, as in the paper, where networks are 12 % after coding.",
+            "V5 and slots: hyperprior and groups leave the bank at most 0.5 "
+            "% of the symbols to save. Its update rule and its number of "
+            "slots therefore change hardly more than the bytes of its own "
+            "networks. (3) [lab/memory.md](../lab/memory.md).",
+            "Base: (4) on ten seconds of the room at 160x90 a base gives -51 "
+            "% by BD-rate ([training.md](training.md)); the paper has none. "
+            "Layers: (5) on studio two layers cost 4 % of the bytes and 1.1 "
+            "dB held out at one rate ([lab/layers.md](../lab/layers.md)); "
+            "the paper has no such tool."):
         print(textwrap.fill(text, 80, initial_indent="- ",
                             subsequent_indent="  ", break_on_hyphens=False))
     print()
@@ -416,10 +420,11 @@ def main(folder, scenes):
         sys.exit(f"ablation_table: {folder} has no finished runs")
     curves(rates, folder)
     print("# Ablation of the entropy model: `make ablation`\n")
-    prose("Each rate is one training of the built-in scene; each variant is "
-          "its file with the entropy networks fitted anew on the same "
-          "symbols (lab/gen_refit.h). What disagrees with the paper, and "
-          "why: [lab/sources.md](../lab/sources.md).")
+    prose("What is each part of the entropy model worth? Each rate is one "
+          "training of the built-in scene. For each variant the entropy "
+          "networks are fitted anew on the symbols of its file "
+          "(lab/gen_refit.h). [lab/sources.md](../lab/sources.md) explains "
+          "what disagrees with the paper.")
     files(folder, len(rates))
     print("![rate and distortion](ablation.svg)\n")
     components(rates)

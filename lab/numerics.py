@@ -159,17 +159,17 @@ HEAD = """# Numerics: what integers cost, and how exact they are
 
 `make numerics` writes this page, numerics.json and the plots. Measured
 {date}: one thread of {cpu},
-{compiler}, beside other work. Times are CPU
-time, medians of 15 repetitions of a millisecond or more; bars are quartiles.
-Errors are exact: all values of an operator against float64 on the same inputs.
-With 16 right bits the error (RMS) is 2^-16 of the largest value. What the files
-of the second half are, and what follows: [lab/numerics.md](../lab/numerics.md).
+{compiler}, while other programs ran. Times are
+CPU time, medians of 15 repetitions of a millisecond or more; bars are
+quartiles. Errors are exact: all values of an operator are compared with float64
+on the same inputs. "16 right bits" means that the RMS error is 2^-16 of the
+largest value. Conclusions: [lab/numerics.md](../lab/numerics.md).
 
 ![time and error of every operator](numerics.svg)
 
-What the decoder does is the dark dot. A segment's time is that of a primitive,
-a picture's of a pixel, and their errors are those of the picture's samples
-(below). The same as points, an operator a panel; float64 stands at 53 bits:
+The dark dot is the decoder. The time of a segment is given for one primitive,
+that of a picture for one pixel; their errors are those of the picture's samples
+(below). The next plot has a panel for each operator; float64 counts as 53 bits:
 
 ![time against error](numerics_points.svg)
 
@@ -181,30 +181,33 @@ HEAD_COLUMNS = ("float64, ns | float32, ns | plain C, ns (instructions) | "
                 "vectors, ns (instructions)")
 
 READ = """
-The integers are the same bits in every build. "Vectors" are what the decoder
+Every build computes the same integers. "Vectors" is the code that the decoder
 chooses on this machine; "plain C" is compiled without any vector instruction.
-Float is written plainly and compiled with AVX2 ({flags});
-the dense layer in float32 is the trainer's. A time of the blend is that of a
-pixel of a splat's box.
+The float code is plain C compiled with AVX2 ({flags}),
+except the dense layer in float32, which is the trainer's. The time of the blend
+is given for one pixel of a splat's box.
 
-- Layers and the memory bank give 16 bits and less, interpolation and softmax
-  13: where a value is summed from many, these are the least exact.
-- A dense layer is as fast as the trainer's float32; a read of the memory bank,
+- Operators that sum many values are the least exact: layers and the memory bank
+  have 16 right bits and fewer, interpolation and softmax 13.
+- A dense layer is as fast as the trainer's float32. A read of the memory bank,
   the sine and the blend are four to sixteen times as fast as plain float32.
-- Interpolation is slower than float: it divides and searches value by value. So
-  are animate and project one by one; the decoder does both in vectors.
-- Reciprocals and roots of 32 bits are exact to 2^-30, so a splat's mean is
-  rounded to 1/256 pixel and has no other error.
+- Interpolation is slower than float, because it divides and searches value by
+  value. So are animate and project on their own; the decoder runs both together
+  in vectors.
+- Reciprocals and roots of 32 bits are exact to 2^-30, so the only error of a
+  splat's mean is its rounding to 1/256 pixel.
 """
 
 STAGES_HEAD = """
 ## A picture: where its error comes from
 
-`saga verify` on the picture of three cameras at three times, all in float64
-but what stands before the stage: error of the picture before it is rounded to 8
-bits, in levels of 255 (RMS). What a stage adds is the difference of squares.
-The 8-bit picture beside float64 rounded to 8 bits is below it. Files are as
-they were on the day above, docs/demo.saga too:
+Which stage of the decoder loses how much? `saga verify` draws nine pictures
+(three cameras at three times). In the row "from a stage" that stage and all
+later ones are computed in float64, and everything before it in integers. The
+first rows have the RMS difference to the decoder's picture before it is rounded
+to 8 bits, in levels of 255; a stage's own error is the difference of squares.
+The last rows compare the 8-bit picture with float64 rounded to 8 bits. The
+files are those of the day above:
 
 {sizes}.
 
@@ -213,23 +216,26 @@ they were on the day above, docs/demo.saga too:
 """
 
 STAGES_TEXT = """
-- **Symbols** are predictions: the encoder knows the integer ones and makes up
-  for their rounding, so this row is no loss (docs/arithmetic.md, Entropy
-  parameters). `from scaffold` is how exact the decoder is.
-- **Primitives** lose most, of it their motion: what hidden units of 16 bits
-  are rounded by, F_geo's last layer multiplies.
-- **Splats**: their means are rounded to 1/256 of a pixel.
-- Pixels that cut or stop a splat otherwise than float64 stand in most places
-  where a splat ends at 1/256: {cut} of all from the scaffold on, {cut_pixels}
-  where the splats are the same. There a pixel changes by a level at most.
+- **From symbols** is no loss, because it contains the predictions: the encoder
+  knows the integer predictions and corrects their rounding (docs/arithmetic.md,
+  Entropy parameters). `from scaffold` is the error of the decoder.
+- **Primitives** lose most, above all in their motion: hidden units are rounded
+  to 16 bits, and F_geo's last layer multiplies that error.
+- **Splats** lose by the rounding of their means to 1/256 of a pixel.
+- In {cut} of all pixels a splat is cut or stopped where float64 does not do it,
+  or the reverse, from the scaffold on; in {cut_pixels} where the splats are the
+  same. Most of these pixels are where a splat ends at 1/256, and they change by
+  a level at most.
 """
 
 FORMATS_HEAD = """
 ## Formats that one could choose
 
-The reference draws {file} (camera 0, frame 0) once in double, then with one
-rounding at a time: error of the picture before 8 bits, in levels of 255. What
-is chosen is bold. The grey line of the plot is what rounding to 8 bits costs.
+What would other number formats cost? The reference draws {file} (camera 0,
+frame 0) once in double, then with one rounding at a time. The table has the
+error of the picture before it is rounded to 8 bits, in levels of 255. The
+decoder's formats are bold. The grey line of the plot is the error of rounding
+to 8 bits.
 
 ![formats](numerics_formats.svg)
 
@@ -238,17 +244,18 @@ is chosen is bold. The grey line of the plot is what rounding to 8 bits costs.
 """
 
 FORMATS_TEXT = """
-- A sub-pixel bit less doubles the error, 0.01 levels with 8; an 8-bit picture's
-  own rounding is 0.29. The table of 2^-q, alpha and T stay below.
-- Every bit of the activations halves the error. "By unit" is a format where
-  each input of a layer has an exponent of its own, so that small ones use their
-  16 bits; the formats of the outputs are as they are.
-- Rounding a trained file's weights to 8 bits costs what 12 bits of activations
-  do: 8-bit weights are for files that are trained with them (level 0).
+- With 8 sub-pixel bits the error is 0.01 levels, and each bit less doubles it;
+  rounding a picture to 8 bits costs 0.29. The table of 2^-q, alpha and T cost
+  less.
+- Every bit of the activations halves the error. "By unit" is a format in which
+  each input of a layer has an exponent of its own, so that small inputs use all
+  their 16 bits; the formats of the outputs are unchanged.
+- Rounding a trained file's weights to 8 bits costs as much as 10 bits of
+  activations. 8-bit weights are for files that are trained with them (level 0).
 - A larger smallest alpha draws fewer pixels: 1/128 blends {saved} fewer, at
   {saved_rms} levels. It is not an option of the decoder.
-- Colour depends on the camera and not on the time: while the camera rests it
-  is the same in every frame.
+- Colour depends on the camera and not on the time: while the camera does not
+  move, it is the same in every frame.
 """
 
 
