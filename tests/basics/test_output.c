@@ -62,11 +62,10 @@ static void write_text(const char *path, const char *text)
 static void assert_holds(const char *path, const char *text)
 {
     saga_error error = { "" };
-    saga_bytes bytes;
+    FREED_BY(saga_bytes_free) saga_bytes bytes;
 
     assert_true(saga_read_file(&bytes, path, &error));
     assert_string_equal((const char *)bytes.data, text);
-    saga_bytes_free(&bytes);
 }
 
 static mode_t kind_of(const char *path)

@@ -41,7 +41,7 @@ TEST(matches_should_follow_a_picture_that_is_turned)
 {
     const saga_capture *const c = *state;
     const uint8_t *const from = saga_capture_frame(c, 0, 0);
-    uint8_t *const to = must(malloc((size_t)W * H * 3));
+    FREED uint8_t *const to = must(malloc((size_t)W * H * 3));
     saga_match m[SAGA_FEATURES_MOST];
     saga_features a, b;
     size_t n, n_right = 0;
@@ -60,12 +60,11 @@ TEST(matches_should_follow_a_picture_that_is_turned)
     assert_true(n >= 100 && n_right >= n * 95 / 100);
     free(a.list);
     free(b.list);
-    free(to);
 }
 
 TEST(flat_and_tiny_pictures_should_have_no_features)
 {
-    uint8_t *const grey = zeroed((size_t)W * H, 3);
+    FREED uint8_t *const grey = zeroed((size_t)W * H, 3);
     saga_features f = features_of(grey, W, H);
 
     assert_int_equal(f.n, 0);
@@ -73,7 +72,6 @@ TEST(flat_and_tiny_pictures_should_have_no_features)
     f = features_of(grey, 3, 2);
     assert_int_equal(f.n, 0);
     free(f.list);
-    free(grey);
 }
 
 static uint32_t next(uint32_t *x)
@@ -203,7 +201,7 @@ static saga_calibration find(const saga_capture *c, saga_shot *views)
 /* Undone, the views have to be the room's own again. */
 static void expect_found(const saga_capture *c, saga_shot *views)
 {
-    saga_calibration cal = find(c, views);
+    FREED_BY(saga_calibration_free) saga_calibration cal = find(c, views);
 
     assert_true(cal.found);
     for (int v = 0; v < c->n_views; v++) {
@@ -221,14 +219,13 @@ static void expect_found(const saga_capture *c, saga_shot *views)
         assert_true(fabs(log2(lens[0] / own->fx)) < 0.13);
         assert_true(fabs(log2(lens[2] / own->cx)) < 0.13);
     }
-    saga_calibration_free(&cal);
 }
 
 TEST(room_should_fit_its_pictures)
 {
     const saga_capture *const c = *state;
-    saga_shot *const views = copy_views(c);
-    saga_calibration cal = find(c, views);
+    FREED saga_shot *const views = copy_views(c);
+    FREED_BY(saga_calibration_free) saga_calibration cal = find(c, views);
 
     assert_int_equal(cal.n_pairs, N_VIEWS * (N_VIEWS - 1) / 2);
     assert_int_equal(cal.n_fit, cal.n_pairs);
@@ -238,8 +235,6 @@ TEST(room_should_fit_its_pictures)
         assert_true(cal.off[v] < 0.7 && !cal.odd[v]);
         assert_true(fabs(cal.stops[v]) < 0.05);
     }
-    saga_calibration_free(&cal);
-    free(views);
 }
 
 TEST(wrong_matrices_should_be_named)
@@ -249,14 +244,13 @@ TEST(wrong_matrices_should_be_named)
     assert_true(c->opengl);
     for (int form = 0; form < SAGA_POSE_FORMS; form++)
         for (int opencv = 0; opencv < 2; opencv++) {
-            saga_shot *const views = copy_views(c);
+            FREED saga_shot *const views = copy_views(c);
 
             if (form == SAGA_POSE_RIGHT && !opencv)
                 opencv = 1;
             for (int v = 0; v < N_VIEWS; v++)
                 spoil(&views[v], (saga_pose_form)form, opencv);
             expect_found(c, views);
-            free(views);
         }
 }
 
@@ -268,7 +262,7 @@ TEST(wrong_lenses_should_be_named)
     const saga_capture *const c = *state;
 
     for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
-        saga_shot *const views = copy_views(c);
+        FREED saga_shot *const views = copy_views(c);
 
         for (int v = 0; v < N_VIEWS; v++) {
             views[v].fx *= wrong[i].focal;
@@ -277,7 +271,6 @@ TEST(wrong_lenses_should_be_named)
             views[v].cy *= wrong[i].centre;
         }
         expect_found(c, views);
-        free(views);
     }
 }
 
@@ -372,8 +365,8 @@ TEST(survey_should_say_so_in_words)
 TEST(nothing_should_be_said_without_matches)
 {
     saga_capture c = *(saga_capture *)*state;
-    saga_shot *const views = copy_views(&c);
-    uint8_t *const grey = zeroed((size_t)W * H, 3);
+    FREED saga_shot *const views = copy_views(&c);
+    FREED uint8_t *const grey = zeroed((size_t)W * H, 3);
     saga_calibration cal;
 
     for (int v = 0; v < N_VIEWS; v++)
@@ -388,6 +381,4 @@ TEST(nothing_should_be_said_without_matches)
     cal = find(&c, c.views);
     assert_true(cal.n_pairs == 0 && isnan(cal.off[0]));
     saga_calibration_free(&cal);
-    free(grey);
-    free(views);
 }

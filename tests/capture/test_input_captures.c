@@ -277,7 +277,7 @@ static void check_points_inside(const saga_capture *c, const saga_shot *v)
 
 TEST(studio_should_agree_with_its_readme)
 {
-    saga_capture c;
+    FREED_BY(saga_capture_free) saga_capture c;
 
     if (left_out("studio"))
         skip();
@@ -288,7 +288,6 @@ TEST(studio_should_agree_with_its_readme)
     check_studio_pixels(&c, 0, 11, 0.93, 0.75);
     for (int i = 0; i < c.n_views; i++)
         check_points_inside(&c, &c.views[i]);
-    saga_capture_free(&c);
 }
 
 /* --- person4 ------------------------------------------------------------- */
@@ -430,7 +429,7 @@ TEST(person4_should_agree_with_its_lenses_and_points)
 {
     json_error_t problem;
     json_t *root;
-    saga_capture c;
+    FREED_BY(saga_capture_free) saga_capture c;
 
     if (left_out("person4"))
         skip();
@@ -447,7 +446,6 @@ TEST(person4_should_agree_with_its_lenses_and_points)
         check_points(&c, v);
     }
     json_decref(root);
-    saga_capture_free(&c);
 }
 
 /* --- Always -------------------------------------------------------------- */

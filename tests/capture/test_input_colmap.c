@@ -303,7 +303,7 @@ static void check_point(const saga_colmap *m, const world *w, int i)
 
 static void check_model(folder *f, const world *w)
 {
-    saga_colmap m = read_model(f);
+    FREED_BY(saga_colmap_free) saga_colmap m = read_model(f);
 
     check_cameras(&m);
     assert_int_equal(m.n_images, N_IMAGES + 1);
@@ -315,7 +315,6 @@ static void check_model(folder *f, const world *w)
     for (int i = 0; i < N_POINTS; i++)
         check_point(&m, w, i);
     assert_null(saga_colmap_point_of(&m, 999));
-    saga_colmap_free(&m);
 }
 
 TEST_IN_FOLDER(model_should_be_read_from_text)
@@ -343,7 +342,7 @@ TEST_IN_FOLDER(models_should_have_the_lenses_of_colmap)
         "3 RADIAL 64 48 50 31 23 0.1 0.2\n";
     const world w = make_world();
     folder *const f = *state;
-    saga_colmap m;
+    FREED_BY(saga_colmap_free) saga_colmap m;
 
     write_text_model(f, &w);
     write_text(f, "colmap/cameras.txt", text);
@@ -355,7 +354,6 @@ TEST_IN_FOLDER(models_should_have_the_lenses_of_colmap)
         assert_true(l->k1 == (id >= 2 ? 0.1 : 0));
         assert_true(l->k2 == (id == 3 ? 0.2 : 0) && l->p1 == 0);
     }
-    saga_colmap_free(&m);
 }
 
 /* --- Refusing ------------------------------------------------------------ */

@@ -11,11 +11,10 @@ TEST(seed_should_be_taken)
 {
     for (int k = 0; k < INPUT_N_KINDS; k++) {
         size_t n;
-        uint8_t *const p = input_seed((input_kind)k, &n);
+        FREED uint8_t *const p = input_seed((input_kind)k, &n);
 
         if (!input_play((input_kind)k, p, n))
             fail_msg("%s is refused", input_kind_text[k]);
-        free(p);
     }
 }
 
@@ -26,21 +25,19 @@ TEST(damage_should_be_survived)
 
     for (int k = 0; k < INPUT_N_KINDS; k++) {
         size_t n;
-        uint8_t *const p = input_seed((input_kind)k, &n);
+        FREED uint8_t *const p = input_seed((input_kind)k, &n);
         unsigned taken = 0;
 
         for (uint64_t i = first; i < first + count; i++) {
             uint64_t r = i * 0x9e3779b97f4a7c15u + (uint64_t)k;
             size_t m;
-            uint8_t *const q = input_damage((input_kind)k, p, n, &r, &m);
+            FREED uint8_t *const q = input_damage((input_kind)k, p, n, &r, &m);
 
             taken += (unsigned)input_play((input_kind)k, q, m);
-            free(q);
         }
         printf("%s: %u of %u taken\n", input_kind_text[k], taken,
                (unsigned)count);
         assert_true(taken < count);
-        free(p);
     }
 }
 

@@ -56,7 +56,7 @@ TEST_IN_FOLDER(npy_should_be_read_in_every_order_and_version)
         const int version = way % 3 + 1;
         const bool fortran = way / 3 % 2, single = way / 6;
         char header[200];
-        saga_npy a;
+        FREED_BY(saga_npy_free) saga_npy a;
         bytes b;
 
         snprintf(header, sizeof header, "{'descr': '<f%d', 'fortran_order': "
@@ -77,7 +77,6 @@ TEST_IN_FOLDER(npy_should_be_read_in_every_order_and_version)
         assert_int_equal(a.cols, 3);
         for (int i = 0; i < 6; i++)
             assert_true(a.data[i] == 10 * (i / 3) + i % 3 + 0.25);
-        saga_npy_free(&a);
     }
 }
 
@@ -85,7 +84,7 @@ TEST_IN_FOLDER(npy_should_be_read_with_one_dimension)
 {
     bytes b = npy_bytes(1, "{\"shape\":(2,),\"fortran_order\":False,"
                         "\"descr\":\"<f8\"}");
-    saga_npy a;
+    FREED_BY(saga_npy_free) saga_npy a;
 
     put_f64(&b, -7);
     put_f64(&b, 1e300);
@@ -93,7 +92,6 @@ TEST_IN_FOLDER(npy_should_be_read_with_one_dimension)
     assert_int_equal(a.rows, 2);
     assert_int_equal(a.cols, 1);
     assert_true(a.data[0] == -7 && a.data[1] == 1e300);
-    saga_npy_free(&a);
 }
 
 TEST_IN_FOLDER(npy_should_be_refused_when_it_is_something_else)

@@ -12,7 +12,7 @@
 TEST_IN_FOLDER(colmap_folder_should_be_the_scene)
 {
     folder *const f = *state;
-    saga_capture c;
+    FREED_BY(saga_capture_free) saga_capture c;
 
     write_model(f, "sparse/0", camera_alone, 1);
     write_pictures(f, "images", camera_alone, 0, 1);
@@ -21,7 +21,6 @@ TEST_IN_FOLDER(colmap_folder_should_be_the_scene)
     assert_int_equal(c.n_points, scene.n_points);
     assert_true(fabs(c.points[0].position[1] - scene.points[0].position[1]) <
                 1e-9);
-    saga_capture_free(&c);
 }
 
 TEST_IN_FOLDER(colmap_folder_should_be_the_scene_in_bytes)
@@ -193,7 +192,7 @@ TEST_IN_FOLDER(moving_camera_should_need_no_memory_for_what_is_missing)
     static const double time[] = { 0, 0.25, 0.5, 1 };
     folder *const f = *state;
     saga_capture_options o = saga_capture_defaults();
-    saga_capture c;
+    FREED_BY(saga_capture_free) saga_capture c;
 
     write_moving(f, "transforms.json", 0, 4, time);
     write_pictures(f, "train", camera_alone, 0, 1);
@@ -207,7 +206,6 @@ TEST_IN_FOLDER(moving_camera_should_need_no_memory_for_what_is_missing)
                 saga_capture_has(&c, 1, 0));
     assert_true(fabs(c.views[2].late - 0.5) < 1e-9 &&
                 saga_capture_has(&c, 2, 1));
-    saga_capture_free(&c);
 }
 
 /* Fewer poses than SAGA_MAX_VIEWS, and more pictures: each would be a view. It
@@ -341,7 +339,7 @@ TEST_IN_FOLDER(missing_pictures_should_be_left_out)
 TEST_IN_FOLDER(unlisted_pictures_should_be_left_out)
 {
     folder *const f = *state;
-    saga_capture c;
+    FREED_BY(saga_capture_free) saga_capture c;
 
     write_json(f, "transforms.json", camera_and_number, 0, N_VIEWS, N_FRAMES,
                "p");
@@ -362,7 +360,6 @@ TEST_IN_FOLDER(unlisted_pictures_should_be_left_out)
                                     3 * W * H);
         }
     assert_non_null(strstr(c.notes, "pictures: 2 are missing"));
-    saga_capture_free(&c);
 }
 
 /* Frame k of a camera that runs one late is its picture k + 1. */

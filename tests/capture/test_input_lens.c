@@ -119,7 +119,7 @@ static void check_pattern(folder *f, const lens *l, int scale)
 {
     static uint8_t rgb[3 * W * H];
     double worst = 0, sum[3] = { 0 }, squares = 0;
-    saga_capture c;
+    FREED_BY(saga_capture_free) saga_capture c;
     const saga_shot *v;
     int n;
 
@@ -143,7 +143,6 @@ static void check_pattern(folder *f, const lens *l, int scale)
     assert_true(squares < 0.6 * 0.6);
     for (int k = 0; k < 3; k++)
         assert_true(fabs(sum[k]) < 0.1);
-    saga_capture_free(&c);
 }
 
 /* --- Tests --------------------------------------------------------------- */
@@ -252,7 +251,7 @@ TEST_IN_FOLDER(fisheye_should_become_a_pinhole)
 
     for (int t = 0; t < 2; t++) {
         double worst = 0, widest;
-        saga_capture c;
+        FREED_BY(saga_capture_free) saga_capture c;
         const saga_shot *v;
 
         write_fisheye(*state, focal[t], slow[t]);
@@ -270,7 +269,6 @@ TEST_IN_FOLDER(fisheye_should_become_a_pinhole)
         widest = atan(v->cx / v->fx) * 180 / 3.14159265358979;
         assert_true(t == 0 ? widest > 30 && widest < 40
                            : fabs(widest - 55) < 0.1);
-        saga_capture_free(&c);
     }
 }
 
@@ -299,7 +297,7 @@ TEST_IN_FOLDER(pinhole_should_be_the_widest_without_invalid_pixels)
     static uint8_t rgb[3 * W * H];
 
     for (int i = 0; i < 2; i++) {
-        saga_capture c;
+        FREED_BY(saga_capture_free) saga_capture c;
         const saga_shot *v;
 
         write_capture(*state, all[i], W, H, rgb);
@@ -310,7 +308,6 @@ TEST_IN_FOLDER(pinhole_should_be_the_widest_without_invalid_pixels)
         assert_true(v->fy == all[i]->fy * v->focal_scale);
         assert_true(all_covered(all[i], v, 1));
         assert_false(all_covered(all[i], v, 0.9999));
-        saga_capture_free(&c);
     }
 }
 

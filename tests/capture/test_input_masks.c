@@ -77,7 +77,7 @@ static void check_whole(const saga_capture *c, int view, int frame)
 /* Frame 1 of camera 0 is masked; the earlier of two neighbours is as near. */
 static void check_one(folder *f)
 {
-    saga_capture c = load(f->path);
+    FREED_BY(saga_capture_free) saga_capture c = load(f->path);
 
     check_whole(&c, 0, 0);
     check_left(&c, 0, 1, grey(0, 0));
@@ -85,7 +85,6 @@ static void check_one(folder *f)
     assert_null(saga_capture_mask(&c, 1, 0));
     check_whole(&c, 1, 1);
     assert_non_null(strstr(c.notes, "masks: 1 of 6"));
-    saga_capture_free(&c);
 }
 
 TEST_IN_FOLDER(masks_should_be_found_beside_pictures)
@@ -230,7 +229,7 @@ TEST_IN_FOLDER(parts_of_a_frame_should_be_kept)
     write_capture(f, "images", "");
     for (size_t i = 0; i < sizeof t / sizeof *t; i++) {
         o.late = t[i].late;
-        saga_capture c = load_with(f->path, &o);
+        FREED_BY(saga_capture_free) saga_capture c = load_with(f->path, &o);
 
         assert_int_equal(c.n_frames, t[i].n_frames);
         for (int v = 0; v < N_VIEWS; v++) {
@@ -238,7 +237,6 @@ TEST_IN_FOLDER(parts_of_a_frame_should_be_kept)
                              grey(v, t[i].first[v]));
             assert_float_equal(c.views[v].late, t[i].rest[v], 1e-6);
         }
-        saga_capture_free(&c);
     }
     o.late = "cam1=nan";
     refused_with(f->path, &o, f->path, "is no camera and number of frames");

@@ -52,7 +52,7 @@ static bool load_and_free(void *user, saga_error *error)
 {
     saga_capture_options o = saga_capture_defaults();
     source *const s = user;
-    saga_capture c;
+    FREED_BY(saga_capture_free) saga_capture c;
     bool ok;
 
     o.n_threads = 1;
@@ -60,7 +60,6 @@ static bool load_and_free(void *user, saga_error *error)
     ok = saga_capture_load(&c, s->path, &o, error);
     if (ok && crc_of(&c) != s->crc)
         ok = saga_fail(error, s->path, NULL, "loaded something else");
-    saga_capture_free(&c);
     return ok;
 }
 
@@ -203,7 +202,7 @@ static void write_poses(folder *f)
 
 TEST_IN_FOLDER(videos_should_be_refused_when_memory_ends)
 {
-    char *const path = strdup(getenv("PATH"));
+    FREED char *const path = strdup(getenv("PATH"));
 
     write_synth(folder_file(*state, "scene"), false);
     folder_run(*state, "mkdir depth && cp scene/depth/cam00/00000.exr "
@@ -213,7 +212,6 @@ TEST_IN_FOLDER(videos_should_be_refused_when_memory_ends)
     write_poses(*state);
     fail_each(*state, ".", 70);
     assert_int_equal(setenv("PATH", path, 1), 0);
-    free(path);
 }
 
 /* --- Writing ------------------------------------------------------------- */

@@ -107,7 +107,7 @@ static void to_camera(double c[3], const double p[3])
 
 static void check_points(folder *f, const char *kind, int frame)
 {
-    saga_capture c = load_frame(f, frame);
+    FREED_BY(saga_capture_free) saga_capture c = load_frame(f, frame);
     double least[3] = { 1e9, 1e9, 1e9 }, most[3] = { -1e9, -1e9, -1e9 };
 
     assert_true(c.metres == 1);
@@ -141,7 +141,6 @@ static void check_points(folder *f, const char *kind, int frame)
         assert_int_equal(c.n_views, 1);
         assert_non_null(strstr(c.notes, "1 orthographic ones are left out"));
     }
-    saga_capture_free(&c);
 }
 
 TEST_IN_FOLDER(depth_should_become_points)
@@ -158,13 +157,12 @@ TEST_IN_FOLDER(depth_should_become_points)
 TEST_IN_FOLDER(far_end_should_be_infinite_when_it_is_a_word)
 {
     folder *const f = *state;
-    saga_capture c;
+    FREED_BY(saga_capture_free) saga_capture c;
 
     write_scene(f, PINHOLE, 16);
     folder_run(f, "sed -i 's/8]/\"inf\"]/g' scene.json");
     c = load_frame(f, 0);
     assert_true(c.n_points > 0 && c.views[0].far_depth == 0);
-    saga_capture_free(&c);
 }
 
 TEST_IN_FOLDER(depth_should_be_refused_when_wrong)

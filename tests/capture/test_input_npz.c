@@ -110,8 +110,8 @@ static bytes npz_bytes(const char *comment)
 /* Reads an array of the file; true if it is what was written. */
 static bool reads(const char *path, const char *name, saga_error *error)
 {
-    saga_npy a = { 0 };
-    saga_npz npz;
+    FREED_BY(saga_npy_free) saga_npy a = { 0 };
+    FREED_BY(saga_npz_close) saga_npz npz;
     bool ok = saga_npz_open(&npz, path, error) &&
               saga_npz_read(&a, &npz, name, error);
 
@@ -126,8 +126,6 @@ static bool reads(const char *path, const char *name, saga_error *error)
         assert_null(a.data);
         assert_true(strlen(error->message) > 20);
     }
-    saga_npy_free(&a);
-    saga_npz_close(&npz);
     return ok;
 }
 
@@ -138,7 +136,7 @@ TEST_IN_FOLDER(npz_should_be_read_when_stored_or_deflated)
     for (int i = 0; i < 2; i++) {
         saga_error error = { "" };
         bytes b = npz_bytes(comments[i]);
-        saga_npz npz;
+        FREED_BY(saga_npz_close) saga_npz npz;
 
         write_bytes(*state, "a.npz", &b);
         assert_true(reads(folder_file(*state, "a.npz"), "net.a", &error));
@@ -151,7 +149,6 @@ TEST_IN_FOLDER(npz_should_be_read_when_stored_or_deflated)
         assert_true(saga_npz_has(&npz, "net.b"));
         assert_false(saga_npz_has(&npz, "net."));
         assert_false(saga_npz_has(&npz, "et.b"));
-        saga_npz_close(&npz);
     }
 }
 

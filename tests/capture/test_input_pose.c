@@ -44,11 +44,10 @@ static void check_corner(const saga_shot *v, double fx, double fy, double cx,
 static void write_picture(folder *f, const char *name, int w, int h)
 {
     saga_error error = { "" };
-    uint8_t *const rgb = must(calloc((size_t)w * (size_t)h, 3));
+    FREED uint8_t *const rgb = must(calloc((size_t)w * (size_t)h, 3));
 
     if (!saga_png_write(folder_file(f, name), w, h, rgb, &error))
         fail_msg("%s", error.message);
-    free(rgb);
 }
 
 /* One camera, its matrix's first entry times m. */
@@ -71,23 +70,21 @@ static void write_nerfstudio(folder *f, double m, const char *more)
 TEST_IN_FOLDER(nerfstudio_should_be_read_as_opengl)
 {
     folder *const f = *state;
-    saga_capture c;
+    FREED_BY(saga_capture_free) saga_capture c;
 
     write_nerfstudio(f, 1, "");
     c = load(f->path);
     check_corner(c.views, 100, 96, 41, 29.5);
-    saga_capture_free(&c);
 }
 
 TEST_IN_FOLDER(pose_should_be_made_a_rotation_when_nearly_one)
 {
     folder *const f = *state;
-    saga_capture c;
+    FREED_BY(saga_capture_free) saga_capture c;
 
     write_nerfstudio(f, 1.001, "");
     c = load(f->path);
     check_corner(c.views, 100, 96, 41, 29.5);
-    saga_capture_free(&c);
 }
 
 TEST_IN_FOLDER(pose_should_be_refused_when_it_is_no_rotation)
@@ -105,7 +102,7 @@ TEST_IN_FOLDER(pose_should_be_refused_when_it_is_no_rotation)
 TEST_IN_FOLDER(defaults_should_come_from_the_angle_and_the_centre)
 {
     folder *const f = *state;
-    saga_capture c;
+    FREED_BY(saga_capture_free) saga_capture c;
 
     write_picture(f, "a.png", W, H);
     /* tan(angle / 2) = 1/2: the focal length is the width. */
@@ -115,7 +112,6 @@ TEST_IN_FOLDER(defaults_should_come_from_the_angle_and_the_centre)
                "[0,0,0,1]]}]}");
     c = load(f->path);
     check_corner(c.views, W, W, W / 2.0, H / 2.0);
-    saga_capture_free(&c);
 }
 
 /* Neu3D's row of the corner camera, for pictures of twice the size. */
@@ -157,7 +153,7 @@ static void write_videos(folder *f)
 TEST_IN_FOLDER(neu3d_should_be_read_as_down_right_backwards)
 {
     folder *const f = *state;
-    saga_capture c;
+    FREED_BY(saga_capture_free) saga_capture c;
     bytes b = { 0 };
 
     write_videos(f);
@@ -176,7 +172,6 @@ TEST_IN_FOLDER(neu3d_should_be_read_as_down_right_backwards)
     assert_true(c.views[0].near_depth == 1.5 && c.views[0].far_depth == 20);
     assert_true(fabs(c.views[1].translation[0] -
                      (c.views[0].translation[0] - 0.25)) < 1e-12);
-    saga_capture_free(&c);
 }
 
 /* Value `at` of the second of two rows replaced. */
@@ -291,7 +286,7 @@ static double quantile(double *x, int n, double q)
 TEST_IN_FOLDER(synth_should_be_found_again_by_the_loader)
 {
     const saga_synth_options s = options();
-    saga_capture c = load_synth(*state);
+    FREED_BY(saga_capture_free) saga_capture c = load_synth(*state);
 
     assert_int_equal(c.n_views, 5);
     assert_int_equal(c.n_frames, 2);
@@ -309,7 +304,6 @@ TEST_IN_FOLDER(synth_should_be_found_again_by_the_loader)
         for (int k = 0; k < 3; k++)
             assert_true(fabs(v->translation[k] - w.translation[k]) < 1e-9);
     }
-    saga_capture_free(&c);
 }
 
 /* The scene's own tracing hits something behind a pixel's centre, at the depth
@@ -317,7 +311,7 @@ TEST_IN_FOLDER(synth_should_be_found_again_by_the_loader)
 TEST_IN_FOLDER(depth_should_be_along_the_axis_of_the_loaded_camera)
 {
     const saga_synth_options s = options();
-    saga_capture c = load_synth(*state);
+    FREED_BY(saga_capture_free) saga_capture c = load_synth(*state);
 
     for (int i = 0; i < 5 * 2 * 200; i++) {
         const saga_shot *const v = c.views + i % 5;
@@ -336,7 +330,6 @@ TEST_IN_FOLDER(depth_should_be_along_the_axis_of_the_loaded_camera)
         assert_true(saga_view_project(v, hit.position, uv, &z));
         assert_true(fabs(z - truth) < 1e-6 * truth);
     }
-    saga_capture_free(&c);
 }
 
 /* A place seen from one camera looks the same from another that sees it. */

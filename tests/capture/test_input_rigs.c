@@ -178,7 +178,7 @@ static void write_cloud(folder *f)
 TEST_IN_FOLDER(panoptic_sports_should_be_the_scene)
 {
     folder *const f = *state;
-    saga_capture c;
+    FREED_BY(saga_capture_free) saga_capture c;
 
     write_meta(f, "train_meta.json", 0, 3);
     write_meta(f, "test_meta.json", 3, 4);
@@ -193,7 +193,6 @@ TEST_IN_FOLDER(panoptic_sports_should_be_the_scene)
     assert_true(c.views[3].held_out && !c.views[0].held_out);
     assert_false(saga_capture_has(&c, 1, 2));
     assert_int_equal(c.views[1].n_missing, 1);
-    saga_capture_free(&c);
 }
 
 TEST_IN_FOLDER(panoptic_sports_should_be_refused_when_wrong)
@@ -279,7 +278,7 @@ static void write_textures(folder *f, const char *pixels)
 TEST_IN_FOLDER(miv_should_be_the_scene)
 {
     folder *const f = *state;
-    saga_capture c;
+    FREED_BY(saga_capture_free) saga_capture c;
 
     write_pictures(f, "p", camera_and_number, 0, 1);
     write_miv_json(f);
@@ -292,7 +291,6 @@ TEST_IN_FOLDER(miv_should_be_the_scene)
     c = load(f->path);
     assert_true(c.fps == 24 && c.views[2].near_depth == 0.5 &&
                 c.views[2].far_depth == 25);
-    saga_capture_free(&c);
 }
 
 /* A turn about an axis, 0 x, 1 y, 2 z, by the right hand, in degrees. */

@@ -59,14 +59,13 @@ TEST_IN_FOLDER(playlist_should_not_be_followed)
     write_json(f, "\"fl_x\": 30", "a.mp4", "b.mp4");
     for (int i = 0; i < 2; i++) {
         bytes b = { 0 };
-        saga_capture c;
+        FREED_BY(saga_capture_free) saga_capture c;
 
         put_text(&b, lists[i], f->path);
         write_bytes(f, "a.mp4", &b);
         refused(f->path, "a.mp4", "is no video that ffprobe can read");
         folder_run(f, "cp secret.mp4 a.mp4");
         c = load(f->path);
-        saga_capture_free(&c);
     }
 }
 
@@ -103,7 +102,7 @@ TEST_IN_FOLDER(folder_of_temporary_files_should_be_blamed)
 {
     folder *const f = *state;
     const char *const old = getenv("TMPDIR");
-    char *const before = old ? strdup(old) : NULL;
+    FREED char *const before = old ? strdup(old) : NULL;
 
     write_video(f, "a.mp4");
     write_json(f, "\"fl_x\": 30", "a.mp4", "a.mp4");
@@ -113,7 +112,6 @@ TEST_IN_FOLDER(folder_of_temporary_files_should_be_blamed)
         setenv("TMPDIR", before, 1);
     else
         unsetenv("TMPDIR");
-    free(before);
 }
 
 /* --- Pipes --------------------------------------------------------------- */
@@ -151,7 +149,7 @@ TEST_IN_FOLDER(focal_length_should_be_refused_when_absurd)
         "\"camera_angle_x\": 1e-6"
     };
     folder *const f = *state;
-    saga_capture c;
+    FREED_BY(saga_capture_free) saga_capture c;
 
     write_png(f, "a.png");
     write_png(f, "b.png");
@@ -161,14 +159,13 @@ TEST_IN_FOLDER(focal_length_should_be_refused_when_absurd)
     }
     write_json(f, "\"fl_x\": 0.7", "a.png", "b.png");
     c = load(f->path);
-    saga_capture_free(&c);
 }
 
 TEST_IN_FOLDER(frame_rate_should_be_refused_when_absurd)
 {
     static const char *const absurd[] = { "1e-300", "0.05", "1e6", "1e300" };
     folder *const f = *state;
-    saga_capture c;
+    FREED_BY(saga_capture_free) saga_capture c;
     char also[80];
 
     write_png(f, "a.png");
@@ -181,7 +178,6 @@ TEST_IN_FOLDER(frame_rate_should_be_refused_when_absurd)
     write_json(f, "\"fl_x\": 30, \"fps\": 0.1", "a.png", "b.png");
     c = load(f->path);
     assert_true(c.fps == 0.1);
-    saga_capture_free(&c);
 }
 
 /* The remedy names an option that `saga encode` has. */

@@ -56,7 +56,7 @@ static double angle_from(const double x[3], const saga_shot *a,
 TEST_WITH(room_should_have_nothing_to_mind, make_room, synth_leave)
 {
     const saga_capture *const c = *state;
-    saga_survey s = survey(c);
+    FREED_BY(saga_survey_free) saga_survey s = survey(c);
     double middle[3], x[800];
 
     for (int i = 0; i < s.n_notes; i++)
@@ -80,7 +80,6 @@ TEST_WITH(room_should_have_nothing_to_mind, make_room, synth_leave)
         assert_true(fabs(one->stops) < 0.05 && one->colour < 6);
         assert_false(fabs(one->late.frames) > one->late.tolerance);
     }
-    saga_survey_free(&s);
 }
 
 /* Lamps that flicker are seen by all cameras alike: thirty frames of the room's
@@ -106,7 +105,7 @@ TEST_WITH(late_camera_should_be_found, make_room, synth_leave)
     saga_capture *const c = *state;
     saga_shot *const v = &c->views[3];
     const size_t n = saga_view_frame_nbytes(v);
-    saga_survey s;
+    FREED_BY(saga_survey_free) saga_survey s;
 
     flicker(c);
     memmove(v->rgb + 3 * n, v->rgb, (N_FRAMES - 3) * n);
@@ -116,14 +115,13 @@ TEST_WITH(late_camera_should_be_found, make_room, synth_leave)
                     s.views[i].late.tolerance);
     assert_true(says(&s, "cam03 seems to run 3.0 frames (+-0."));
     assert_true(says(&s, ") behind the others: --late cam03=3, or hold it"));
-    saga_survey_free(&s);
 }
 
 TEST_WITH(dark_camera_should_be_found, make_room, synth_leave)
 {
     saga_capture *const c = *state;
     saga_shot *const v = &c->views[5];
-    saga_survey s;
+    FREED_BY(saga_survey_free) saga_survey s;
 
     /* Half of the light. */
     for (size_t i = 0; i < saga_view_frame_nbytes(v) * N_FRAMES; i++)
@@ -133,14 +131,13 @@ TEST_WITH(dark_camera_should_be_found, make_room, synth_leave)
         assert_true(fabs(s.views[i].stops + (i == 5)) < 0.06);
     assert_true(s.views[5].colour < 6);
     assert_true(says(&s, "cam05 is ") && says(&s, " darker than"));
-    saga_survey_free(&s);
 }
 
 TEST_WITH(camera_that_looks_away_should_be_found, make_room, synth_leave)
 {
     saga_capture *const c = *state;
     saga_shot *const v = &c->views[2];
-    saga_survey s;
+    FREED_BY(saga_survey_free) saga_survey s;
 
     /* Half a turn about its own y axis. */
     for (int i = 0; i < 3; i++) {
@@ -152,7 +149,6 @@ TEST_WITH(camera_that_looks_away_should_be_found, make_room, synth_leave)
     s = survey(c);
     assert_true(s.views[2].overlap < 0.25 && s.views[1].overlap > 0.8);
     assert_true(says(&s, "cam02 shares "));
-    saga_survey_free(&s);
 }
 
 TEST_WITH(few_wide_cameras_should_be_told_of, make_room, synth_leave)
@@ -179,7 +175,7 @@ TEST_WITH(few_wide_cameras_should_be_told_of, make_room, synth_leave)
 TEST_WITH(camera_alone_should_be_told_of, make_room, synth_leave)
 {
     saga_capture alone = *(saga_capture *)*state;
-    saga_survey s;
+    FREED_BY(saga_survey_free) saga_survey s;
 
     alone.n_views = 1;
     s = survey(&alone);
@@ -187,18 +183,16 @@ TEST_WITH(camera_alone_should_be_told_of, make_room, synth_leave)
     assert_true(isnan(s.views[0].overlap) && isnan(s.views[0].late.frames));
     assert_int_equal(s.n_notes, 1);
     assert_true(says(&s, "One camera will not give free views"));
-    saga_survey_free(&s);
 }
 
 TEST_WITH(moving_camera_should_be_told_of, make_room, synth_leave)
 {
     saga_capture moving = *(saga_capture *)*state;
-    saga_survey s;
+    FREED_BY(saga_survey_free) saga_survey s;
 
     moving.moves = true;
     s = survey(&moving);
     assert_true(says(&s, "One camera that moves sees each moment from one"));
     for (int v = 0; v < N_VIEWS; v++)
         assert_true(isnan(s.views[v].late.frames));
-    saga_survey_free(&s);
 }

@@ -140,7 +140,7 @@ static void check_colour(folder *f, const char *tags, double kr, double kb,
         { 200, 120, 128 }
     };
     const char *const name[] = { "c.mp4" };
-    saga_capture c;
+    FREED_BY(saga_capture_free) saga_capture c;
     bytes b = { 0 };
 
     for (int k = 0; k < 4; k++)
@@ -159,7 +159,6 @@ static void check_colour(folder *f, const char *tags, double kr, double kb,
         for (int i = 0; i < 3; i++)
             assert_true(fabs(saga_capture_frame(&c, 0, k)[i] - rgb[i]) < 1.5);
     }
-    saga_capture_free(&c);
 }
 
 TEST_IN_FOLDER(colour_should_follow_the_tags)
@@ -260,7 +259,7 @@ TEST_IN_FOLDER(video_should_be_refused_when_it_is_damaged)
     const char *const name[] = { "a.mkv" };
     folder *const f = *state;
     saga_error error = { "" };
-    saga_bytes all;
+    FREED_BY(saga_bytes_free) saga_bytes all;
     bytes part;
 
     folder_run(f, "ffmpeg -nostdin -v error -f lavfi -i testsrc=s=%dx%d:r=10:"
@@ -274,7 +273,6 @@ TEST_IN_FOLDER(video_should_be_refused_when_it_is_damaged)
         all.data[i] ^= 0x55;
     write_part(f, "a.mkv", &part, all.nbytes);
     refused(f->path, "a.mkv", "encode the video again");
-    saga_bytes_free(&all);
 }
 
 /* A name cannot become an option, a protocol or a part of a command. */
@@ -282,7 +280,7 @@ TEST_IN_FOLDER(video_should_be_found_whatever_its_name)
 {
     static const char *const odd[] = { "-a;'b $(c).mp4", "concat:d|e.mp4" };
     folder *const f = *state;
-    saga_capture c;
+    FREED_BY(saga_capture_free) saga_capture c;
 
     write_video(f, "a.mp4", 3, 25, "");
     folder_run(f, "cp a.mp4 \"./-a;'b \\$(c).mp4\" && cp a.mp4 "
@@ -291,7 +289,6 @@ TEST_IN_FOLDER(video_should_be_found_whatever_its_name)
     c = load(f->path);
     check_frames(&c, 0, 3);
     assert_string_equal(c.views[0].name, "-a;'b $(c)");
-    saga_capture_free(&c);
 }
 
 static bool stop_at_once(void *user, double done, const char *doing)
@@ -355,7 +352,7 @@ TEST_IN_FOLDER(frames_that_fit_should_take_half_the_memory)
     folder *const f = *state;
     saga_capture_options o = saga_capture_defaults();
     saga_error error = { "" };
-    saga_capture c;
+    FREED_BY(saga_capture_free) saga_capture c;
 
     write_video(f, "a.mp4", 12, 25, "");
     folder_run(f, "cp a.mp4 b.mp4");
@@ -374,5 +371,4 @@ TEST_IN_FOLDER(frames_that_fit_should_take_half_the_memory)
     o = saga_capture_defaults();
     c = load_with(f->path, &o);
     assert_int_equal(c.n_fitting, (1ull << 31) / 3072);
-    saga_capture_free(&c);
 }

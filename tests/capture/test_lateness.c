@@ -148,8 +148,8 @@ TEST(lateness_should_be_right_or_not_told)
 TEST(unrelated_motion_should_tell_nothing)
 {
     saga_lateness late[N_VIEWS];
-    films f = shoot(SAGA_SYNTH_RING);
-    uint8_t *const back = must(malloc((size_t)N_PICTURES * NBYTES));
+    FREED_BY(free_films) films f = shoot(SAGA_SYNTH_RING);
+    FREED uint8_t *const back = must(malloc((size_t)N_PICTURES * NBYTES));
 
     for (int v = 0; v < N_VIEWS; v++) {
         uint8_t *const own = f.whole[v];
@@ -167,6 +167,4 @@ TEST(unrelated_motion_should_tell_nothing)
     memcpy(f.whole[1], back, (size_t)N_PICTURES * NBYTES);
     find(late, &f, 1, 0);
     assert_true(isnan(late[1].frames));
-    free(back);
-    free_films(&f);
 }

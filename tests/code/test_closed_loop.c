@@ -95,15 +95,15 @@ static void check_loop(uint32_t i)
                             .n_coarse = 12, .picture = 1,
                             .bank = (int)(i % 3) };
     uint64_t r = i;
-    saga_net_symbols nets;
-    saga_symbols back;
+    FREED_BY(saga_net_symbols_free) saga_net_symbols nets;
+    FREED_BY(recorder_free_symbols) saga_symbols back;
     saga_encode_sizes sizes;
     saga_error error = { "" };
     saga_encoder *e;
     uint32_t range[3];
     uint8_t *bytes;
-    gen_stream g;
-    wanted w;
+    FREED_BY(gen_stream_free) gen_stream g;
+    FREED_BY(free_wanted) wanted w;
     size_t n;
 
     gen_stream_make(&g, &o);
@@ -116,12 +116,8 @@ static void check_loop(uint32_t i)
     assert_true(saga_encoder_finish(e, &bytes, &n, &sizes, &error));
     assert_true(recorder_read(&nets, &back, 0, range, bytes, n));
     assert_same(&g.segment[0], &back, g.header.model.features);
-    saga_net_symbols_free(&nets);
-    recorder_free_symbols(&back);
     free(bytes);
     saga_encoder_free(e);
-    free_wanted(&w);
-    gen_stream_free(&g);
 }
 
 TEST(quantised_values_should_return_from_the_bytes)

@@ -197,7 +197,7 @@ TEST(spent_should_be_the_bytes_of_random_streams)
         };
         double bits[N_CHUNKS], nbytes[N_CHUNKS];
         saga_encode_sizes z;
-        gen_stream g;
+        FREED_BY(gen_stream_free) gen_stream g;
 
         gen_stream_make(&g, &o);
         z = encode(&g, 0, 1);
@@ -208,7 +208,6 @@ TEST(spent_should_be_the_bytes_of_random_streams)
                 bits[i] < 8 * nbytes[i] - 16 || !agrees(bits[i], nbytes[i]))
                 fail_msg("seed %d, chunk %d: %.1f bits spent, %.0f bytes",
                          (int)o.seed, i, bits[i], nbytes[i]);
-        gen_stream_free(&g);
     }
 }
 
@@ -216,7 +215,7 @@ TEST(segments_should_add_up)
 {
     const gen_options o = { .seed = testing_seed(1), .n_segments = 3 };
     saga_encode_sizes all, one[3];
-    gen_stream g;
+    FREED_BY(gen_stream_free) gen_stream g;
 
     gen_stream_make(&g, &o);
     all = encode(&g, 0, 3);
@@ -229,7 +228,6 @@ TEST(segments_should_add_up)
 
         assert_true(is_near(all.bits[k], sum));
     }
-    gen_stream_free(&g);
 }
 
 /* --- Symbols that follow their distributions ----------------------------- */
@@ -324,7 +322,7 @@ TEST(length_should_be_the_bytes_of_likely_streams)
         uint64_t r = o.seed;
         double bits[N_CHUNKS], nbytes[N_CHUNKS];
         saga_encode_sizes z;
-        gen_stream g;
+        FREED_BY(gen_stream_free) gen_stream g;
 
         gen_stream_make(&g, &o);
         redraw(&g, &r);
@@ -335,7 +333,6 @@ TEST(length_should_be_the_bytes_of_likely_streams)
             if (!agrees(bits[i], nbytes[i]))
                 fail_msg("seed %d, chunk %d: %.1f bits, %.0f bytes",
                          (int)o.seed, i, bits[i], nbytes[i]);
-        gen_stream_free(&g);
     }
 }
 

@@ -198,7 +198,7 @@ TEST(models_should_be_those_of_the_page)
         const gen_options o = { .seed = 100 + i, .level = 1,
                                 .n_coarse = i % 4 ? 0 : 40,
                                 .bank = (int)(i % 3) };
-        world w;
+        FREED_BY(end) world w;
         page p = { &w, 0, 0, 0, 0 };
 
         begin(&w, &o);
@@ -213,7 +213,6 @@ TEST(models_should_be_those_of_the_page)
                 expect_halving(&p, q);
         }
         later += p.n_later;
-        end(&w);
     }
     assert_true(later > 1000);
 }

@@ -118,7 +118,7 @@ static void check_model(uint64_t seed, double octaves)
     saga_error error = { "" };
     saga_encoder *e;
     uint64_t r = seed;
-    gen_stream g;
+    FREED_BY(gen_stream_free) gen_stream g;
     saga_net_shape s;
 
     gen_stream_make(&g, &o);
@@ -145,7 +145,6 @@ static void check_model(uint64_t seed, double octaves)
         }
     }
     saga_encoder_free(e);
-    gen_stream_free(&g);
 }
 
 /* Valid rows whatever the rows' ranges; int16 and int8 networks. */
@@ -163,7 +162,7 @@ TEST(quantiser_should_say_what_the_decoder_has)
 static void check_rounding(const layer *l, double part, double slack)
 {
     static float weight[64 * 32], bias[32];
-    saga_layer_symbols s = { .finer = NULL };
+    FREED_BY(saga_layer_symbols_free) saga_layer_symbols s = { .finer = NULL };
 
     quantise(&s, l);
     saga_dequantise_layer(weight, bias, &s, &l->v);
@@ -173,7 +172,6 @@ static void check_rounding(const layer *l, double part, double slack)
     for (uint32_t i = 0; i < 32; i++)
         assert_true(fabs((double)bias[i] - (double)l->bias[i]) <=
                     (double)l->v.bias_step * part);
-    saga_layer_symbols_free(&s);
 }
 
 /* Rows of one range, 64 inputs, 16 bits. sum|w| is below 64 * 0.3 < 2^5, so a
@@ -216,7 +214,7 @@ TEST(quantiser_should_keep_what_is_rounded_already)
 {
     static layer l;
     static float weight[64 * 32], bias[32];
-    saga_layer_symbols s = { .finer = NULL };
+    FREED_BY(saga_layer_symbols_free) saga_layer_symbols s = { .finer = NULL };
     uint64_t r = 6;
 
     make_layer(&l, 64, 32, 12, 0, 0, &r);
@@ -230,7 +228,6 @@ TEST(quantiser_should_keep_what_is_rounded_already)
         assert_true(fabs((double)weight[i] - (double)l.weight[i]) <=
                     0x1p-12 + 1e-6);
     }
-    saga_layer_symbols_free(&s);
 }
 
 /* Weights of 8 bits that are multiples of a power of two are met, up to 127 of
@@ -240,7 +237,7 @@ TEST(quantiser_should_meet_8_bits)
     const double step = 0x1p-5;
     static layer l;
     static float weight[64 * 32], bias[32];
-    saga_layer_symbols s = { .finer = NULL };
+    FREED_BY(saga_layer_symbols_free) saga_layer_symbols s = { .finer = NULL };
     uint64_t r = 8;
 
     make_layer(&l, 64, 32, 12, 1, 0, &r);
@@ -257,7 +254,6 @@ TEST(quantiser_should_meet_8_bits)
     saga_dequantise_layer(weight, bias, &s, &l.v);
     assert_memory_equal(weight, l.weight, sizeof weight);
     assert_memory_equal(bias, l.bias, sizeof bias);
-    saga_layer_symbols_free(&s);
 }
 
 /* --- Scales -------------------------------------------------------------- */
@@ -270,7 +266,7 @@ static void check_scales(int mode)
 {
     static layer l;
     saga_error error = { "" };
-    saga_layer_symbols s = { .finer = NULL };
+    FREED_BY(saga_layer_symbols_free) saga_layer_symbols s = { .finer = NULL };
     double bits = 0, least;
     uint64_t r = 9;
 
@@ -298,7 +294,6 @@ static void check_scales(int mode)
     bits += SAGA_QUANTISE_LINE_BITS * saga_scale_lines(s.scale_mode, 64, 32);
     assert_true(saga_quantise_bits(&least, l.weight, 32, 64, 0x1p-8, &error));
     assert_true(fabs(bits - least) < 1e-6 * bits);
-    saga_layer_symbols_free(&s);
 }
 
 TEST(quantiser_should_choose_scales_as_weights_spread)

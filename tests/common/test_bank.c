@@ -86,8 +86,8 @@ static void update(int16_t *slot, const int16_t *write, int32_t gate,
                    uint32_t width, int plain)
 {
     enum { AT = 13 };
-    saga_bank m = bank_of(32, width);
-    saga_bank before = bank_of(32, width);
+    FREED_BY(drop) saga_bank m = bank_of(32, width);
+    FREED_BY(drop) saga_bank before = bank_of(32, width);
 
     saga_bank_put(&m, AT, slot);
     saga_bank_update(&m, AT, write, gate, plain);
@@ -97,8 +97,6 @@ static void update(int16_t *slot, const int16_t *write, int32_t gate,
         assert_memory_equal(slot_of(&m, p), slot_of(&before, p),
                             2 * saga_mlp_pad(width));
     assert_memory_equal(m.column, before.column, 64 * width);
-    drop(&m);
-    drop(&before);
 }
 
 /* A slot in a random direction, and sometimes along an axis. */
@@ -118,7 +116,7 @@ static void random_slot(int16_t *slot, gen_rng *r, uint32_t width)
 
 static void check_start(uint32_t n_slots, uint32_t width)
 {
-    saga_bank m = bank_of(n_slots, width);
+    FREED_BY(drop) saga_bank m = bank_of(n_slots, width);
     /* sum over pairs of cos^2 is at least L^2/D (Welch), itself included. */
     const double least = ((double)n_slots * n_slots / width - n_slots) /
                          ((double)n_slots * (n_slots - 1));
@@ -144,7 +142,6 @@ static void check_start(uint32_t n_slots, uint32_t width)
     sum /= (double)n_slots * (n_slots - 1);
     if (width < n_slots)
         assert_true(sqrt(sum) <= 1.02 * sqrt(least) + 1.0 / width);
-    drop(&m);
 }
 
 TEST(slots_should_start_apart_and_of_unit_length)
@@ -163,12 +160,11 @@ TEST(first_slots_should_be_those_worked_out_by_hand)
         { 1, -1, 1, 1, 1, 1, -1, 1 },        /* 2: in 2 and 10 */
         { -1, -1, 1, 1, 1, -1, -1, 1 }       /* 3 */
     };
-    saga_bank m = bank_of(32, 8);
+    FREED_BY(drop) saga_bank m = bank_of(32, 8);
 
     for (uint32_t p = 0; p < 4; p++)
         for (uint32_t d = 0; d < 8; d++)
             assert_int_equal(slot_of(&m, p)[d], 1448 * sign[p][d]);
-    drop(&m);
 }
 
 /* --- Read ---------------------------------------------------------------- */
@@ -230,8 +226,8 @@ TEST(read_should_stay_within_bound_of_double)
     double worst = 0;
 
     for (uint32_t i = 0; i < 200; i++) {
-        saga_bank m = bank_of(all_slots[i % N_SLOTS],
-                              8u * (uint32_t)gen_int(&r, 1, 8));
+        FREED_BY(drop) saga_bank m = bank_of(all_slots[i % N_SLOTS],
+                                             8u * (uint32_t)gen_int(&r, 1, 8));
 
         for (uint32_t p = 0; p < m.n_slots; p++) {
             int16_t slot[MAX_D];
@@ -247,7 +243,6 @@ TEST(read_should_stay_within_bound_of_double)
                 query[d] = any16(&r, size < 32767 ? size : 32767);
             worst = fmax(worst, check_read(&m, query));
         }
-        drop(&m);
     }
     print_message("read: error at most %.2f of its bound\n", worst);
 }
@@ -257,7 +252,7 @@ TEST(zero_query_should_read_the_mean_of_all_slots)
     static const int16_t zero[MAX_D];
 
     for (uint32_t i = 0; i < N_SLOTS; i++) {
-        saga_bank m = bank_of(all_slots[i], 40);
+        FREED_BY(drop) saga_bank m = bank_of(all_slots[i], 40);
         int16_t got[MAX_D];
 
         saga_bank_read(got, &m, zero);
@@ -268,14 +263,13 @@ TEST(zero_query_should_read_the_mean_of_all_slots)
                 sum += slot_of(&m, p)[d];
             assert_int_equal(got[d], floor(sum / m.n_slots + 0.5));
         }
-        drop(&m);
     }
 }
 
 /* Its own row scores 8 * 4 * 2 = 64, every other one 16 or more below. */
 TEST(query_along_a_slot_should_read_it_exactly)
 {
-    saga_bank m = bank_of(64, 64);
+    FREED_BY(drop) saga_bank m = bank_of(64, 64);
     int16_t query[MAX_D], got[MAX_D];
 
     for (uint32_t p = 0; p < 64; p++) {
@@ -284,7 +278,6 @@ TEST(query_along_a_slot_should_read_it_exactly)
         saga_bank_read(got, &m, query);
         assert_memory_equal(got, slot_of(&m, p), sizeof got);
     }
-    drop(&m);
 }
 
 TEST(extreme_queries_should_read_something_in_range)
@@ -292,7 +285,7 @@ TEST(extreme_queries_should_read_something_in_range)
     gen_rng r = gen_seeded(2);
 
     for (uint32_t i = 0; i < N_SLOTS; i++) {
-        saga_bank m = bank_of(all_slots[i], 64);
+        FREED_BY(drop) saga_bank m = bank_of(all_slots[i], 64);
 
         for (uint32_t k = 0; k < 100; k++) {
             int16_t query[MAX_D];
@@ -304,7 +297,6 @@ TEST(extreme_queries_should_read_something_in_range)
                     query[d] = slot_of(&m, k)[d] < 0 ? -32767 : 32767;
             check_read(&m, query);
         }
-        drop(&m);
     }
 }
 

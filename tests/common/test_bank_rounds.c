@@ -488,8 +488,8 @@ TEST(parameters_should_be_those_of_the_page)
 
     for (uint32_t i = 0; i < 100; i++) {
         const gen_options o = options_of(i);
-        watched w;
-        bank *const k = must(malloc(sizeof *k));
+        FREED_BY(unwatch) watched w;
+        FREED bank *const k = must(malloc(sizeof *k));
 
         watch(&w, &o);
         begin_bank(k, &w);
@@ -500,8 +500,6 @@ TEST(parameters_should_be_those_of_the_page)
         n_reads += k->n_reads;
         n_writes += k->n_writes;
         free(k->m.slot);
-        free(k);
-        unwatch(&w);
     }
     print_message("seeds from %" PRIu64 ": %" PRIu32 " reads, %" PRIu32
                   " rounds\n", testing_seed(1), n_reads, n_writes);

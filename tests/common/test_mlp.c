@@ -214,14 +214,13 @@ static void check_pairs(const net *n, const void *rows, int int8)
 static void check_both_pairs(const net *n)
 {
     const size_t size = (size_t)n->n_out * saga_mlp_pad(n->n_in);
-    int8_t *const narrow = zeroed(size, 1);
+    FREED int8_t *const narrow = zeroed(size, 1);
 
     check_pairs(n, n->row, 0);
     for (size_t i = 0; i < size; i++)
         narrow[i] = (int8_t)n->row[i];
     if (n->fits8)
         check_pairs(n, narrow, 1);
-    free(narrow);
 }
 
 static void check(net *n)
@@ -307,7 +306,7 @@ TEST(weights_should_have_a_place_each)
     for (size_t i = 0; i < COUNT(sizes_in); i++)
         for (size_t j = 0; j < COUNT(sizes_out); j++) {
             const uint32_t n = saga_mlp_pad(sizes_in[i]);
-            uint8_t *const taken = zeroed((size_t)n * sizes_out[j], 1);
+            FREED uint8_t *const taken = zeroed((size_t)n * sizes_out[j], 1);
 
             for (uint32_t row = 0; row < sizes_out[j]; row++)
                 for (uint32_t k = 0; k < n; k++) {
@@ -315,7 +314,6 @@ TEST(weights_should_have_a_place_each)
                     assert_true(at < (size_t)n * sizes_out[j]);
                     assert_int_equal(taken[at]++, 0);
                 }
-            free(taken);
         }
 }
 
@@ -343,7 +341,7 @@ TEST(layer_should_not_overflow_on_the_largest_valid_rows)
 {
     for (size_t i = 0; i < COUNT(sizes_in); i++) {
         for (int fits8 = 0; fits8 < 2; fits8++) {
-            net n = net_new(sizes_in[i], 50, fits8);
+            FREED_BY(net_free) net n = net_new(sizes_in[i], 50, fits8);
 
             for (int pattern = 0; pattern < 3; pattern++) {
                 for (uint32_t k = 0; k < POINTS * saga_mlp_pad(n.n_in); k++)
@@ -352,16 +350,15 @@ TEST(layer_should_not_overflow_on_the_largest_valid_rows)
                 fill_largest(&n);
                 check(&n);
             }
-            net_free(&n);
         }
     }
 }
 
 TEST(int8_should_equal_int16_on_extreme_activations)
 {
-    net n = net_new(64, 64, 1);
+    FREED_BY(net_free) net n = net_new(64, 64, 1);
     uint64_t seed = 7;
-    int16_t *const y16 = zeroed(POINTS * 64, sizeof *y16);
+    FREED int16_t *const y16 = zeroed(POINTS * 64, sizeof *y16);
 
     fill_random(&n, &seed);
     place_weights(&n);
@@ -375,13 +372,11 @@ TEST(int8_should_equal_int16_on_extreme_activations)
         saga_mlp_layer(n.y, &narrow, n.x, POINTS);
         assert_memory_equal(y16, n.y, POINTS * 64 * sizeof *y16);
     }
-    free(y16);
-    net_free(&n);
 }
 
 TEST(layer_without_inputs_should_give_its_bias)
 {
-    net n = net_new(0, 3, 1);
+    FREED_BY(net_free) net n = net_new(0, 3, 1);
 
     n.bias[0] = 1 << 20;
     n.bias[1] = -(1 << 20) - 1;
@@ -392,12 +387,11 @@ TEST(layer_without_inputs_should_give_its_bias)
     assert_int_equal(n.y[0], 4096);
     assert_int_equal(n.y[1], -4096);
     assert_int_equal(n.y[2], 32767);
-    net_free(&n);
 }
 
 TEST(halves_should_round_up)
 {
-    net n = net_new(0, 4, 1);
+    FREED_BY(net_free) net n = net_new(0, 4, 1);
 
     n.bias[0] = 3;
     n.bias[1] = -3;
@@ -409,7 +403,6 @@ TEST(halves_should_round_up)
     assert_int_equal(n.y[1], -1);
     assert_int_equal(n.y[2], 1);
     assert_int_equal(n.y[3], 0);
-    net_free(&n);
 }
 
 TEST(row_should_be_valid_up_to_exactly_the_bound)

@@ -180,21 +180,20 @@ static void check_sequence(const op *ops, uint32_t n)
     saga_range_dec d;
     uint32_t range;
     size_t nbytes;
-    uint8_t *const p = encode(ops, n, &nbytes, &range);
+    FREED uint8_t *const p = encode(ops, n, &nbytes, &range);
 
     assert_int_equal(decode(&d, ops, n, p, nbytes), n);
     assert_false(d.coder.error);
     assert_true(saga_range_dec_finish(&d));
     assert_int_equal(d.range, range);
     assert_int_equal(d.pos, nbytes + 3);
-    free(p);
 }
 
 TEST(sequences_should_come_back)
 {
     const uint32_t n_sequences = testing_long() ? 20000 : 1000;
     uint64_t r = testing_seed(1);
-    op *const ops = must(calloc(400, sizeof *ops));
+    FREED op *const ops = must(calloc(400, sizeof *ops));
 
     printf("seed %" PRIu64 "\n", r);
     for (uint32_t k = 0; k < n_sequences; k++) {
@@ -205,7 +204,6 @@ TEST(sequences_should_come_back)
             random_op(&ops[i], &r, kinds);
         check_sequence(ops, n);
     }
-    free(ops);
 }
 
 TEST(sequence_without_symbols_should_be_one_byte)
@@ -213,7 +211,7 @@ TEST(sequence_without_symbols_should_be_one_byte)
     saga_range_dec d;
     uint32_t range;
     size_t n;
-    uint8_t *const p = encode(NULL, 0, &n, &range);
+    FREED uint8_t *const p = encode(NULL, 0, &n, &range);
 
     assert_int_equal(n, 1);
     assert_int_equal(p[0], 0);
@@ -221,7 +219,6 @@ TEST(sequence_without_symbols_should_be_one_byte)
     assert_true(saga_range_dec_finish(&d));
     saga_range_dec_init(&d, p, 0);
     assert_false(saga_range_dec_finish(&d));
-    free(p);
 }
 
 TEST(encoder_should_never_write_past_its_buffer)
@@ -237,7 +234,7 @@ TEST(encoder_should_never_write_past_its_buffer)
             random_op(&ops[i], &r, 15);
         free(encode(ops, 40, &n, &range));
         for (size_t cap = 0; cap <= n; cap++) {
-            uint8_t *const p = must(malloc(cap + 1));
+            FREED uint8_t *const p = must(malloc(cap + 1));
             saga_range_enc e;
 
             p[cap] = 0xa5;
@@ -247,7 +244,6 @@ TEST(encoder_should_never_write_past_its_buffer)
                 encode_op(&e, &ops[i], shared);
             assert_int_equal(saga_range_enc_finish(&e), cap < n ? 0 : n);
             assert_int_equal(p[cap], 0xa5);
-            free(p);
         }
     }
 }
@@ -281,7 +277,7 @@ static int is_wanted(uint32_t scale, uint32_t m, uint32_t edge)
 TEST(every_residual_should_come_back_at_every_scale)
 {
     enum { ALL = 2 * (SAGA_MAX_RESIDUAL + 1) };
-    op *const ops = must(malloc(ALL * sizeof *ops));
+    FREED op *const ops = must(malloc(ALL * sizeof *ops));
     uint32_t total = 0;
 
     for (uint32_t scale = 0; scale < SAGA_N_SCALES; scale++) {
@@ -295,7 +291,6 @@ TEST(every_residual_should_come_back_at_every_scale)
         total += n;
     }
     printf("%" PRIu32 " residuals\n", total);
-    free(ops);
 }
 
 /* An escape can say more than 65535; that is an error, and no value. */
@@ -336,7 +331,7 @@ TEST(noise_should_decode_to_values_in_range)
     for (uint32_t k = 0; k < 3000; k++) {
         saga_adaptive shared[SAGA_MAX_ADAPTIVE + 1];
         const size_t n = pick(&r, 40);
-        uint8_t *const p = must(malloc(n ? n : 1));
+        FREED uint8_t *const p = must(malloc(n ? n : 1));
         saga_range_dec d;
 
         for (uint32_t i = 0; i < n; i++)
@@ -357,7 +352,6 @@ TEST(noise_should_decode_to_values_in_range)
             assert_true(d.pos <= n + 3);
         }
         assert_false(saga_range_dec_finish(&d));
-        free(p);
     }
 }
 
@@ -414,7 +408,7 @@ static uint32_t build_chain(op *ops, uint32_t n, int carries,
 TEST(carry_should_run_through_many_pending_bytes)
 {
     enum { MOST = 4000 };
-    op *const ops = must(calloc(MOST, sizeof *ops));
+    FREED op *const ops = must(calloc(MOST, sizeof *ops));
     uint64_t longest = 0, pending;
 
     for (uint32_t n = 2; n <= MOST; n = n < 40 ? n + 1 : 2 * n - 3) {
@@ -428,13 +422,12 @@ TEST(carry_should_run_through_many_pending_bytes)
     }
     printf("a carry through %" PRIu64 " pending bytes\n", longest);
     assert_true(longest >= 4);
-    free(ops);
 }
 
 /* The same with a tail, so that what lies after the carry is right too. */
 TEST(symbols_after_a_carry_should_come_back)
 {
-    op *const ops = must(calloc(300, sizeof *ops));
+    FREED op *const ops = must(calloc(300, sizeof *ops));
     uint64_t r = testing_seed(1), pending;
 
     for (uint32_t k = 0; k < 500; k++) {
@@ -446,7 +439,6 @@ TEST(symbols_after_a_carry_should_come_back)
             random_op(&ops[n + i], &r, 15);
         check_sequence(ops, n + tail);
     }
-    free(ops);
 }
 
 /* --- The end ------------------------------------------------------------- */
@@ -466,7 +458,7 @@ TEST(cut_chunk_should_never_pass_as_whole)
             random_op(&ops[i], &r, 15);
         p = encode(ops, n, &nbytes, &range);
         for (size_t cut = 1; cut <= 3 && cut <= nbytes; cut++) {
-            uint8_t *const copy = must(malloc(nbytes - cut + 1));
+            FREED uint8_t *const copy = must(malloc(nbytes - cut + 1));
             saga_range_dec d;
             uint32_t same;
             int ok;
@@ -477,7 +469,6 @@ TEST(cut_chunk_should_never_pass_as_whole)
             assert_false(ok && same == n);
             n_noticed += !ok;
             n_cut++;
-            free(copy);
         }
         free(p);
     }
@@ -678,7 +669,7 @@ TEST(length_should_be_that_of_the_frequencies)
     static const uint32_t scales[] = { 15, 24, 38 };
     const uint32_t n = 1000000;
     const size_t cap = 4 * (size_t)n;
-    uint8_t *const p = must(malloc(cap));
+    FREED uint8_t *const p = must(malloc(cap));
     uint64_t r = testing_seed(1);
 
     for (uint32_t k = 0; k < 3; k++) {
@@ -697,14 +688,13 @@ TEST(length_should_be_that_of_the_frequencies)
         if (k == 1)
             assert_true(bits / n > 2.2 && bits / n < 2.4);
     }
-    free(p);
 }
 
 TEST(length_of_adaptive_symbols_should_be_that_too)
 {
     const uint32_t n = 300000;
     const size_t cap = 4 * (size_t)n;
-    uint8_t *const p = must(malloc(cap));
+    FREED uint8_t *const p = must(malloc(cap));
     uint64_t r = testing_seed(1);
 
     for (uint32_t n_sym = 2; n_sym <= SAGA_MAX_ADAPTIVE; n_sym += 5) {
@@ -727,5 +717,4 @@ TEST(length_of_adaptive_symbols_should_be_that_too)
         assert_true(coded > bits - 64);
         assert_true(coded <= 1.0015 * bits + 64);
     }
-    free(p);
 }

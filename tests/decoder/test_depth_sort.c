@@ -22,9 +22,9 @@ static int by_depth_and_index(const void *a, const void *b)
 static void check_sorted(const saga_key *keys, uint32_t n)
 {
     const size_t nbytes = n * sizeof *keys;
-    saga_key *const got = malloc(nbytes + 1);
-    saga_key *const want = malloc(nbytes + 1);
-    saga_key *const tmp = malloc(nbytes + 1);
+    FREED saga_key *const got = malloc(nbytes + 1);
+    FREED saga_key *const want = malloc(nbytes + 1);
+    FREED saga_key *const tmp = malloc(nbytes + 1);
 
     assert_true(got && want && tmp);
     memcpy(got, keys, nbytes);
@@ -33,9 +33,6 @@ static void check_sorted(const saga_key *keys, uint32_t n)
     qsort(want, n, sizeof *want, by_depth_and_index);
     saga_depth_sort(got, tmp, n);
     assert_memory_equal(got, want, nbytes);
-    free(got);
-    free(want);
-    free(tmp);
 }
 
 static void random_keys(saga_key *keys, uint32_t n, gen_rng *r, uint32_t mask)

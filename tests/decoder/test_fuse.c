@@ -102,7 +102,7 @@ static void assert_same_stages(const saga_stages *a, const saga_stages *b)
 TEST(absence_should_be_identity)
 {
     for (uint32_t i = 0; i < N_STREAMS; i++) {
-        gen_stream g;
+        FREED_BY(gen_stream_free) gen_stream g;
         played none;
 
         make_plain(&g, testing_seed(1) + i);
@@ -116,7 +116,6 @@ TEST(absence_should_be_identity)
             with = play(&g);
             assert_same_stages(&with.stages, &none.stages);
         }
-        gen_stream_free(&g);
     }
 }
 
@@ -125,7 +124,7 @@ TEST(absence_should_be_identity)
 TEST(absence_should_spare_all_work)
 {
     for (uint32_t i = 0; i < N_STREAMS; i++) {
-        gen_stream g;
+        FREED_BY(gen_stream_free) gen_stream g;
         played none, with;
         uint64_t coarse, fine;
 
@@ -144,7 +143,6 @@ TEST(absence_should_spare_all_work)
                          fine * g.segment[0].n.prim);
         assert_true(none.info.work_nbytes < with.info.work_nbytes);
         assert_true(none.nbytes < with.nbytes);
-        gen_stream_free(&g);
     }
 }
 
@@ -152,7 +150,7 @@ TEST(absence_should_spare_all_work)
 TEST(formats_of_the_absent_should_be_ignored)
 {
     for (uint32_t i = 0; i < N_STREAMS; i++) {
-        gen_stream g;
+        FREED_BY(gen_stream_free) gen_stream g;
         saga_model *const m = &g.header.model;
         played one, other;
 
@@ -169,6 +167,5 @@ TEST(formats_of_the_absent_should_be_ignored)
         assert_int_equal(other.nbytes, one.nbytes);
         assert_int_equal(other.info.work_nbytes, one.info.work_nbytes);
         assert_int_equal(other.info.decode_macs, one.info.decode_macs);
-        gen_stream_free(&g);
     }
 }

@@ -113,7 +113,7 @@ TEST(rows_should_equal_the_direct_formula)
     };
     gen_rng r = gen_seeded(32);
     picture want;
-    scene s;
+    FREED_BY(free_scene) scene s;
 
     new_scene(&s, 1, 61, 61);
     for (int i = 0; i < 3000; i++) {
@@ -123,7 +123,6 @@ TEST(rows_should_equal_the_direct_formula)
         expect_with(&s, &with[i & 1], &want);
         free(want.block);
     }
-    free_scene(&s);
 }
 
 /* --- Scenes against the norm --------------------------------------------- */
@@ -154,7 +153,7 @@ TEST(nothing_should_show_the_background)
         { 0, 1, 32768 }, { 16384, 32767, 64 }, { 32768, 32768, 32768 }
     };
     picture p;
-    scene s;
+    FREED_BY(free_scene) scene s;
 
     new_scene(&s, 0, 9, 11);
     for (int bits = 8; bits <= 16; bits += 8)
@@ -170,14 +169,13 @@ TEST(nothing_should_show_the_background)
                                        0.5));
             free(p.block);
         }
-    free_scene(&s);
 }
 
 /* The first splat at full opacity leaves 656 of 65536 for what is behind. */
 TEST(opaque_splat_should_hide_what_is_behind)
 {
     picture p;
-    scene s;
+    FREED_BY(free_scene) scene s;
 
     new_scene(&s, 2, 33, 33);
     for (int i = 0; i < 2; i++) {
@@ -199,7 +197,6 @@ TEST(opaque_splat_should_hide_what_is_behind)
     assert_int_equal(value_at(&p, 16, 16, 0), 649);
     assert_int_equal(value_at(&p, 16, 16, 2), 0);
     free(p.block);
-    free_scene(&s);
 }
 
 /* Equal depths: the lower index is in front, wherever its splat lies. */
@@ -207,7 +204,7 @@ TEST(equal_depths_should_be_drawn_by_index)
 {
     gen_rng r = gen_seeded(34);
     picture want, other;
-    scene s;
+    FREED_BY(free_scene) scene s;
 
     even_scene(&s, &r, 600, 64, 48);
     for (uint32_t i = 0; i < s.n; i++)
@@ -231,7 +228,6 @@ TEST(equal_depths_should_be_drawn_by_index)
     assert_memory_not_equal(want.pic.rgb, other.pic.rgb, want.pic.nbytes);
     free(want.block);
     free(other.block);
-    free_scene(&s);
 }
 
 /* --- The stop ------------------------------------------------------------ */
@@ -281,7 +277,7 @@ TEST(stop_should_be_that_of_the_pixel)
     static const int32_t tiles[] = { 8, 16, 32, 64 };
     picture want;
     uint32_t diff = 0;
-    scene s;
+    FREED_BY(free_scene) scene s;
 
     half_finished_scene(&s);
     s.splats[2].q0_q20 = 0; /* what a stop of the tile would let through */
@@ -300,7 +296,6 @@ TEST(stop_should_be_that_of_the_pixel)
     print_message("a stop of the tile would show at %u of 256 pixels\n", diff);
     assert_true(diff >= 4);
     free(want.block);
-    free_scene(&s);
 }
 
 /* Long after everything is opaque: the early end of a tile may not show. */
@@ -312,7 +307,7 @@ TEST(finished_tiles_should_not_change)
     };
     gen_rng r = gen_seeded(35);
     picture want;
-    scene s;
+    FREED_BY(free_scene) scene s;
 
     even_scene(&s, &r, 1500, 50, 30);
     for (uint32_t i = 0; i < s.n; i++) {
@@ -328,7 +323,6 @@ TEST(finished_tiles_should_not_change)
     for (uint32_t i = 0; i < 4; i++)
         expect_with(&s, &with[i], &want);
     free(want.block);
-    free_scene(&s);
 }
 
 /* --- Against double ------------------------------------------------------ */
@@ -357,8 +351,8 @@ typedef void colour_fn(ref_splat *s, uint32_t index);
 static void true_picture(double *rgb, const saga_primitive *p, uint32_t n,
                          const saga_camera *cam, colour_fn *colour)
 {
-    ref_splat *const splats = need(n * sizeof *splats);
-    uint32_t *const order = need(n * sizeof *order);
+    FREED ref_splat *const splats = need(n * sizeof *splats);
+    FREED uint32_t *const order = need(n * sizeof *order);
     uint32_t kept = 0;
     ref_primitive still;
     ref_animated a;
@@ -371,8 +365,6 @@ static void true_picture(double *rgb, const saga_primitive *p, uint32_t n,
     }
     ref_sort(order, splats, kept);
     ref_blend(rgb, cam, splats, order, kept);
-    free(splats);
-    free(order);
 }
 
 static void expect_close(const scene *s, const double *rgb, int bits)
@@ -394,10 +386,10 @@ static void expect_close(const scene *s, const double *rgb, int bits)
 TEST(picture_should_be_that_of_double)
 {
     enum { N = 20000, WIDTH = 320, HEIGHT = 180 };
-    saga_primitive *const p = need(N * sizeof *p);
-    double *const rgb = need(WIDTH * HEIGHT * 3 * sizeof *rgb);
+    FREED saga_primitive *const p = need(N * sizeof *p);
+    FREED double *const rgb = need(WIDTH * HEIGHT * 3 * sizeof *rgb);
     gen_rng r = gen_seeded(43);
-    scene s;
+    FREED_BY(free_scene) scene s;
 
     new_scene(&s, N, WIDTH, HEIGHT);
     gen_uniform_scene(p, N, &r, &s.cam);
@@ -406,9 +398,6 @@ TEST(picture_should_be_that_of_double)
     true_picture(rgb, p, N, &s.cam, colour_truly);
     expect_close(&s, rgb, 8);
     expect_close(&s, rgb, 16);
-    free(rgb);
-    free(p);
-    free_scene(&s);
 }
 
 /* Expected depths differ where alpha does, which adds up to a picture's error
@@ -447,10 +436,10 @@ static void expect_depths(const scene *s, const double *truth)
 TEST(depths_should_be_those_of_double)
 {
     enum { N = 20000, WIDTH = 320, HEIGHT = 180 };
-    saga_primitive *const p = need(N * sizeof *p);
-    double *const truth = need(WIDTH * HEIGHT * 3 * sizeof *truth);
+    FREED saga_primitive *const p = need(N * sizeof *p);
+    FREED double *const truth = need(WIDTH * HEIGHT * 3 * sizeof *truth);
     gen_rng r = gen_seeded(44);
-    scene s;
+    FREED_BY(free_scene) scene s;
 
     new_scene(&s, N, WIDTH, HEIGHT);
     gen_uniform_scene(p, N, &r, &s.cam);
@@ -459,9 +448,6 @@ TEST(depths_should_be_those_of_double)
     sort_scene(&s);
     true_picture(truth, p, N, &s.cam, colour_by_depth);
     expect_depths(&s, truth);
-    free(truth);
-    free(p);
-    free_scene(&s);
 }
 
 int main(void)

@@ -16,7 +16,7 @@ TEST(picture_should_not_depend_on_the_job)
     static const uint32_t budget[] = { 1, 2, 3, 7, 64, 1000, UINT32_MAX };
     gen_rng r = gen_seeded(36);
     picture want;
-    scene s;
+    FREED_BY(free_scene) scene s;
 
     hard_scene(&s, &r, 90, 83, 61);
     exact_picture(&want, &s, 8);
@@ -30,7 +30,6 @@ TEST(picture_should_not_depend_on_the_job)
                     expect_with(&s, &with, &want);
                 }
     free(want.block);
-    free_scene(&s);
 }
 
 /* Cuts of a side into n parts, as even as they go. */
@@ -55,7 +54,7 @@ TEST(picture_should_not_depend_on_the_division)
                                     { 3, 5 }, { 83, 61 } };
     gen_rng r = gen_seeded(37);
     picture want, got;
-    scene s;
+    FREED_BY(free_scene) scene s;
 
     hard_scene(&s, &r, 90, 83, 61);
     for (int b = 0; b < N_BITS; b++) {
@@ -71,7 +70,6 @@ TEST(picture_should_not_depend_on_the_division)
             }
         free(want.block);
     }
-    free_scene(&s);
 }
 
 /* --- Memory -------------------------------------------------------------- */
@@ -85,7 +83,7 @@ static int is_inside(const saga_job *job, int x, int y)
 static void check_canaries(const picture *p, const saga_job *job)
 {
     const size_t pixel = pixel_of(p->pic.bits);
-    uint8_t *const is_ours = need(p->nbytes);
+    FREED uint8_t *const is_ours = need(p->nbytes);
 
     memset(is_ours, 0, p->nbytes);
     for (int y = job->y0; y < job->y1; y++)
@@ -94,7 +92,6 @@ static void check_canaries(const picture *p, const saga_job *job)
                 memset(is_ours + (sample_at(p, x, y) - p->block), 1, pixel);
     for (size_t i = 0; i < p->nbytes; i++)
         assert_true(is_ours[i] || p->block[i] == CANARY);
-    free(is_ours);
 }
 
 static void expect_part(const picture *got, const picture *want,
@@ -146,7 +143,7 @@ TEST(nothing_else_should_be_written)
 {
     gen_rng r = gen_seeded(38);
     picture want;
-    scene s;
+    FREED_BY(free_scene) scene s;
 
     hard_scene(&s, &r, 60, 83, 61);
     for (int i = 0; i < 400; i++) {
@@ -154,7 +151,6 @@ TEST(nothing_else_should_be_written)
         check_memory(&s, &want, &r);
         free(want.block);
     }
-    free_scene(&s);
 }
 
 /* --- The budget ---------------------------------------------------------- */
@@ -167,7 +163,7 @@ TEST(pixels_should_be_written_when_final)
     picture want, got;
     saga_drawing d;
     saga_job job;
-    scene s;
+    FREED_BY(free_scene) scene s;
     int partial = 0;
 
     hard_scene(&s, &r, 60, 47, 33);
@@ -187,7 +183,6 @@ TEST(pixels_should_be_written_when_final)
     free(job.scratch);
     free(got.block);
     free(want.block);
-    free_scene(&s);
 }
 
 /* A budget of b does in a call what 1 does in at most b. */
@@ -197,7 +192,7 @@ TEST(budget_should_bound_the_calls)
     gen_rng r = gen_seeded(40);
     uint32_t units, calls;
     picture p;
-    scene s;
+    FREED_BY(free_scene) scene s;
 
     hard_scene(&s, &r, 60, 47, 33);
     new_picture(&p, 47, 33, 8, 0);
@@ -209,7 +204,6 @@ TEST(budget_should_bound_the_calls)
     print_message("%u units of work\n", units);
     assert_int_equal(draw(&p, &s, &(setting){ 16, 37, 0, UINT32_MAX }), 1);
     free(p.block);
-    free_scene(&s);
 }
 
 TEST(finished_job_should_write_nothing)
@@ -218,7 +212,7 @@ TEST(finished_job_should_write_nothing)
     picture p;
     saga_drawing d;
     saga_job job;
-    scene s;
+    FREED_BY(free_scene) scene s;
 
     even_scene(&s, &r, 50, 20, 20);
     new_picture(&p, 20, 20, 8, 0);
@@ -231,7 +225,6 @@ TEST(finished_job_should_write_nothing)
     assert_int_equal(value_at(&p, 19, 19, 2), CANARY);
     free(job.scratch);
     free(p.block);
-    free_scene(&s);
 }
 
 /* --- Checks -------------------------------------------------------------- */
@@ -284,7 +277,7 @@ static void expect_arg(checked *c, int32_t *field, int32_t bad)
 
 TEST(rectangle_should_lie_in_the_picture)
 {
-    checked c;
+    FREED_BY(close_checked) checked c;
 
     open_checked(&c, 8);
     expect_arg(&c, &c.job.x0, -1);
@@ -299,14 +292,13 @@ TEST(rectangle_should_lie_in_the_picture)
     expect_arg(&c, &c.job.y1, 2);
     expect_arg(&c, &c.job.y1, 31);
     expect_arg(&c, &c.job.y1, INT32_MIN);
-    close_checked(&c);
 }
 
 TEST(other_fields_should_be_checked)
 {
     static const int32_t tiles[] = { 0, -8, 1, 4, 7, 9, 24, 128, 1 << 30,
                                      INT32_MIN };
-    checked c;
+    FREED_BY(close_checked) checked c;
 
     open_checked(&c, 8);
     for (size_t i = 0; i < sizeof tiles / sizeof *tiles; i++)
@@ -318,13 +310,12 @@ TEST(other_fields_should_be_checked)
     expect_arg(&c, &c.p.pic.bits, -8);
     c.job.list_capacity = 0;
     expect_status(&c, SAGA_ERR_ARG);
-    close_checked(&c);
 }
 
 TEST(scratch_should_be_large_enough)
 {
     static const size_t small[] = { 0, 1, 255, 256, 263, 264, 304 };
-    checked c;
+    FREED_BY(close_checked) checked c;
     size_t least;
 
     open_checked(&c, 8);
@@ -347,12 +338,11 @@ TEST(scratch_should_be_large_enough)
     c.job.list_capacity = 5;
     c.job.tile = 16;
     expect_status(&c, SAGA_ERR_SPACE);
-    close_checked(&c);
 }
 
 TEST(scratch_should_be_aligned)
 {
-    checked c;
+    FREED_BY(close_checked) checked c;
 
     open_checked(&c, 8);
     free(c.scratch);
@@ -361,7 +351,6 @@ TEST(scratch_should_be_aligned)
         c.job.scratch = (uint8_t *)c.scratch + i;
         expect_status(&c, i & 3 ? SAGA_ERR_ALIGN : SAGA_OK);
     }
-    close_checked(&c);
 }
 
 /* Rows of 17 pixels, 28 of them. */
@@ -392,7 +381,7 @@ TEST(picture_should_be_large_enough)
 
 TEST(stride_of_a_single_row_should_not_matter)
 {
-    checked c;
+    FREED_BY(close_checked) checked c;
 
     open_checked(&c, 8);
     c.job.y1 = 3;
@@ -401,12 +390,11 @@ TEST(stride_of_a_single_row_should_not_matter)
     expect_status(&c, SAGA_OK);
     c.p.pic.nbytes--;
     expect_status(&c, SAGA_ERR_SPACE);
-    close_checked(&c);
 }
 
 TEST(samples_of_16_bits_should_be_aligned)
 {
-    checked c;
+    FREED_BY(close_checked) checked c;
 
     open_checked(&c, 16);
     expect_status(&c, SAGA_OK);
@@ -415,12 +403,11 @@ TEST(samples_of_16_bits_should_be_aligned)
     c.p.pic.rgb = (uint8_t *)c.p.pic.rgb + 1;
     c.p.pic.stride_nbytes--;
     expect_status(&c, SAGA_ERR_ALIGN);
-    close_checked(&c);
 }
 
 TEST(depths_should_be_aligned)
 {
-    checked c;
+    FREED_BY(close_checked) checked c;
 
     open_checked(&c, SAGA_DEPTH);
     for (int i = 0; i <= 8; i++) {
@@ -430,14 +417,13 @@ TEST(depths_should_be_aligned)
     c.p.pic.rgb = (uint8_t *)c.p.pic.rgb + 1;
     c.p.pic.stride_nbytes -= 4;
     expect_status(&c, SAGA_ERR_ALIGN);
-    close_checked(&c);
 }
 
 TEST(samples_of_8_bits_may_lie_anywhere)
 {
     gen_rng r = gen_seeded(42);
     picture want, got;
-    scene s;
+    FREED_BY(free_scene) scene s;
 
     even_scene(&s, &r, 100, 31, 17);
     exact_picture(&want, &s, 8);
@@ -447,7 +433,6 @@ TEST(samples_of_8_bits_may_lie_anywhere)
     expect_equal(&got, &want);
     free(want.block);
     free(got.block);
-    free_scene(&s);
 }
 
 int main(void)

@@ -99,7 +99,7 @@ static void should_have_no_memory(rate_scene *f)
 {
     saga_error error = { "" };
     const saga_rate_input x = { &f->s, &f->w, f->s.coarse_feature };
-    saga_rate_choice c;
+    FREED_BY(saga_rate_choice_free) saga_rate_choice c;
 
     assert_true(saga_rate_choice_init(&c, &f->r, &x, &error));
     assert_true(f->r.decision.bank_net >= 0);
@@ -107,12 +107,11 @@ static void should_have_no_memory(rate_scene *f)
     for (int net = SAGA_NET_QUERY; net < SAGA_N_NETS; net++)
         assert_int_equal(c.scene.net[net].n_layers, 0);
     assert_true(saga_model_is_valid(&c.scene.model));
-    saga_rate_choice_free(&c);
 }
 
 static void should_drop_everything(uint32_t tools)
 {
-    rate_scene f;
+    FREED_BY(rate_scene_free) rate_scene f;
 
     make_scene(&f, 3, tools);
     begin_as_constants(&f);
@@ -127,7 +126,6 @@ static void should_drop_everything(uint32_t tools)
     }
     assert_true(f.r.decision.hyper_weights <= 0);
     should_have_no_memory(&f);
-    rate_scene_free(&f);
 }
 
 TEST(decide_should_drop_what_foretells_nothing)
@@ -138,7 +136,7 @@ TEST(decide_should_drop_what_foretells_nothing)
 
 TEST(decide_should_keep_what_foretells)
 {
-    rate_scene f;
+    FREED_BY(rate_scene_free) rate_scene f;
     const saga_rate_gain *g;
 
     rate_scene_init(&f, 3);
@@ -154,7 +152,6 @@ TEST(decide_should_keep_what_foretells)
     assert_true(g->chosen + g->weights + f.r.decision.hyper_weights <
                 g->constants);
     assert_true(f.r.decision.hyper_weights > 0);
-    rate_scene_free(&f);
 }
 
 /* Everything learns for a while, the memory in each step; at rates four times
@@ -165,7 +162,7 @@ static void learn(rate_scene *f, int n)
     const saga_adam adam = saga_adam_default();
     const size_t n_params = (size_t)(f->s.net[SAGA_NET_FUSE_C].w[0] -
                                      f->s.params);
-    real *const m = calloc(2 * n_params, sizeof *m);
+    FREED real *const m = calloc(2 * n_params, sizeof *m);
     saga_adam_tensor t = { "networks", f->s.params, f->d.params, m,
                            m + n_params, n_params, 0.005f };
     saga_error error = { "" };
@@ -178,7 +175,6 @@ static void learn(rate_scene *f, int n)
         saga_rate_add(bits, &f->r, &f->d, &x, &f->o);
         assert_true(saga_adam_update(&adam, &t, 1, (uint64_t)i, &error));
     }
-    free(m);
 }
 
 /* Features that follow from the place, by no source but the memory: a query
@@ -186,7 +182,7 @@ static void learn(rate_scene *f, int n)
 TEST(decide_should_keep_a_bank_that_learned)
 {
     const saga_rate_gain *g;
-    rate_scene f;
+    FREED_BY(rate_scene_free) rate_scene f;
     saga_model m;
 
     rate_scene_model(&m);
@@ -206,7 +202,6 @@ TEST(decide_should_keep_a_bank_that_learned)
     assert_true(g->chosen + g->weights + f.r.decision.bank_weights <
                 g->constants);
     assert_true(f.r.decision.bank_net < 0);
-    rate_scene_free(&f);
 }
 
 static void copy_reads(real *to, const rate_scene *f)
@@ -227,7 +222,7 @@ TEST(memory_should_be_causal)
 {
     double bits[SAGA_N_STEPS] = { 0 };
     real *one, *all;
-    rate_scene f;
+    FREED_BY(rate_scene_free) rate_scene f;
     size_t n;
 
     make_scene(&f, 2, SAGA_TOOL_BANK);
@@ -248,7 +243,6 @@ TEST(memory_should_be_causal)
     assert_memory_equal(one, all, n * sizeof *one);
     free(one);
     free(all);
-    rate_scene_free(&f);
 }
 
 /* Where nothing is left out but columns of zeros, the reduced networks give
@@ -256,8 +250,8 @@ TEST(memory_should_be_causal)
 static void should_code_alike(uint32_t tools, const uint8_t keep[SAGA_N_KINDS])
 {
     saga_error error = { "" };
-    rate_scene f;
-    saga_rate_choice c;
+    FREED_BY(rate_scene_free) rate_scene f;
+    FREED_BY(saga_rate_choice_free) saga_rate_choice c;
     double bits[SAGA_N_STEPS] = { 0 };
     size_t n;
     real *feature;
@@ -288,9 +282,7 @@ static void should_code_alike(uint32_t tools, const uint8_t keep[SAGA_N_KINDS])
         assert_int_equal(c.scene.model.sources[kind], keep[kind]);
     for (size_t i = 0; i < SAGA_N_STEPS; i++)
         assert_true(fabs(c.bits[i] - bits[i]) <= 1e-9 * bits[i]);
-    saga_rate_choice_free(&c);
     free(feature);
-    rate_scene_free(&f);
 }
 
 TEST(choice_should_code_as_the_rate_does)
@@ -313,7 +305,7 @@ TEST(choice_should_code_as_the_rate_does)
  * each to what is decoded. */
 TEST(features_should_be_rounded_as_they_are_coded)
 {
-    rate_scene f;
+    FREED_BY(rate_scene_free) rate_scene f;
     double bits[SAGA_N_STEPS] = { 0 };
     size_t n, wrong = 0;
     real *coded, *rounded;
@@ -351,7 +343,6 @@ TEST(features_should_be_rounded_as_they_are_coded)
     assert_int_equal(wrong, 0);
     free(coded);
     free(rounded);
-    rate_scene_free(&f);
 }
 
 /* --- Rows of costs ------------------------------------------------------- */

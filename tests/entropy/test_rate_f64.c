@@ -126,19 +126,18 @@ static void check_range(rate_scene *f, const char *what, real *x, const real *g,
 static void check_supports(rate_scene *f, const real *d_log2_support)
 {
     const size_t n = 4 * (size_t)f->s.n.fine;
-    real *const d = malloc(n * sizeof *d);
+    FREED real *const d = malloc(n * sizeof *d);
 
     assert_non_null(d);
     for (size_t i = 0; i < n; i++)
         d[i] = d_log2_support[i] / (f->w.support[i] * M_LN2);
     check_range(f, "supports", f->w.support, d, n);
-    free(d);
 }
 
 /* tools: of the memory. */
 static void check_gradients(uint8_t keep, uint32_t tools)
 {
-    rate_scene f;
+    FREED_BY(rate_scene_free) rate_scene f;
     saga_model m;
     real *d_fine, *d_support;
     size_t n_fine, n_support, n_params;
@@ -169,7 +168,6 @@ static void check_gradients(uint8_t keep, uint32_t tools)
                     f.d.net[i].w[0], saga_net_n_params(&f.s.net[i]));
     free(d_support);
     free(d_fine);
-    rate_scene_free(&f);
 }
 
 TEST(rate_gradients_should_match_differences)
@@ -190,7 +188,7 @@ TEST(memory_gradients_should_match_differences)
 /* The quarters of the blocks together are all of them. */
 TEST(subsets_should_add_up)
 {
-    rate_scene f;
+    FREED_BY(rate_scene_free) rate_scene f;
     double all, sum = 0;
     real *whole;
 
@@ -206,5 +204,4 @@ TEST(subsets_should_add_up)
         assert_true(fabs(f.d.reals[i] / 4 - whole[i]) <
                     1e-9 * (1 + fabs(whole[i])));
     free(whole);
-    rate_scene_free(&f);
 }

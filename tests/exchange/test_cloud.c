@@ -132,8 +132,8 @@ static void check_cloud(const char *name)
 {
     saga_film_colours colours = { .segment = -1 };
     const saga_colouring how = { .camera = 1, .degree = 3 };
-    saga_bytes bytes;
-    saga_film film;
+    FREED_BY(saga_bytes_free) saga_bytes bytes;
+    FREED_BY(saga_film_close) saga_film film;
     saga_cloud cloud;
     saga_report report;
     size_t n = 0;
@@ -168,8 +168,6 @@ static void check_cloud(const char *name)
     assert_true(n > 5);
     saga_cloud_free(&cloud);
     free(colours.harmonics);
-    saga_film_close(&film);
-    saga_bytes_free(&bytes);
 }
 
 TEST(cloud_should_be_the_primitives_of_a_frame)
@@ -229,7 +227,7 @@ TEST(ply_should_come_back)
 TEST(far_off_splats_should_not_move_the_scene)
 {
     double centre[3], radius, again[3], same;
-    saga_cloud cloud;
+    FREED_BY(saga_cloud_free) saga_cloud cloud;
 
     make_cloud(&cloud, 200, 0);
     assert_true(saga_cloud_extent(centre, &radius, &cloud, &error));
@@ -240,5 +238,4 @@ TEST(far_off_splats_should_not_move_the_scene)
     near(same, radius, 0.05);
     for (int k = 0; k < 3; k++)
         near(again[k], centre[k], 0.1);
-    saga_cloud_free(&cloud);
 }

@@ -162,14 +162,13 @@ TEST(points_should_be_the_low_pass)
 
     for (size_t i = 0; i < sizeof scales / sizeof *scales; i++) {
         const gen_given g = ball(scales[i]);
-        given_view v;
+        FREED_BY(given_close) given_view v;
 
         see_one(&v, &g, STILL, &c, MID);
         for (int d = 0; d <= 3; d++) {
             expect(&v, MIDDLE + d, MIDDLE, exp(-d * d / 0.2));
             expect(&v, MIDDLE - d, MIDDLE + d, exp(-2 * d * d / 0.2));
         }
-        given_close(&v);
     }
 }
 
@@ -181,11 +180,10 @@ TEST(scene_wide_scales_should_fill_the_picture)
 
     for (size_t i = 0; i < sizeof scales / sizeof *scales; i++) {
         const gen_given g = ball(scales[i]);
-        given_view v;
+        FREED_BY(given_close) given_view v;
 
         see_one(&v, &g, STILL, &c, MID);
         expect_all(&v, 1);
-        given_close(&v);
     }
 }
 
@@ -223,7 +221,7 @@ TEST(turned_needles_should_be_those_of_double)
     for (int i = 0; i < 24; i++) {
         const double wide = i & 1 ? 28 : 18;
         gen_given g = ball(0);
-        given_view v;
+        FREED_BY(given_close) given_view v;
 
         set_scales(&g, wide, wide - 13.3125, wide - 13.3125);
         for (int k = 0; k < 4; k++)
@@ -231,7 +229,6 @@ TEST(turned_needles_should_be_those_of_double)
         for (int k = 0; k < 2; k++)
             g.p.x[k] = gen_int(&r, -DEPTH / 2, DEPTH / 2);
         see_one(&v, &g, STILL, &c, MID);
-        given_close(&v);
     }
 }
 
@@ -246,20 +243,18 @@ TEST(near_plane_should_decide_by_a_unit)
 
     for (size_t i = 0; i < 2; i++) {
         const gen_given g = gen_given_ball(1024, i ? 14 : 9);
-        given_view v;
+        FREED_BY(given_close) given_view v;
 
         see_one(&v, &g, STILL, &c, MID);
         assert_int_equal(v.report.n_splats, 1);
         expect(&v, MIDDLE, MIDDLE, 1);
-        given_close(&v);
     }
     for (size_t i = 0; i < sizeof behind / sizeof *behind; i++) {
         const gen_given g = gen_given_ball(behind[i], 9);
-        given_view v;
+        FREED_BY(given_close) given_view v;
 
         see_one(&v, &g, STILL, &c, MID);
         expect_nothing(&v);
-        given_close(&v);
     }
 }
 
@@ -276,13 +271,12 @@ TEST(camera_inside_should_see_what_is_before_it)
     c.near_plane = 1;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         const gen_given g = gen_given_ball(cases[i].depth, 20);
-        given_view v;
+        FREED_BY(given_close) given_view v;
 
         see_one(&v, &g, STILL, &c, MID);
         assert_int_equal(v.report.n_splats, cases[i].seen);
         if (cases[i].depth < 1 << 18)
             expect_all(&v, cases[i].seen);
-        given_close(&v);
     }
 }
 
@@ -294,7 +288,7 @@ TEST(farthest_camera_should_see_through_the_longest_lens)
     const gen_given g = gen_given_ball(0, 18);
     const double sigma2 = 16 * 16 + 0.1;
     saga_camera c = front(SIDE, SIDE);
-    given_view v;
+    FREED_BY(given_close) given_view v;
 
     c.focal_q16[0] = c.focal_q16[1] = INT32_MAX;
     c.centre[2] = -(1 << 29);
@@ -316,7 +310,6 @@ TEST(farthest_camera_should_see_through_the_longest_lens)
     for (int d = 0; d <= MIDDLE; d++)
         expect(&v, MIDDLE, MIDDLE + d,
                exp(-d * d / (2 * (16 * 16 / 3.0 + 0.1))));
-    given_close(&v);
 }
 
 /* 8 supports of half a cube for each age: 2^26 after half a segment. */
@@ -326,7 +319,7 @@ TEST(motion_should_leave_the_cube)
     saga_camera c = front(SIDE, SIDE);
     gen_given g = gen_given_ball(0, 17);
     saga_animated a;
-    given_view v;
+    FREED_BY(given_close) given_view v;
 
     g.p.t_centre = 0;
     g.p.support[0] = 1 << 23;
@@ -340,7 +333,6 @@ TEST(motion_should_leave_the_cube)
         assert_int_equal(a.x[0], times[i] << 11);
         expect(&v, MIDDLE, MIDDLE, 1);
     }
-    given_close(&v);
 }
 
 /* The largest motion of all orders ends at +-2^29, where a camera can be. */
@@ -349,7 +341,7 @@ TEST(motion_should_end_where_cameras_end)
     saga_camera c = front(SIDE, SIDE);
     gen_given g = gen_given_ball(0, 17);
     saga_animated a;
-    given_view v;
+    FREED_BY(given_close) given_view v;
 
     g.p.t_centre = 0;
     for (int i = 0; i < 3; i++)
@@ -365,7 +357,6 @@ TEST(motion_should_end_where_cameras_end)
     assert_int_equal(a.x[0], 1 << 29);
     assert_int_equal(a.x[1], -(1 << 29));
     expect(&v, MIDDLE, MIDDLE, 1);
-    given_close(&v);
 }
 
 /* The direction of view is that of the middle of the segment; there the camera
@@ -374,7 +365,7 @@ TEST(camera_at_the_place_should_add_no_direction)
 {
     const saga_camera c = front(SIDE, SIDE);
     gen_given g = gen_given_ball(0, 18);
-    given_view v;
+    FREED_BY(given_close) given_view v;
 
     g.p.t_centre = 32768;
     g.p.support[2] = 1 << 21;
@@ -386,7 +377,6 @@ TEST(camera_at_the_place_should_add_no_direction)
     assert_int_equal(given_sample(&v, MIDDLE, MIDDLE, 0), 63); /* 255 cap/4 */
     assert_int_equal(given_sample(&v, MIDDLE, MIDDLE, 1), 126);
     assert_int_equal(given_sample(&v, MIDDLE, MIDDLE, 2), 0);
-    given_close(&v);
 }
 
 /* --- How much of them there is ------------------------------------------- */
@@ -439,7 +429,7 @@ TEST(coincident_splats_should_be_drawn_by_number)
     gen_given g[8];
     saga_camera c = front(9, 7);
     saga_splat s;
-    given_view v;
+    FREED_BY(given_close) given_view v;
     double want[3] = { 0, 0, 0 };
 
     for (uint32_t i = 0; i < 8; i++) {
@@ -465,7 +455,6 @@ TEST(coincident_splats_should_be_drawn_by_number)
                        v.p[i].colour_q15[k] / 32768;
     for (int k = 0; k < 3; k++)
         assert_true(fabs(given_sample(&v, 4, 3, k) - 255 * want[k]) <= 1);
-    given_close(&v);
 }
 
 /* --- Time ---------------------------------------------------------------- */
@@ -477,7 +466,7 @@ TEST(width_of_a_frame_should_last_a_frame)
     static const int32_t away[] = { 0, 1, 32, 64, 128, 150, 151, 1000, 32767 };
     const saga_camera c = front(9, 7);
     gen_given g = ball(28);
-    given_view v;
+    FREED_BY(given_close) given_view v;
 
     g.p.log2_width_q10 = 6 << 10;
     given_open(&v, &g, 1, FADES);
@@ -489,7 +478,6 @@ TEST(width_of_a_frame_should_last_a_frame)
         see(&v, &c, 32768 + away[i]);
         expect_all(&v, exp(-u * u));
     }
-    given_close(&v);
 }
 
 /* A thousand segments, 2^26 units: u is 2^-11 at most, and the fade of 2^-22
@@ -519,7 +507,7 @@ TEST(centres_outside_should_fade_into_the_segment)
 
     for (int i = 0; i < 2; i++) {
         gen_given g = ball(28);
-        given_view v;
+        FREED_BY(given_close) given_view v;
 
         g.p.t_centre = i ? 98272 : -32768;
         g.p.log2_width_q10 = 15 << 10;
@@ -528,7 +516,6 @@ TEST(centres_outside_should_fade_into_the_segment)
         expect_all(&v, exp(-1));
         see(&v, &c, i ? 0 : 65535);
         expect_nothing(&v);
-        given_close(&v);
     }
 }
 
@@ -540,7 +527,7 @@ TEST(times_outside_should_be_refused)
     const gen_given g = ball(18);
     saga_animated a;
     saga_splat s;
-    given_view v;
+    FREED_BY(given_close) given_view v;
 
     see_one(&v, &g, FADES, &c, MID);
     for (size_t i = 0; i < sizeof times / sizeof *times; i++) {
@@ -550,7 +537,6 @@ TEST(times_outside_should_be_refused)
         assert_int_equal(saga_splat_at(&s, v.dec, 0), SAGA_OK);
         assert_int_equal(s.depth, DEPTH);
     }
-    given_close(&v);
 }
 
 /* --- The least and the most of everything -------------------------------- */
@@ -564,7 +550,7 @@ TEST(one_of_everything_should_be_enough)
     saga_camera rig;
     saga_info info;
     uint32_t number;
-    given_view v;
+    FREED_BY(given_close) given_view v;
 
     see_one(&v, &g, FADES, &c, 0);
     assert_int_equal(v.report.n_coarse, 1);
@@ -579,7 +565,6 @@ TEST(one_of_everything_should_be_enough)
     assert_int_equal(saga_rig(&rig, &number, v.bytes, v.nbytes, 0), SAGA_OK);
     assert_int_equal(saga_rig(&rig, &number, v.bytes, v.nbytes, 1),
                      SAGA_ERR_ARG);
-    given_close(&v);
 }
 
 /* Rows of 16,384 pixels, and columns: a ball at each end and one that spans

@@ -167,9 +167,9 @@ TEST(zero_symbols_should_be_one_grey_ball)
 {
     for (uint32_t i = 0; i < N_STREAMS; i++) {
         const saga_model *m;
-        gen_stream g;
-        given_view v;
-        decoded d;
+        FREED_BY(gen_stream_free) gen_stream g;
+        FREED_BY(given_close) given_view v;
+        FREED_BY(free_decoded) decoded d;
         int32_t o[2];
         saga_splat s;
 
@@ -201,9 +201,6 @@ TEST(zero_symbols_should_be_one_grey_ball)
         assert_int_equal(s.q0_q20, 3323907); /* log2(1 + 2^3) */
         for (int k = 0; k < 3; k++)
             assert_int_equal(s.colour_q15[k], 16384);
-        free_decoded(&d);
-        given_close(&v);
-        gen_stream_free(&g);
     }
 }
 
@@ -240,9 +237,9 @@ TEST(limits_should_end_in_a_corner)
 {
     for (uint32_t i = 0; i < N_STREAMS; i++) {
         const int32_t q = i & 1 ? 65535 : -65535;
-        gen_stream g;
-        given_view v;
-        decoded d;
+        FREED_BY(gen_stream_free) gen_stream g;
+        FREED_BY(given_close) given_view v;
+        FREED_BY(free_decoded) decoded d;
 
         make_stream(&g, i);
         each_layer(&g, full_layer);
@@ -267,9 +264,6 @@ TEST(limits_should_end_in_a_corner)
         }
         assert_true(see(&v, 0, SAGA_VERIFY_SYMBOLS) >= 60);
         assert_true(see(&v, 65535, SAGA_VERIFY_SYMBOLS) >= 52);
-        free_decoded(&d);
-        given_close(&v);
-        gen_stream_free(&g);
     }
 }
 
@@ -316,9 +310,9 @@ TEST(saturated_networks_should_give_their_signs)
     for (uint32_t i = 0; i < N_STREAMS; i++) {
         const saga_model *m;
         saga_rows rows[SAGA_N_OUTS];
-        gen_stream g;
-        given_view v;
-        decoded d;
+        FREED_BY(gen_stream_free) gen_stream g;
+        FREED_BY(given_close) given_view v;
+        FREED_BY(free_decoded) decoded d;
 
         make_stream(&g, i);
         m = &g.header.model;
@@ -358,9 +352,6 @@ TEST(saturated_networks_should_give_their_signs)
                 assert_int_equal(prim->motion[0], row & 1 ? -32767 : 32767);
         }
         assert_true(see(&v, 32768, SAGA_VERIFY_ANIMATION) >= 62);
-        free_decoded(&d);
-        given_close(&v);
-        gen_stream_free(&g);
     }
 }
 
@@ -376,9 +367,9 @@ TEST(deepest_tree_should_end_in_the_last_corner)
     const uint32_t tools = SAGA_TOOL_OPACITY_T;
     gen_given p = gen_given_ball(CORNER, 21);
     saga_camera c = before();
-    gen_stream g;
-    given_view v;
-    decoded d;
+    FREED_BY(gen_stream_free) gen_stream g;
+    FREED_BY(given_close) given_view v;
+    FREED_BY(free_decoded) decoded d;
     saga_symbols *const s = &g.segment[0];
 
     for (int k = 0; k < 3; k++) {
@@ -410,7 +401,4 @@ TEST(deepest_tree_should_end_in_the_last_corner)
     given_draw(&v, &c, 65408);
     assert_true(given_verify(&v, SAGA_VERIFY_SYMBOLS).psnr >= 62);
     assert_true(given_sample(&v, SIDE / 2, SIDE / 2, 0) >= 252);
-    free_decoded(&d);
-    given_close(&v);
-    gen_stream_free(&g);
 }

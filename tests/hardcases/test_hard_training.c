@@ -78,7 +78,7 @@ static void draw_all(double mean[3], const trained *r)
 {
     saga_error error = { "" };
     uint8_t rgb[3 * WIDTH * HEIGHT];
-    saga_film film;
+    FREED_BY(saga_film_close) saga_film film;
 
     mean[0] = mean[1] = mean[2] = 0;
     if (!saga_film_open(&film, "x", r->bytes, r->n, 1, &error))
@@ -93,7 +93,6 @@ static void draw_all(double mean[3], const trained *r)
             mean[i % 3] += rgb[i] / (double)(WIDTH * HEIGHT) /
                            film.info.n_cameras;
     }
-    saga_film_close(&film);
 }
 
 /* Learns something, and gives it back. */
@@ -113,7 +112,7 @@ static trained survive(saga_capture *c, double psnr)
 /* Nothing to see: black is what no primitive at all draws. */
 TEST(black_capture_should_stay_black)
 {
-    saga_capture c = changed();
+    FREED_BY(saga_capture_free) saga_capture c = changed();
     double mean[3];
     trained r;
 
@@ -123,7 +122,6 @@ TEST(black_capture_should_stay_black)
     for (int i = 0; i < 3; i++)
         assert_true(mean[i] < 2);
     free(r.bytes);
-    saga_capture_free(&c);
 }
 
 /* One colour, so that no place is better than another: it comes out in the
@@ -133,7 +131,7 @@ TEST(one_colour_should_come_out)
     static const int colours[][3] = { { 255, 255, 255 }, { 200, 100, 40 } };
 
     for (int k = 0; k < 2; k++) {
-        saga_capture c = changed();
+        FREED_BY(saga_capture_free) saga_capture c = changed();
         double mean[3];
         trained r;
 
@@ -144,7 +142,6 @@ TEST(one_colour_should_come_out)
         for (int i = 0; i < 3; i++)
             assert_true(fabs(mean[i] - colours[k][i]) < 0.2 * colours[k][i]);
         free(r.bytes);
-        saga_capture_free(&c);
     }
 }
 

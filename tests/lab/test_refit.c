@@ -182,13 +182,12 @@ TEST(refit_should_give_the_same_scene)
     const fixture *const f = *state;
     const saga_ablation all = { .groups = 0 };
     refit_report r;
-    ref_file g;
+    FREED_BY(ref_file_free) ref_file g;
 
     refit(&g, &r, &f->f, &all);
     values_should_be_within_half_a_step(&f->f, &g);
     what_is_kept_should_be_the_same(&f->f, &g);
     assert_true(all_bits(&g) <= 1.01 * all_bits(&f->f));
-    ref_file_free(&g);
 }
 
 /* A recorder_watch: every block of a kind has one mu and one scale, and those
@@ -274,7 +273,7 @@ TEST(refit_should_find_a_source_that_tells)
     const size_t n = (size_t)f->f.s.n.coarse * features;
     const double step = f->f.h.model.step_q16[SAGA_STEP_FEATURE] / 65536.0;
     int16_t *const kept = f->f.value[SAGA_STEP_FEATURE];
-    int16_t *const told = malloc(n * sizeof *told);
+    FREED int16_t *const told = malloc(n * sizeof *told);
     ref_file in = f->f, g;
     refit_report r;
 
@@ -289,7 +288,6 @@ TEST(refit_should_find_a_source_that_tells)
     assert_true(g.bits[SAGA_SYM_FEATURE] < 4 * (double)n);
     assert_true(r.decision.gain[SAGA_KIND_COARSE].constants > 5 * (double)n);
     ref_file_free(&g);
-    free(told);
 }
 
 static void refit_should_take(gen_stream *g)
@@ -323,11 +321,10 @@ TEST(refit_should_take_any_stream)
             .seed = seed, .level = 3, .n_coarse = 20, .n_segments = 1,
             .bank = (int)(seed % 3)
         };
-        gen_stream g;
+        FREED_BY(gen_stream_free) gen_stream g;
 
         gen_stream_make(&g, &o);
         refit_should_take(&g);
-        gen_stream_free(&g);
     }
 }
 
@@ -339,14 +336,13 @@ TEST(refit_should_take_a_scene_of_coarse_anchors_alone)
             .seed = 8, .level = 3, .n_coarse = 20, .n_segments = 1,
             .bank = bank
         };
-        gen_stream g;
+        FREED_BY(gen_stream_free) gen_stream g;
         saga_symbols *const s = &g.segment[0];
 
         gen_stream_make(&g, &o);
         memset(s->n_fine, 0, s->n.coarse);
         s->n.fine = s->n.prim = 0;
         refit_should_take(&g);
-        gen_stream_free(&g);
     }
 }
 

@@ -81,7 +81,7 @@ static void free_decoded(decoded *d)
 TEST(file_should_come_back_when_nothing_changes)
 {
     for (uint64_t i = 0; i < N_STREAMS; i++) {
-        gen_stream g;
+        FREED_BY(gen_stream_free) gen_stream g;
         uint8_t *bytes, *out = NULL;
         size_t n, n_out = 0;
 
@@ -92,13 +92,12 @@ TEST(file_should_come_back_when_nothing_changes)
         assert_memory_equal(out, bytes, n);
         free(out);
         free(bytes);
-        gen_stream_free(&g);
     }
 }
 
 TEST(broken_file_should_be_refused)
 {
-    gen_stream g;
+    FREED_BY(gen_stream_free) gen_stream g;
     uint8_t *bytes, *out = NULL;
     size_t n, n_out = 0;
 
@@ -112,7 +111,6 @@ TEST(broken_file_should_be_refused)
                         "the header is not valid");
     assert_null(out);
     free(bytes);
-    gen_stream_free(&g);
 }
 
 /* --- Zeroed -------------------------------------------------------------- */
@@ -198,11 +196,10 @@ static void zero_and_check(gen_stream *g)
 TEST(features_alone_should_become_zero)
 {
     for (uint64_t i = 0; i < N_STREAMS; i++) {
-        gen_stream g;
+        FREED_BY(gen_stream_free) gen_stream g;
 
         make_stream(&g, i);
         zero_and_check(&g);
-        gen_stream_free(&g);
     }
 }
 
@@ -212,13 +209,12 @@ TEST(streams_without_contexts_should_keep_all_residuals)
     uint64_t i = 0;
 
     for (int n = 0; n < 2; i++) {
-        gen_stream g;
+        FREED_BY(gen_stream_free) gen_stream g;
 
         make_stream(&g, i);
         if (!has_contexts(&g)) {
             zero_and_check(&g);
             n++;
         }
-        gen_stream_free(&g);
     }
 }

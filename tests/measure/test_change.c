@@ -117,8 +117,8 @@ static int compare(const void *a, const void *b)
 
 static void check_sorted(int n_frames, size_t n, uint32_t seed, int n_threads)
 {
-    uint8_t *const samples = malloc((size_t)n_frames * n);
-    uint8_t *const median = malloc(n + 1);
+    FREED uint8_t *const samples = malloc((size_t)n_frames * n);
+    FREED uint8_t *const median = malloc(n + 1);
     const uint8_t *frame[32];
     uint8_t column[32];
 
@@ -141,8 +141,6 @@ static void check_sorted(int n_frames, size_t n, uint32_t seed, int n_threads)
                                                2.0 + 0.5));
     }
     assert_int_equal(median[n], 0xa5);
-    free(samples);
-    free(median);
 }
 
 TEST(median_should_be_what_sorting_gives)

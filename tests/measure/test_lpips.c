@@ -76,9 +76,9 @@ TEST(convolution_should_be_its_definition)
                         .size = cases[k].size, .stride = cases[k].stride,
                         .pad = cases[k].pad };
         saga_planes in = planes(c.n_in, cases[k].height, cases[k].width);
-        double *const w = numbers((size_t)(c.n_out * c.n_in * c.size *
-                                           c.size));
-        double *const b = numbers((size_t)c.n_out);
+        FREED double *const w = numbers((size_t)(c.n_out * c.n_in * c.size *
+                                                 c.size));
+        FREED double *const b = numbers((size_t)c.n_out);
         saga_planes out;
 
         assert_true(saga_conv_pack(&c, w, b, &error));
@@ -97,8 +97,6 @@ TEST(convolution_should_be_its_definition)
         saga_conv_free(&c);
         free(in.v);
         free(out.v);
-        free(w);
-        free(b);
     }
 }
 

@@ -242,15 +242,13 @@ TEST(ssim_should_be_its_definition)
 
         make_pair(&a, &b, w, h, (uint32_t)i + 1);
         for (int c = 0; c < 3; c++) {
-            double *const x = plane_of(a, w, h, c);
-            double *const y = plane_of(b, w, h, c);
+            FREED double *const x = plane_of(a, w, h, c);
+            FREED double *const y = plane_of(b, w, h, c);
             double mean[2];
 
             valid_means(mean, x, y, w, h);
             want_zero += ref_ssim(x, y, w, h) / 3.0;
             want_valid += mean[0] / 3.0;
-            free(x);
-            free(y);
         }
         assert_true(saga_ssim(&zero, &valid, &PAIR(a, b, w, h, 1), &error));
         near(zero, want_zero, 1e-11);
@@ -326,12 +324,10 @@ TEST(ms_ssim_should_be_its_definition)
 
         make_pair(&a, &b, w, h, (uint32_t)i + 7);
         for (int c = 0; c < 3; c++) {
-            double *const x = plane_of(a, w, h, c);
-            double *const y = plane_of(b, w, h, c);
+            FREED double *const x = plane_of(a, w, h, c);
+            FREED double *const y = plane_of(b, w, h, c);
 
             want += ms_ssim_of(x, y, w, h) / 3.0;
-            free(x);
-            free(y);
         }
         assert_true(saga_ms_ssim(&value, &PAIR(a, b, w, h, 2), &error));
         near(value, want, 1e-11);

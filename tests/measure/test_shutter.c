@@ -64,73 +64,66 @@ static saga_shutter_found *find(const camera *c, int noise, int n_frames)
 TEST(rows_read_in_turn_should_be_told)
 {
     static const camera c[CAMERAS] = { { 0, 0 }, { 0.3, 0.8 }, { 0.5, 0 } };
-    saga_shutter_found *const found = find(c, 0, FRAMES);
+    FREED saga_shutter_found *const found = find(c, 0, FRAMES);
 
     for (int i = 0; i < CAMERAS; i++) {
         assert_true(fabs(found[i].readout - c[i].readout) < 0.02);
         assert_int_equal(found[i].shows, i == 1);
     }
-    free(found);
 }
 
 TEST(last_row_may_be_first)
 {
     static const camera c[CAMERAS] = { { 0, -0.6 }, { 0, 0 }, { 0, 0.01 } };
-    saga_shutter_found *const found = find(c, 0, FRAMES);
+    FREED saga_shutter_found *const found = find(c, 0, FRAMES);
 
     assert_true(fabs(found[0].readout + 0.6) < 0.02 && found[0].shows);
     assert_false(found[1].shows || found[2].shows);
-    free(found);
 }
 
 /* A readout that all cameras have alike is the film's. */
 TEST(cameras_should_be_compared)
 {
     static const camera c[CAMERAS] = { { 0, 0.8 }, { 0, 0.8 }, { 0, 0.3 } };
-    saga_shutter_found *const found = find(c, 0, FRAMES);
+    FREED saga_shutter_found *const found = find(c, 0, FRAMES);
 
     assert_true(fabs(found[0].readout) < 0.02 && !found[0].shows);
     assert_true(fabs(found[1].readout) < 0.02 && !found[1].shows);
     assert_true(fabs(found[2].readout + 0.5) < 0.02 && found[2].shows);
-    free(found);
 }
 
 /* One camera's readout bends the film a bit, and others the other way. */
 TEST(bent_film_should_be_told_from_a_camera)
 {
     static const camera c[CAMERAS] = { { 0, 0.8 }, { 0, -0.35 }, { 0, 0 } };
-    saga_shutter_found *const found = find(c, 0, FRAMES);
+    FREED saga_shutter_found *const found = find(c, 0, FRAMES);
 
     assert_true(found[0].shows);
     assert_true(fabs(found[1].readout + 0.35) < 0.02 && !found[1].shows);
-    free(found);
 }
 
 /* Errors of 60 levels are as large as what moves: their own size is told. */
 TEST(errors_should_be_told_as_spread)
 {
     static const camera c[CAMERAS] = { { 0, 0 }, { 0, 0 }, { 0, 0 } };
-    saga_shutter_found *const found = find(c, 60, FRAMES);
+    FREED saga_shutter_found *const found = find(c, 60, FRAMES);
 
     for (int i = 0; i < CAMERAS; i++) {
         assert_true(found[i].spread > 0.01 && found[i].spread < 0.2);
         assert_true(fabs(found[i].readout) < 5 * found[i].spread);
         assert_false(found[i].shows);
     }
-    free(found);
 }
 
 TEST(little_should_tell_nothing)
 {
     static const camera c[CAMERAS] = { { 0, 0.8 }, { 0, 0 }, { 0, 0 } };
-    saga_shutter_found *const few = find(c, 0, 3);
-    saga_shutter_found *const none = find(c, 0, 0);
+    FREED saga_shutter_found *const few = find(c, 0, 3);
+    FREED saga_shutter_found *const none = find(c, 0, 0);
 
     for (int i = 0; i < CAMERAS; i++) {
         assert_true(isnan(few[i].readout) && isnan(few[i].spread));
         assert_true(isnan(none[i].readout));
         assert_false(few[i].shows || none[i].shows);
     }
-    free(few);
-    free(none);
 }

@@ -67,7 +67,7 @@ static int compare(const void *a, const void *b)
 TEST(still_should_be_the_median_over_all_parts)
 {
     saga_error error = { "" };
-    saga_capture c;
+    FREED_BY(saga_capture_free) saga_capture c;
     saga_still s;
     uint8_t seen[SAGA_STILL_PICTURES];
 
@@ -83,7 +83,6 @@ TEST(still_should_be_the_median_over_all_parts)
         assert_int_equal(c.views[0].rgb[k], seen[SAGA_STILL_PICTURES / 2]);
         assert_int_equal(c.views[0].rgb[3 + k], 90);
     }
-    saga_capture_free(&c);
 }
 
 /* Some of fifteen pictures may be others. */
@@ -99,7 +98,7 @@ TEST(still_should_count_what_is_steady)
             const saga_capture whole = { .n_views = 1, .n_frames = N,
                                          .views = &view };
             saga_still s = { .n = 0 };
-            saga_capture c;
+            FREED_BY(saga_capture_free) saga_capture c;
 
             memset(rgb, 90, sizeof rgb);
             for (int f = 0; f < others; f++)
@@ -111,7 +110,6 @@ TEST(still_should_count_what_is_steady)
                 assert_int_equal(c.views[0].mask[0], 1);
                 assert_int_equal(c.views[0].mask[PIXELS - 1], 0);
             }
-            saga_capture_free(&c);
         }
 }
 
@@ -119,7 +117,7 @@ TEST(still_should_know_what_nobody_saw)
 {
     static const uint8_t counts[PIXELS] = { 0, 1, 1, 1, 1, 0 };
     saga_error error = { "" };
-    saga_capture c;
+    FREED_BY(saga_capture_free) saga_capture c;
     saga_still s;
 
     add_parts(&s);
@@ -128,7 +126,6 @@ TEST(still_should_know_what_nobody_saw)
     assert_true(saga_capture_has(&c, 0, 0));
     assert_false(saga_capture_has(&c, 1, 0));
     assert_int_equal(c.views[1].n_missing, 1);
-    saga_capture_free(&c);
 }
 
 TEST(still_should_refuse_other_views)

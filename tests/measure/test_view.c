@@ -213,7 +213,7 @@ TEST(picture_should_be_the_vectors_on_any_threads)
         uint32_t number;
         uint8_t *rgb;
         size_t n;
-        opened o;
+        FREED_BY(close_vector) opened o;
 
         open_vector(&o, threads);
         assert_true(saga_film_rig(&o.film, 0, &c, &number, &o.error));
@@ -226,7 +226,6 @@ TEST(picture_should_be_the_vectors_on_any_threads)
         assert_true(saga_film_draw(&o.film, &c, 15, 2, rgb, &o.error));
         assert_int_equal(o.film.times.n_segments, 1);
         free(rgb);
-        close_vector(&o);
     }
 }
 
@@ -256,7 +255,7 @@ TEST(what_a_file_lacks_should_be_told)
 
 TEST(damaged_file_should_not_open)
 {
-    opened o;
+    FREED_BY(close_vector) opened o;
 
     open_vector(&o, 1);
     saga_film_close(&o.film);
@@ -265,12 +264,11 @@ TEST(damaged_file_should_not_open)
                                 o.bytes.nbytes, 1, &o.error));
     assert_non_null(strstr(o.error.message, vector));
     assert_null(o.film.work);
-    close_vector(&o);
 }
 
 TEST(hurried_film_should_say_how_to_wait)
 {
-    opened o;
+    FREED_BY(close_vector) opened o;
 
     open_vector(&o, 1);
     saga_film_close(&o.film);
@@ -282,7 +280,6 @@ TEST(hurried_film_should_say_how_to_wait)
     o.error.message[0] = 0;
     assert_true(saga_film_open_within(&o.film, vector, &o.bytes, 600,
                                       &o.error));
-    close_vector(&o);
 }
 
 /* --- The path ------------------------------------------------------------ */
@@ -292,7 +289,7 @@ TEST(hurried_film_should_say_how_to_wait)
 TEST(orbit_should_stay_where_the_rig_was)
 {
     saga_orbit p;
-    opened o;
+    FREED_BY(close_vector) opened o;
 
     open_vector(&o, 1);
     assert_true(saga_orbit_of(&p, &o.film, &o.error));
@@ -317,7 +314,6 @@ TEST(orbit_should_stay_where_the_rig_was)
                     fabs(p.middle), 1.5707963)) + 1e-3);
         assert_true(fabs(level) < 1e-6);
     }
-    close_vector(&o);
 }
 
 /* --- Evaluation ---------------------------------------------------------- */
@@ -357,10 +353,10 @@ static void mismatch(const opened *o, const saga_capture *c, const char *says)
 TEST(capture_should_be_refused_where_it_differs)
 {
     char says[64];
-    saga_capture c;
+    FREED_BY(saga_capture_free) saga_capture c;
     saga_shot *v;
     saga_eval e;
-    opened o;
+    FREED_BY(close_vector) opened o;
 
     open_vector(&o, 1);
     c = rig_capture(&o);
@@ -387,8 +383,6 @@ TEST(capture_should_be_refused_where_it_differs)
     v->translation[0] -= 1e-3 * saga_metric_width(&o.film.metric);
     v->fx *= 1.1;
     mismatch(&o, &c, "focal length");
-    saga_capture_free(&c);
-    close_vector(&o);
 }
 
 /* Every frame of every view as the file gives it, each view's first frame
@@ -479,9 +473,9 @@ TEST(score_should_tell_medians_and_changes)
 {
     const saga_eval_options options = { .pictures = NULL };
     wanted want[3], set = { .median_mse = 0.0 };
-    saga_capture c;
-    saga_eval e;
-    opened o;
+    FREED_BY(saga_capture_free) saga_capture c;
+    FREED_BY(saga_eval_free) saga_eval e;
+    FREED_BY(close_vector) opened o;
     const saga_eval_maker maker = { "vector", 1, saga_eval_draw_film,
                                     &o.film };
 
@@ -514,9 +508,6 @@ TEST(score_should_tell_medians_and_changes)
     assert_true(fabs(told(&e.training, "median_psnr") - set.median_psnr) <
                 1e-9);
     expect_change(&e.held_out, &want[2].change);
-    saga_eval_free(&e);
-    saga_capture_free(&c);
-    close_vector(&o);
 }
 
 /* All is 100 but frame 1 of the truth, which is 110; a mask empties frame 0 of
@@ -527,8 +518,8 @@ TEST(frames_that_a_mask_empties_should_be_in_no_mean)
 {
     const saga_eval_options options = { .pictures = NULL };
     saga_capture c, made;
-    saga_eval e;
-    opened o;
+    FREED_BY(saga_eval_free) saga_eval e;
+    FREED_BY(close_vector) opened o;
     const saga_eval_maker maker = { "made", 1, saga_eval_draw_pictures,
                                     &made };
     double n, d;
@@ -560,10 +551,8 @@ TEST(frames_that_a_mask_empties_should_be_in_no_mean)
     assert_true(fabs(told(&e.view[0].score, "psnr_exposed") -
                      10 * log10(65025 * n / (d * d * (n - 1) +
                                              (10 - d) * (10 - d)))) < 1e-6);
-    saga_eval_free(&e);
     saga_capture_free(&c);
     saga_capture_free(&made);
-    close_vector(&o);
 }
 
 /* Another codec's pictures: all samples of one frame of view 1 are 10 off, so
@@ -574,7 +563,7 @@ TEST(pictures_of_another_codec_should_be_judged_alike)
     const saga_eval_options options = { .pictures = NULL };
     saga_capture c, made;
     saga_eval e;
-    opened o;
+    FREED_BY(close_vector) opened o;
     const saga_eval_maker maker = { "made", 1, saga_eval_draw_pictures,
                                     &made };
 
@@ -604,7 +593,6 @@ TEST(pictures_of_another_codec_should_be_judged_alike)
     assert_false(saga_eval_match_pictures(&e, "made", &made, &c, &o.error));
     saga_capture_free(&made);
     saga_capture_free(&c);
-    close_vector(&o);
 }
 
 /* --- Pictures side by side ----------------------------------------------- */

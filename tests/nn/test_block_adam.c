@@ -54,9 +54,9 @@ TEST(blocks_should_step_as_adam_before_they_turn)
     enum { N = 40, STEPS = 9 };
     const saga_adam adam = saga_adam_default();
     const saga_rng r = saga_rng_stream(7, 1);
-    blocks s = make(N, 0.01f);
+    FREED_BY(drop) blocks s = make(N, 0.01f);
     float *const x = reals(N * WIDTH), *const m = reals(N * WIDTH);
-    float *const v = reals(N * WIDTH);
+    FREED float *const v = reals(N * WIDTH);
     const saga_adam_tensor t = { "x", x, s.g, m, v, N * WIDTH, 0.01f };
     saga_error error = { "" };
 
@@ -71,8 +71,6 @@ TEST(blocks_should_step_as_adam_before_they_turn)
         assert_true(fabs((double)(x[i] - s.x[i])) < 1e-6);
     free(x);
     free(m);
-    free(v);
-    drop(&s);
 }
 
 /* Sets q to a rotation: turns by these angles in planes of neighbours. */
@@ -103,7 +101,7 @@ TEST(axes_should_be_those_of_the_gradients)
     const saga_adam adam = saga_adam_default();
     const saga_rng r = saga_rng_stream(7, 2);
     double q[WIDTH][WIDTH];
-    blocks s = make(1, 0);
+    FREED_BY(drop) blocks s = make(1, 0);
 
     rotate(q);
     for (uint64_t step = 1; step <= STEPS; step++) {
@@ -136,7 +134,6 @@ TEST(axes_should_be_those_of_the_gradients)
         }
         assert_true(best > 0.98);
     }
-    drop(&s);
 }
 
 /* L = (u^2 + 10^4 w^2) / 2 in turned coordinates, with noise as large as the
@@ -146,7 +143,7 @@ static double floor_left(bool own_axes)
     enum { STEPS = 1500 };
     const saga_adam adam = saga_adam_default();
     const saga_rng r = saga_rng_stream(7, 3);
-    blocks s = make(1, 0.002f);
+    FREED_BY(drop) blocks s = make(1, 0.002f);
     const saga_adam_tensor t = { "x", s.x, s.g, s.m, s.v, WIDTH, 0.002f };
     saga_error error = { "" };
     double q[WIDTH][WIDTH], u = 0;
@@ -175,7 +172,6 @@ static double floor_left(bool own_axes)
     }
     for (size_t k = 0; k < WIDTH; k++)
         u += (double)s.x[k] * q[0][k];
-    drop(&s);
     return fabs(u);
 }
 

@@ -86,12 +86,12 @@ static void check(saga_net net, size_t m)
     const size_t n = saga_net_n_params(&net);
     const size_t n_x = m * (size_t)net.dim[0];
     const size_t n_y = m * (size_t)net.dim[net.n_layers];
-    real *const w = calloc(2 * n + 2 * n_x + 2 * n_y, sizeof *w);
+    FREED real *const w = calloc(2 * n + 2 * n_x + 2 * n_y, sizeof *w);
     real *const dw = w + n, *const x = dw + n, *const dx = x + n_x;
     real *const y = dx + n_x, *const dy = y + n_y;
     saga_net d = net;
     saga_error error = { "" };
-    saga_net_work work;
+    FREED_BY(saga_net_free) saga_net_work work;
     double sum = 0, e_w, e_x;
 
     assert_true(saga_net_reserve(&work, &net, m, &error));
@@ -111,8 +111,6 @@ static void check(saga_net net, size_t m)
     printf("  %d layers, %zu points: weights %.1e, input %.1e\n", net.n_layers,
            m, e_w, e_x);
     assert_true(e_w < TOLERANCE && e_x < TOLERANCE);
-    saga_net_free(&work);
-    free(w);
 }
 
 TEST(net_gradient_should_match_differences)

@@ -95,7 +95,7 @@ TEST(adam_should_name_what_is_not_finite)
 {
     enum { N = 10000 };
     const saga_adam adam = saga_adam_default();
-    float *const x = calloc(8 * N, sizeof *x);
+    FREED float *const x = calloc(8 * N, sizeof *x);
     const saga_adam_tensor t[2] = {
         { "good", x, x + N, x + 2 * N, x + 3 * N, N, 1 },
         { "bad", x + 4 * N, x + 5 * N, x + 6 * N, x + 7 * N, N - 1, 1 }
@@ -118,7 +118,6 @@ TEST(adam_should_name_what_is_not_finite)
     x[4 * N + 9998] = 0;
     assert_true(saga_adam_update(&adam, t, 2, 1, &error));
     assert_true(x[0] < 0 && x[4 * N + 9998] < 0);
-    free(x);
 }
 
 /* --- Random numbers ------------------------------------------------------ */
@@ -214,7 +213,7 @@ static void run_batch(batch *e)
 {
     saga_net net = shape, d = shape;
     saga_error error = { "" };
-    saga_net_work work;
+    FREED_BY(saga_net_free) saga_net_work work;
 
     assert_true(saga_net_reserve(&work, &net, POINTS, &error));
     saga_net_bind(&net, e->w);
@@ -223,7 +222,6 @@ static void run_batch(batch *e)
     memset(e->dw, 0, sizeof e->dw);
     saga_net_forward(e->y, &work, e->x, POINTS, &net);
     saga_net_backward(e->dx, &d, &work, e->dy, e->x, POINTS, &net);
-    saga_net_free(&work);
 }
 
 static void fill(float *x, size_t n, uint64_t stream, float lo, float hi)
@@ -234,7 +232,7 @@ static void fill(float *x, size_t n, uint64_t stream, float lo, float hi)
 
 TEST(nets_should_not_depend_on_threads)
 {
-    batch *const e = calloc(2, sizeof *e);
+    FREED batch *const e = calloc(2, sizeof *e);
 
     fill(e->x, POINTS * 27, 1, -1, 1);
     fill(e->dy, POINTS * 5, 2, -1, 1);
@@ -247,7 +245,6 @@ TEST(nets_should_not_depend_on_threads)
             memcpy(e + 1, e, sizeof *e);
         assert_memory_equal(e, e + 1, sizeof *e);
     }
-    free(e);
 }
 
 /* A float's phase is exact: the embedding is as good near 8 turns as at 0. */

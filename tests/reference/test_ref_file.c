@@ -118,7 +118,7 @@ TEST(bad_vectors_should_be_refused)
 static uint8_t *make_base(uint64_t number, size_t *n)
 {
     gen_options o;
-    gen_stream g;
+    FREED_BY(gen_stream_free) gen_stream g;
     uint8_t *bytes;
 
     memset(&o, 0, sizeof o);
@@ -129,7 +129,6 @@ static uint8_t *make_base(uint64_t number, size_t *n)
     o.bank_width = 8;
     gen_stream_make(&g, &o);
     gen_stream_encode(&g, &bytes, n);
-    gen_stream_free(&g);
     return bytes;
 }
 
@@ -152,7 +151,7 @@ static void play(uint64_t number, const uint8_t *base, size_t n_base,
     mutate_result result;
     saga_info info;
     size_t n;
-    uint8_t *const bytes = mutate_make(base, n_base, c, &r, &n);
+    FREED uint8_t *const bytes = mutate_make(base, n_base, c, &r, &n);
 
     mutate_play(&result, bytes, n, &r);
     if (result.stage != MUTATE_AT_SIZE &&
@@ -168,7 +167,6 @@ static void play(uint64_t number, const uint8_t *base, size_t n_base,
                      mutate_stage_text[result.stage]);
         n_of[takes]++;
     }
-    free(bytes);
 }
 
 TEST(damage_should_be_refused_where_the_decoder_refuses)

@@ -14,7 +14,7 @@ static void verify(saga_verify *v, const char *path, uint32_t frame)
 {
     saga_verify_view view = { .frame_num = frame, .frame_den = 1 };
     saga_error error = { "" };
-    saga_bytes file;
+    FREED_BY(saga_bytes_free) saga_bytes file;
     uint32_t number;
 
     assert_true(saga_read_file(&file, path, &error));
@@ -22,7 +22,6 @@ static void verify(saga_verify *v, const char *path, uint32_t frame)
                               0), SAGA_OK);
     if (!saga_verify_file(v, path, file.data, file.nbytes, &view, &error))
         fail_msg("%s", error.message);
-    saga_bytes_free(&file);
 }
 
 static const saga_verify_row *row_of(const saga_verify *v, int stage,
@@ -146,7 +145,7 @@ TEST(bad_files_should_be_refused)
 
     for (size_t i = 0; i < sizeof name / sizeof name[0]; i++) {
         saga_error error = { "" };
-        saga_bytes file;
+        FREED_BY(saga_bytes_free) saga_bytes file;
         saga_verify v;
         char path[512];
 
@@ -155,6 +154,5 @@ TEST(bad_files_should_be_refused)
         assert_false(saga_verify_file(&v, path, file.data, file.nbytes, &view,
                                       &error));
         assert_non_null(strstr(error.message, path));
-        saga_bytes_free(&file);
     }
 }

@@ -103,7 +103,7 @@ TEST(cameras_should_stand_between_training_views)
         { 0, 1 }, { 0, 3 }, { 1, 3 }, { 3, 4 }, { 1, 4 }
     };
     fixture *const f = make(0.22);
-    saga_novel o = placed(f);
+    FREED_BY(saga_novel_free) saga_novel o = placed(f);
     int n[5] = { 0 };
 
     assert_int_equal(o.n_shots, 15);
@@ -135,7 +135,6 @@ TEST(cameras_should_stand_between_training_views)
     }
     for (int k = 0; k < 5; k++)
         assert_int_equal(n[k], 3);
-    saga_novel_free(&o);
     drop(f);
 }
 
@@ -144,13 +143,12 @@ TEST(rotation_should_be_shared_evenly)
 {
     static const double part[3] = { 1 / 6.0, 1 / 2.0, 5 / 6.0 };
     fixture *const f = make(0.22);
-    saga_novel o = placed(f);
+    FREED_BY(saga_novel_free) saga_novel o = placed(f);
 
     /* The first pair is that of cameras 0 and 1, 0.22 apart. */
     for (int i = 0; i < 3; i++)
         assert_true(fabs(atan2(o.shot[i].rotation[6], o.shot[i].rotation[8]) -
                          0.22 * part[i]) < 1e-12);
-    saga_novel_free(&o);
     drop(f);
 }
 
@@ -212,11 +210,10 @@ static void ball(saga_splat_params *p, real red)
 static void teach(saga_novel *o, real red)
 {
     saga_error error = { "" };
-    saga_splat_params p;
+    FREED_BY(saga_params_free) saga_splat_params p;
 
     ball(&p, red);
     assert_true(saga_novel_teach(o, &p, 1, &error));
-    saga_params_free(&p);
 }
 
 /* Three in ten, and the others as if there were no such pictures. */
@@ -224,7 +221,7 @@ TEST(others_should_keep_their_order)
 {
     const saga_rng r = saga_rng_stream(1, 2);
     fixture *const f = make(0.22);
-    saga_novel o = placed(f);
+    FREED_BY(saga_novel_free) saga_novel o = placed(f);
     uint64_t own = 0;
     int moments = 0;
 
@@ -248,7 +245,6 @@ TEST(others_should_keep_their_order)
     }
     assert_int_equal(own, 700);
     assert_int_equal(moments, (1 << FRAMES) - 1);
-    saga_novel_free(&o);
     drop(f);
 }
 
@@ -257,8 +253,8 @@ TEST(truth_should_be_the_mean_of_the_teachers)
     fixture *const f = make(0.22);
     const size_t middle = W * (H / 2) + W / 2, plane = W * H;
     saga_error error = { "" };
-    saga_novel o = placed(f);
-    saga_canvas canvas;
+    FREED_BY(saga_novel_free) saga_novel o = placed(f);
+    FREED_BY(saga_canvas_free) saga_canvas canvas;
     real red[3];
 
     assert_true(saga_pictures_canvas(&canvas, &f->pictures, &error));
@@ -283,8 +279,6 @@ TEST(truth_should_be_the_mean_of_the_teachers)
     assert_true(fabs((double)red[0] - 0.2475) < 0.01);
     assert_true(fabs((double)red[1] - 0.7425) < 0.01);
     assert_true(fabs((double)(red[0] + red[1]) / 2 - (double)red[2]) < 1e-6);
-    saga_canvas_free(&canvas);
-    saga_novel_free(&o);
     drop(f);
 }
 
@@ -298,7 +292,7 @@ static double distance_of(const fixture *f, saga_flat *flat,
     const saga_splat_params p = saga_flat_params(flat);
     saga_pictures pictures = f->pictures;
     saga_error error = { "" };
-    saga_canvas canvas;
+    FREED_BY(saga_canvas_free) saga_canvas canvas;
     double mse;
 
     pictures.novel = (saga_novel *)(uintptr_t)o;
@@ -308,7 +302,6 @@ static double distance_of(const fixture *f, saga_flat *flat,
     assert_true(saga_splat_forward(&canvas, &p, saga_flat_count(flat),
                                    &error));
     mse = saga_canvas_mse(&canvas);
-    saga_canvas_free(&canvas);
     return mse;
 }
 
@@ -319,7 +312,7 @@ TEST(warm_up_should_learn_from_teachers)
     saga_flat_options options = saga_flat_defaults();
     fixture *const f = make(0.22);
     saga_error error = { "" };
-    saga_novel o = placed(f);
+    FREED_BY(saga_novel_free) saga_novel o = placed(f);
     double away[2], mse;
     int n_novel = 0;
 
@@ -344,6 +337,5 @@ TEST(warm_up_should_learn_from_teachers)
     assert_int_equal(n_novel, 30);
     if (!(away[1] < 0.7 * away[0]))
         fail_msg("%g with a teacher, %g without", away[1], away[0]);
-    saga_novel_free(&o);
     drop(f);
 }

@@ -222,7 +222,7 @@ static void check_walk(const saga_scene *s, const saga_symbols *symbols)
 {
     lookup c;
     saga_nets nets;
-    saga_scaffold sc;
+    FREED_BY(saga_scaffold_free) saga_scaffold sc;
     uint8_t *params;
 
     memset(&c, 0, sizeof c);
@@ -242,7 +242,6 @@ static void check_walk(const saga_scene *s, const saga_symbols *symbols)
     for (uint32_t i = 0; i < s->n.fine; i++)
         check_fine(&s->fine[i], &sc.fine[i]);
     free(params);
-    saga_scaffold_free(&sc);
 }
 
 static void check_symbols(const saga_symbols *a, const saga_symbols *b)
@@ -264,7 +263,7 @@ static void check_bytes(const saga_scene *s, const saga_symbols *symbols)
     saga_header h;
     saga_nets shapes;
     saga_net_symbols nets, nets_read;
-    saga_symbols read;
+    FREED_BY(recorder_free_symbols) saga_symbols read;
     saga_encode_sizes sizes;
     saga_encoder *e;
     saga_error error = { "" };
@@ -292,7 +291,6 @@ static void check_bytes(const saga_scene *s, const saga_symbols *symbols)
     saga_encoder_free(e);
     saga_net_symbols_free(&nets);
     saga_net_symbols_free(&nets_read);
-    recorder_free_symbols(&read);
     free(bytes);
 }
 
@@ -354,7 +352,7 @@ static real clamped(real x, double lo, double hi)
 static void check_prims(const saga_scene *s, const uint32_t *source,
                         const flat *f)
 {
-    uint8_t *const seen = zeroed(f->n, 1);
+    FREED uint8_t *const seen = zeroed(f->n, 1);
 
     assert_int_equal(s->n.prim, f->n);
     for (uint32_t rank = 0; rank < s->n.prim; rank++) {
@@ -373,13 +371,12 @@ static void check_prims(const saga_scene *s, const uint32_t *source,
             assert_true(s->prim_x[4 * rank + 3] ==
                         clamped(f->p.t_centre[at], 0, 1 - 0x1p-16));
     }
-    free(seen);
 }
 
 static void check_scene(const saga_scene *s, const uint32_t *source,
                         const flat *f, const saga_hierarchy_options *o)
 {
-    saga_symbols symbols;
+    FREED_BY(recorder_free_symbols) saga_symbols symbols;
     uint32_t fine = 0;
 
     assert_true(s->n.coarse <= o->max_coarse);
@@ -396,7 +393,6 @@ static void check_scene(const saga_scene *s, const uint32_t *source,
     symbols_make(&symbols, s);
     check_walk(s, &symbols);
     check_bytes(s, &symbols);
-    recorder_free_symbols(&symbols);
 }
 
 /* --- Building ------------------------------------------------------------ */
@@ -438,25 +434,23 @@ static bool try_build(uint32_t *source, saga_error *why)
 /* Builds and checks a scene. */
 static void build(void)
 {
-    uint32_t *const source = zeroed(f.n, sizeof *source);
+    FREED uint32_t *const source = zeroed(f.n, sizeof *source);
     saga_error error;
 
     if (!try_build(source, &error))
         fail_msg("%s", error.message);
     check_scene(&s, source, &f, &u.o);
-    free(source);
 }
 
 /* why: the sentence without its remedy. */
 static void refuse(const char *why)
 {
-    uint32_t *const source = zeroed(f.n, sizeof *source);
+    FREED uint32_t *const source = zeroed(f.n, sizeof *source);
     saga_error error;
 
     assert_false(try_build(source, &error));
     error.message[strcspn(error.message, ";")] = '\0';
     assert_string_equal(error.message, why);
-    free(source);
 }
 
 static uint32_t max_depth_t(void)
@@ -537,7 +531,7 @@ TEST(hierarchy_should_be_valid_when_limits_vary)
         const uint32_t n = (uint32_t)(1 + uniform(&seed) * 250);
         const uint32_t max_coarse = (uint32_t)(1 + uniform(&seed) * n);
         const uint32_t max_fine = (uint32_t)(1 + uniform(&seed) * n);
-        uint32_t *const source = zeroed(n, sizeof *source);
+        FREED uint32_t *const source = zeroed(n, sizeof *source);
         saga_error error;
 
         given(n, seed + round);
@@ -555,7 +549,6 @@ TEST(hierarchy_should_be_valid_when_limits_vary)
                         strstr(error.message, "deepest"));
             assert_true(round % 3 || strstr(error.message, "deepest"));
         }
-        free(source);
     }
     printf("%u of 300 built\n", (unsigned)built);
     assert_true(built > 150);
@@ -843,7 +836,7 @@ TEST(hierarchy_should_be_the_same_when_built_again)
 {
     uint32_t source[2][2000];
     saga_error error;
-    saga_scene first;
+    FREED_BY(saga_scene_free) saga_scene first;
 
     given(2000, 12);
     flat_cluster(&f);
@@ -854,13 +847,12 @@ TEST(hierarchy_should_be_the_same_when_built_again)
     assert_true(try_build(source[1], &error));
     check_same(&first, &s);
     assert_memory_equal(source[0], source[1], sizeof source[0]);
-    saga_scene_free(&first);
 }
 
 TEST(hierarchy_should_be_quick_when_large)
 {
     enum { N = 20000 };
-    uint32_t *const source = zeroed(N, sizeof *source);
+    FREED uint32_t *const source = zeroed(N, sizeof *source);
 
     given(N, 13);
     for (int round = 0; round < 2; round++) {
@@ -884,5 +876,4 @@ TEST(hierarchy_should_be_quick_when_large)
         assert_true(seconds < 10);
         check_scene(&s, source, &f, &u.o);
     }
-    free(source);
 }

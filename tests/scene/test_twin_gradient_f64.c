@@ -218,7 +218,7 @@ static void run_gradient(uint32_t tools, uint32_t no_fuse, bool still)
 {
     saga_error error = { "" };
     saga_scene s, d;
-    saga_twin w;
+    FREED_BY(saga_twin_free) saga_twin w;
 
     make_scene(&s, tools, no_fuse);
     s.still = still;
@@ -232,7 +232,6 @@ static void run_gradient(uint32_t tools, uint32_t no_fuse, bool still)
     check_range(&w, &s, &d, s.coarse_feature, 2u * s.model.features, 1);
     check_range(&w, &s, &d, s.params,
                 s.n_reals - (size_t)(s.params - s.reals), 3);
-    saga_twin_free(&w);
     saga_scene_free(&s);
     saga_scene_free(&d);
 }
@@ -261,7 +260,7 @@ TEST(motion_should_end_where_its_format_does)
     saga_rows rows[SAGA_N_OUTS];
     saga_error error = { "" };
     saga_scene s, d;
-    saga_twin w;
+    FREED_BY(saga_twin_free) saga_twin w;
 
     make_scene(&s, SAGA_TOOLS_PICTURE, 0);
     assert_true(saga_scene_init(&d, &s.model, s.n, 3, 0, &error));
@@ -284,7 +283,6 @@ TEST(motion_should_end_where_its_format_does)
         assert_true(d_out[row - 1] == -sign);
         assert_true(d_out[(uint32_t)s.net[SAGA_NET_GEO].dim[3] + row] == sign);
     }
-    saga_twin_free(&w);
     saga_scene_free(&s);
     saga_scene_free(&d);
 }

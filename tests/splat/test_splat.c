@@ -114,10 +114,10 @@ static ref_camera ref_camera_of(const fixture *f)
  * of the pixels may be left out. */
 static double error_to_book(fixture *f, double unsure)
 {
-    ref_primitive *const r = ref_primitives(f);
+    FREED ref_primitive *const r = ref_primitives(f);
     const ref_camera cam = ref_camera_of(f);
-    double *const image = malloc(3 * f->plane * sizeof *image);
-    uint8_t *const skip = malloc(f->plane);
+    FREED double *const image = malloc(3 * f->plane * sizeof *image);
+    FREED uint8_t *const skip = malloc(f->plane);
     double worst = 0;
     size_t n_skipped = 0;
 
@@ -136,9 +136,6 @@ static double error_to_book(fixture *f, double unsure)
            "unsure: largest error %.1e\n", f->n, f->c.splat.n_visible,
            f->c.splat.n_pairs, n_skipped, f->plane, worst);
     assert_true((double)n_skipped <= unsure * (double)f->plane);
-    free(r);
-    free(image);
-    free(skip);
     return worst;
 }
 
@@ -190,8 +187,8 @@ TEST(splat_should_not_depend_on_threads)
     fixture *const f = new_fixture(3000, 320, 180, 30, 1.5);
     const size_t n_grad = scene_reals(f->n);
     const size_t n_image = 3 * f->plane;
-    real *const kept = calloc(n_image + n_grad + 3 * f->n, sizeof *kept);
-    real *const st = calloc(3 * f->n, sizeof *st);
+    FREED real *const kept = calloc(n_image + n_grad + 3 * f->n, sizeof *kept);
+    FREED real *const st = calloc(3 * f->n, sizeof *st);
 
     saga_set_least_work(0);
     for (int threads = 1; threads <= 3; threads++) {
@@ -212,8 +209,6 @@ TEST(splat_should_not_depend_on_threads)
         assert_memory_equal(kept + n_image + n_grad, st,
                             3 * f->n * sizeof(real));
     }
-    free(kept);
-    free(st);
     free_fixture(f);
 }
 
@@ -224,8 +219,8 @@ TEST(splat_should_not_depend_on_threads)
 TEST(splat_stats_should_add_up)
 {
     fixture *const f = new_fixture(500, 80, 60, 40, 2);
-    real *const st = calloc(2 * f->n, sizeof *st);
-    uint32_t *const seen = calloc(f->n, sizeof *seen);
+    FREED real *const st = calloc(2 * f->n, sizeof *st);
+    FREED uint32_t *const seen = calloc(f->n, sizeof *seen);
     saga_splat_stats s = { st, st + f->n, seen };
     double weight = 0, left = 0;
     size_t n_seen = 0;
@@ -246,8 +241,6 @@ TEST(splat_stats_should_add_up)
         left += 1 - (double)f->c.image[i];
     assert_true(fabs(weight / 2 - left) < 1e-4 * left);
     assert_int_equal(n_seen, 2 * f->c.splat.n_visible);
-    free(st);
-    free(seen);
     free_fixture(f);
 }
 

@@ -206,7 +206,7 @@ TEST(splat_gradient_should_match_in_a_crowd)
 TEST(learn_should_match_backward_of_the_squared_error)
 {
     fixture *const f = new_fixture(5);
-    saga_splat_params twin = scene_alloc(N);
+    FREED_BY(saga_params_free) saga_splat_params twin = scene_alloc(N);
     saga_splat_learning l = { .d = twin };
     double mse = 0;
 
@@ -227,6 +227,5 @@ TEST(learn_should_match_backward_of_the_squared_error)
     for (size_t i = 0; i < scene_reals(N); i++)
         assert_true(fabs(twin.mean[i] - f->d.mean[i]) <
                     1e-12 + 1e-9 * fabs(f->d.mean[i]));
-    saga_params_free(&twin);
     free_fixture(f);
 }

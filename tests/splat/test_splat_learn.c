@@ -49,7 +49,7 @@ static void draw(fit *f, const saga_splat_params *p, int view)
 
 static void draw_targets(fit *f)
 {
-    saga_splat_params p = scene_alloc(N);
+    FREED_BY(saga_params_free) saga_splat_params p = scene_alloc(N);
 
     scene_random(&p, N, 101, 3);
     for (int i = 0; i < N; i++) {
@@ -60,7 +60,6 @@ static void draw_targets(fit *f)
         draw(f, &p, i);
         memcpy(f->target[i], f->c.image, sizeof f->target[i]);
     }
-    saga_params_free(&p);
 }
 
 static fit *new_fit(void)
@@ -191,7 +190,7 @@ TEST(pixels_should_not_count_when_they_are_unseen)
 {
     fit *const f = new_fit();
     saga_splat_learning l = { .d = f->d };
-    float *const first = malloc(scene_reals(N) * sizeof *first);
+    FREED float *const first = malloc(scene_reals(N) * sizeof *first);
     double mse = 0, clipped[2];
 
     for (int pass = 0; pass < 2; pass++) {
@@ -215,7 +214,6 @@ TEST(pixels_should_not_count_when_they_are_unseen)
     for (size_t i = 0; i < scene_reals(N); i++)
         assert_true(fabsf(first[i] - f->d.mean[i]) <=
                     1e-5f * fabsf(first[i]) + 1e-9f);
-    free(first);
     free_fit(f);
 }
 
@@ -234,8 +232,8 @@ TEST(canvas_should_draw_its_own_and_teach_the_others)
     enum { GIVEN = 200 };
     fit *const f = new_fit();
     const saga_splat_params own = from(f->p, GIVEN);
-    float *const all = malloc(scene_reals(N) * sizeof *all);
-    float *const image = malloc(3 * PLANE * sizeof *image);
+    FREED float *const all = malloc(scene_reals(N) * sizeof *all);
+    FREED float *const image = malloc(3 * PLANE * sizeof *image);
     saga_splat_params d;
 
     saga_params_lay(&d, all, SAGA_ATTRS_ALL, N);
@@ -261,8 +259,6 @@ TEST(canvas_should_draw_its_own_and_teach_the_others)
                 assert_true(has[i] == 0);
         }
     }
-    free(all);
-    free(image);
     free_fit(f);
 }
 

@@ -100,8 +100,8 @@ static void draw_integers(uint16_t *rgb, const saga_primitive *prim,
         .q_motion = { Q_MOTION, Q_MOTION, Q_MOTION }, .motion_order = 3,
         .has_slope = 1, .has_width = 1
     };
-    saga_splat *const s = calloc(n, sizeof *s);
-    saga_key *const keys = calloc(2 * n, sizeof *keys);
+    FREED saga_splat *const s = calloc(n, sizeof *s);
+    FREED saga_key *const keys = calloc(2 * n, sizeof *keys);
     saga_drawing drawing = { cam, s, keys, 0, saga_cpu_best(), tools };
     const size_t nbytes = 1u << 22;
     const saga_picture pic = { rgb, 6u * cam->width,
@@ -128,8 +128,6 @@ static void draw_integers(uint16_t *rgb, const saga_primitive *prim,
     while (saga_raster(&job, &pic, &drawing, 1u << 20) == SAGA_AGAIN)
         ;
     free(job.scratch);
-    free(keys);
-    free(s);
 }
 
 static saga_error error; /* nothing fails here */
@@ -138,11 +136,11 @@ static double compare(uint32_t n, int width, int height, uint64_t seed,
                       double px, double stretch, int is_steep)
 {
     const size_t plane = (size_t)width * (size_t)height;
-    saga_splat_params p = scene_alloc(n);
+    FREED_BY(saga_params_free) saga_splat_params p = scene_alloc(n);
     saga_splat_camera cam = scene_camera(width, height, 0.15);
-    saga_primitive *const prim = calloc(n, sizeof *prim);
-    uint16_t *const rgb = calloc(3 * plane, sizeof *rgb);
-    saga_canvas canvas;
+    FREED saga_primitive *const prim = calloc(n, sizeof *prim);
+    FREED uint16_t *const rgb = calloc(3 * plane, sizeof *rgb);
+    FREED_BY(saga_canvas_free) saga_canvas canvas;
     saga_camera camera;
     double mse = 0, worst = 0;
 
@@ -174,10 +172,6 @@ static double compare(uint32_t n, int width, int height, uint64_t seed,
     printf("  %u %sprimitives, %u visible, stretch 2^%g: %.1f dB, largest "
            "difference %.2f of 255\n", n, is_steep ? "steep " : "",
            canvas.splat.n_visible, stretch, mse, 255 * worst);
-    saga_canvas_free(&canvas);
-    saga_params_free(&p);
-    free(prim);
-    free(rgb);
     return mse;
 }
 

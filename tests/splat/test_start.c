@@ -135,10 +135,10 @@ static void draw(real *image, saga_canvas *c, const saga_splat_params *p)
 TEST(canonical_form_should_draw_the_same)
 {
     static real before[3 * SIDE * SIDE], after[3 * SIDE * SIDE];
-    saga_splat_params p = make_primitives();
+    FREED_BY(saga_params_free) saga_splat_params p = make_primitives();
     double bright = 0;
     saga_error error = { "" };
-    saga_canvas c;
+    FREED_BY(saga_canvas_free) saga_canvas c;
 
     assert_true(saga_canvas_init(&c, SIDE * SIDE, &error));
     draw(before, &c, &p);
@@ -157,6 +157,4 @@ TEST(canonical_form_should_draw_the_same)
         /* The farthest rotation from all of the cube's is by 62.8 degrees. */
         assert_true(q[0] > R(0.853));
     }
-    saga_params_free(&p);
-    saga_canvas_free(&c);
 }

@@ -217,7 +217,7 @@ TEST(rig_should_hold_the_same_values)
         file *const f = &files[i];
         const uint32_t n = (uint32_t)get(HEADER, f->p, "n_cameras", 0);
         const uint32_t rig = rig_at(f->p), end = rig_end(f->p);
-        uint8_t *const copy = malloc(end + 4);
+        FREED uint8_t *const copy = malloc(end + 4);
         uint32_t number;
         saga_camera cam;
 
@@ -235,7 +235,6 @@ TEST(rig_should_hold_the_same_values)
                              SAGA_OK);
             check_camera(copy + at, &cam, number);
         }
-        free(copy);
     }
 }
 
@@ -330,7 +329,7 @@ TEST(segments_should_be_cut_where_layers_end)
     for (int i = 0; i < n_files; i++) {
         file *const f = &files[i];
         saga_info info;
-        saga_decoder *const dec = open_file(&info, f);
+        FREED saga_decoder *const dec = open_file(&info, f);
         saga_segment seg = { .n_frames = 0 };
 
         assert_int_equal(info.n_layers, n_layers_of(f));
@@ -339,7 +338,6 @@ TEST(segments_should_be_cut_where_layers_end)
             assert_int_equal(saga_find(&seg, f->p, f->n, frame, 1), SAGA_OK);
             check_cuts(dec, f, &seg);
         }
-        free(dec);
     }
 }
 
@@ -350,7 +348,7 @@ TEST(segments_should_be_found_with_the_same_values)
         const uint8_t *const index = index_of(f);
         uint32_t first_frame = 0;
         saga_info info;
-        saga_decoder *const dec = open_file(&info, f);
+        FREED saga_decoder *const dec = open_file(&info, f);
 
         for (uint32_t s = 0; s < info.n_segments; s++) {
             const uint8_t *const entry = index + s * tables[ENTRY].nbytes;
@@ -358,7 +356,6 @@ TEST(segments_should_be_found_with_the_same_values)
             check_found(dec, f, entry, first_frame);
             first_frame += (uint32_t)get(ENTRY, entry, "n_frames", 0);
         }
-        free(dec);
     }
 }
 
@@ -534,10 +531,10 @@ TEST(view_should_refuse_cameras_outside_the_ranges)
 {
     file *const f = &files[0];
     const size_t n = (size_t)get(HEADER, f->p, "header_nbytes", 0);
-    uint8_t *const header = malloc(n);
+    FREED uint8_t *const header = malloc(n);
     saga_segment seg;
     saga_info info;
-    saga_decoder *const dec = open_file(&info, f);
+    FREED saga_decoder *const dec = open_file(&info, f);
 
     assert_non_null(header);
     memcpy(header, f->p, n);
@@ -552,6 +549,4 @@ TEST(view_should_refuse_cameras_outside_the_ranges)
         for (uint32_t i = 0; is_plain(c) && i < c->count; i++)
             try_camera(dec, header, c, i);
     }
-    free(header);
-    free(dec);
 }

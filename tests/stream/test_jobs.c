@@ -102,11 +102,10 @@ static uint8_t *draw(const player *s, const division *d)
 
 static uint32_t crc_of(const player *s, const division *d)
 {
-    uint8_t *const p = draw(s, d);
+    FREED uint8_t *const p = draw(s, d);
     const uint32_t crc = saga_crc32c(0, p, line_nbytes(s, d) *
                                            s->camera.height);
 
-    free(p);
     return crc;
 }
 
@@ -158,14 +157,13 @@ TEST(picture_should_not_depend_on_its_division)
 {
     for (uint32_t i = 0; i < N_STREAMS; i++) {
         const gen_options o = options_of(i);
-        player s;
+        FREED_BY(player_close) player s;
 
         make_scene(&s, &o);
         if (testing_seed(1) == 1)
             assert_is_picture(&s);
         check_divisions(&s);
         check_budgets(&s);
-        player_close(&s);
     }
 }
 
@@ -189,7 +187,7 @@ static void *draw_band(void *arg)
 static uint32_t crc_of_threads(const player *s, uint32_t n)
 {
     const size_t line = line_nbytes(s, &plain), all = line * s->camera.height;
-    uint8_t *const p = must(malloc(all));
+    FREED uint8_t *const p = must(malloc(all));
     pthread_t thread[8];
     band job[8];
     uint32_t crc;
@@ -213,7 +211,6 @@ static uint32_t crc_of_threads(const player *s, uint32_t n)
     for (uint32_t i = 0; i < n; i++)
         assert_int_equal(pthread_join(thread[i], NULL), 0);
     crc = saga_crc32c(0, p, all);
-    free(p);
     return crc;
 }
 
@@ -221,7 +218,7 @@ TEST(threads_should_draw_what_one_draws)
 {
     for (uint32_t i = 0; i < N_STREAMS; i++) {
         const gen_options o = options_of(i);
-        player s;
+        FREED_BY(player_close) player s;
         uint32_t crc;
 
         make_scene(&s, &o);
@@ -231,7 +228,6 @@ TEST(threads_should_draw_what_one_draws)
             assert_int_equal(crc_of_threads(&s, 4), crc);
             assert_int_equal(crc_of_threads(&s, 7), crc);
         }
-        player_close(&s);
     }
 }
 
@@ -243,7 +239,7 @@ TEST(jobs_should_not_disturb_each_other)
     const division d = { 16, 37, 1, 50, 8 };
     saga_job job[N];
     int left = N, done[N] = { 0 };
-    player s;
+    FREED_BY(player_close) player s;
     uint8_t *p;
     size_t line, n;
 
@@ -276,7 +272,6 @@ TEST(jobs_should_not_disturb_each_other)
     for (int i = 0; i < N; i++)
         free(job[i].scratch);
     free(p);
-    player_close(&s);
 }
 
 /* --- Blocks -------------------------------------------------------------- */
@@ -324,24 +319,21 @@ static void check_depths(const player *s)
     const division d8 = { 16, 100, 2, 1u << 30, 8 };
     const division d16 = { 32, 37, 1, 999, 16 };
     const size_t n = 3u * s->camera.width * s->camera.height;
-    uint8_t *const p = draw(s, &d8);
-    uint16_t *const q = (uint16_t *)(void *)draw(s, &d16);
+    FREED uint8_t *const p = draw(s, &d8);
+    FREED uint16_t *const q = (uint16_t *)(void *)draw(s, &d16);
 
     for (size_t i = 0; i < n; i++)
         assert_true(apart((q[i] + 128u) / 257u, p[i]) <= 1);
-    free(p);
-    free(q);
 }
 
 TEST(samples_of_16_bits_should_be_those_of_8)
 {
     for (uint32_t i = 0; i < N_STREAMS; i++) {
         const gen_options o = options_of(i);
-        player s;
+        FREED_BY(player_close) player s;
 
         make_scene(&s, &o);
         check_depths(&s);
-        player_close(&s);
     }
 }
 
@@ -359,7 +351,7 @@ static void check_rect(const player *s, const uint8_t *whole, int bits,
     const size_t rows = (size_t)(rect[3] - rect[1]);
     const size_t n = stride * (rows - 1) + width;
     const size_t line = line_nbytes(s, &d);
-    uint8_t *const p = must(malloc(n));
+    FREED uint8_t *const p = must(malloc(n));
     const saga_picture picture = { p, stride, n, bits };
 
     memset(p, CANARY, n);
@@ -372,7 +364,6 @@ static void check_rect(const player *s, const uint8_t *whole, int bits,
         for (size_t x = width; y + 1 < rows && x < stride; x++)
             assert_int_equal(p[y * stride + x], CANARY);
     }
-    free(p);
 }
 
 TEST(job_should_begin_at_the_first_sample)
@@ -384,21 +375,19 @@ TEST(job_should_begin_at_the_first_sample)
     };
     static const int32_t tiles[] = { 8, 16, 32, 64 };
     const gen_options o = options_of(1);
-    player s;
+    FREED_BY(player_close) player s;
 
     make_scene(&s, &o);
     assert_int_equal(s.camera.width, 160);
     assert_int_equal(s.camera.height, 120);
     for (uint32_t bits = 8; bits <= 16; bits += 8) {
         const division d = { 16, 500, 1, 1u << 30, (int)bits };
-        uint8_t *const whole = draw(&s, &d);
+        FREED uint8_t *const whole = draw(&s, &d);
 
         for (uint32_t i = 0; i < sizeof rects / sizeof *rects; i++)
             for (uint32_t k = 0; k < 4; k++)
                 check_rect(&s, whole, (int)bits, rects[i], tiles[k]);
-        free(whole);
     }
-    player_close(&s);
 }
 
 /* --- What draw refuses --------------------------------------------------- */

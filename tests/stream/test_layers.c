@@ -159,8 +159,8 @@ TEST(layers_should_be_what_their_symbols_are_alone)
 
     for (uint32_t i = 0; i < N_STREAMS; i++) {
         const gen_options o = options_of(i);
-        taken_apart t;
-        gen_stream g;
+        FREED_BY(end) taken_apart t;
+        FREED_BY(gen_stream_free) gen_stream g;
 
         gen_stream_make(&g, &o);
         take_apart(&t, &g, (const saga_symbols *[]){
@@ -168,8 +168,6 @@ TEST(layers_should_be_what_their_symbols_are_alone)
         assert_int_equal(t.all.report.n_layers, N_LAYERS);
         assert_parts_are_primitives(&t);
         assert_parts_are_drawn(&t, n_seen);
-        end(&t);
-        gen_stream_free(&g);
     }
     assert_true(n_seen[0] > 0 && n_seen[1] > 0 && n_seen[2] > 0);
 }
@@ -195,8 +193,8 @@ TEST(base_should_be_what_its_symbols_are_as_a_segment)
 
     for (uint32_t i = 0; i < N_STREAMS; i++) {
         const gen_options o = with_base(i, i % 2 ? SAGA_TOOL_VIEW : 0);
-        taken_apart t;
-        gen_stream g;
+        FREED_BY(end) taken_apart t;
+        FREED_BY(gen_stream_free) gen_stream g;
 
         gen_stream_make(&g, &o);
         take_apart(&t, &g, (const saga_symbols *[]){ &g.base, &g.segment[0] },
@@ -205,8 +203,6 @@ TEST(base_should_be_what_its_symbols_are_as_a_segment)
                          t.part[0].report.n_primitives);
         assert_parts_are_primitives(&t);
         assert_parts_are_drawn(&t, n_seen);
-        end(&t);
-        gen_stream_free(&g);
     }
     assert_true(n_seen[0] > 0 && n_seen[1] > 0);
 }
@@ -228,7 +224,7 @@ TEST(no_time_and_no_segment_should_change_the_base)
     for (uint32_t i = 0; i < N_STREAMS; i++) {
         const gen_options o = with_base(i, SAGA_TOOLS_PICTURE);
         saga_animated *first;
-        player p;
+        FREED_BY(player_close) player p;
 
         player_make(&p, &o);
         player_decode(&p, 0);
@@ -239,7 +235,6 @@ TEST(no_time_and_no_segment_should_change_the_base)
         player_decode(&p, 1);
         check_still(&p, first);
         free(first);
-        player_close(&p);
     }
 }
 
@@ -247,7 +242,7 @@ TEST(a_broken_segment_should_leave_the_base)
 {
     const gen_options o = with_base(0, SAGA_TOOLS_PICTURE);
     saga_animated before, after;
-    player p;
+    FREED_BY(player_close) player p;
 
     player_make(&p, &o);
     player_decode(&p, 0);
@@ -257,7 +252,6 @@ TEST(a_broken_segment_should_leave_the_base)
     player_decode(&p, 1);
     after = player_primitive(&p, 0, 0);
     assert_memory_equal(&before, &after, sizeof before);
-    player_close(&p);
 }
 
 /* --- Cuts ---------------------------------------------------------------- */
@@ -278,7 +272,7 @@ TEST(cut_segment_should_have_the_layers_that_are_whole)
     for (uint32_t i = 0; i < N_STREAMS; i++) {
         const gen_options o = options_of(i);
         uint32_t n_prim = 0;
-        gen_stream g;
+        FREED_BY(gen_stream_free) gen_stream g;
         player all, cut;
 
         gen_stream_make(&g, &o);
@@ -303,7 +297,6 @@ TEST(cut_segment_should_have_the_layers_that_are_whole)
         assert_int_equal(layer_of(&all, N_LAYERS - 1).end, all.seg.nbytes);
         player_close(&all);
         player_close(&cut);
-        gen_stream_free(&g);
     }
 }
 
@@ -311,8 +304,8 @@ TEST(cut_segment_should_have_the_layers_that_are_whole)
 TEST(damage_should_count_in_whole_layers_only)
 {
     const gen_options o = options_of(0);
-    gen_stream g;
-    player p;
+    FREED_BY(gen_stream_free) gen_stream g;
+    FREED_BY(player_close) player p;
     size_t end_of_1, end_of_2;
 
     gen_stream_make(&g, &o);
@@ -326,8 +319,6 @@ TEST(damage_should_count_in_whole_layers_only)
     assert_int_equal(decode_bytes(&p, end_of_2 - 1), SAGA_OK);
     assert_int_equal(p.report.n_layers, 1);
     assert_int_equal(decode_bytes(&p, end_of_1), SAGA_OK);
-    player_close(&p);
-    gen_stream_free(&g);
 }
 
 TEST(cut_file_should_be_what_the_encoder_makes_of_fewer)
@@ -335,7 +326,7 @@ TEST(cut_file_should_be_what_the_encoder_makes_of_fewer)
     for (uint32_t i = 0; i < N_STREAMS; i++) {
         gen_options o = options_of(i);
         saga_error error = { "" };
-        gen_stream g;
+        FREED_BY(gen_stream_free) gen_stream g;
         uint8_t *bytes;
         size_t n;
 
@@ -359,7 +350,6 @@ TEST(cut_file_should_be_what_the_encoder_makes_of_fewer)
             free(want);
         }
         free(bytes);
-        gen_stream_free(&g);
     }
 }
 
@@ -369,9 +359,9 @@ TEST(more_layers_than_there_are_should_be_refused)
     saga_layer_report layer;
     saga_error error = { "" };
     saga_splice_part part = { .name = "it", .n_layers = N_LAYERS + 1 };
-    gen_stream g;
+    FREED_BY(gen_stream_free) gen_stream g;
     uint8_t *cut;
-    player p;
+    FREED_BY(player_close) player p;
     size_t n;
 
     gen_stream_make(&g, &o);
@@ -386,6 +376,4 @@ TEST(more_layers_than_there_are_should_be_refused)
     assert_int_equal(saga_find_layer(&layer, p.dec, &p.seg, p.bytes +
                                      p.seg.offset, 71, 0),
                      SAGA_ERR_TRUNCATED);
-    player_close(&p);
-    gen_stream_free(&g);
 }

@@ -97,7 +97,7 @@ static void assert_refused(const player *p, painter *a)
 
 TEST(job_should_be_refused_when_the_view_is_another)
 {
-    player p;
+    FREED_BY(player_close) player p;
     painter a;
 
     begin(&p);
@@ -107,12 +107,11 @@ TEST(job_should_be_refused_when_the_view_is_another)
     begin_job(&p, &a);
     view(&p, 1, 30000);
     assert_refused(&p, &a);
-    player_close(&p);
 }
 
 TEST(job_should_be_refused_when_the_segment_is_another)
 {
-    player p;
+    FREED_BY(player_close) player p;
     painter a;
 
     begin(&p);
@@ -121,7 +120,6 @@ TEST(job_should_be_refused_when_the_segment_is_another)
     assert_int_equal(go_on(&p, &a, FEW), SAGA_ERR_STATE);
     view(&p, 0, 0);
     assert_refused(&p, &a);
-    player_close(&p);
 }
 
 /* Both decoders have made as many views. */
@@ -149,7 +147,7 @@ TEST(job_should_be_refused_when_the_decoder_is_another)
 
 TEST(job_should_be_refused_when_finished_for_another_view)
 {
-    player p;
+    FREED_BY(player_close) player p;
     painter a;
 
     begin(&p);
@@ -158,7 +156,6 @@ TEST(job_should_be_refused_when_finished_for_another_view)
     assert_int_equal(finish(&p, &a), SAGA_OK);
     view(&p, 1, 0);
     assert_refused(&p, &a);
-    player_close(&p);
 }
 
 /* Changes what a job must keep, one field at a time: each alone would be a
@@ -186,7 +183,7 @@ static int change_field(painter *a, int i)
 /* The job is not led astray by a field that was changed and changed back. */
 TEST(job_should_be_refused_when_its_fields_are_others)
 {
-    player p;
+    FREED_BY(player_close) player p;
     painter a, b;
     int i;
 
@@ -212,13 +209,12 @@ TEST(job_should_be_refused_when_its_fields_are_others)
         assert_int_equal(go_on(&p, &a, FEW), SAGA_ERR_STATE);
     }
     assert_int_equal(i, 11);
-    player_close(&p);
 }
 
 /* The buffer may change: another one for the rows that are left. */
 TEST(job_should_go_on_in_another_picture)
 {
-    player p;
+    FREED_BY(player_close) player p;
     painter a, b;
 
     begin_drawn(&p, &b);
@@ -228,13 +224,12 @@ TEST(job_should_go_on_in_another_picture)
     a.picture.nbytes = sizeof b.rgb / 2;
     assert_int_equal(finish(&p, &a), SAGA_OK);
     assert_memory_equal(b.rgb + sizeof b.rgb / 2, b.rgb, 3 * SIDE * SIDE);
-    player_close(&p);
 }
 
 /* A view that is refused leaves the one before, and its jobs. */
 TEST(job_should_go_on_when_a_view_was_refused)
 {
-    player p;
+    FREED_BY(player_close) player p;
     painter a, b;
     saga_camera c;
     uint32_t number;
@@ -247,7 +242,6 @@ TEST(job_should_go_on_when_a_view_was_refused)
     assert_int_equal(saga_view(p.dec, &c, 0), SAGA_ERR_ARG);
     assert_int_equal(finish(&p, &a), SAGA_OK);
     assert_memory_equal(a.rgb, b.rgb, sizeof a.rgb);
-    player_close(&p);
 }
 
 TEST(job_should_go_on_when_the_decoder_was_moved)
@@ -270,7 +264,7 @@ TEST(job_should_go_on_when_the_decoder_was_moved)
 
 TEST(budget_should_be_refused_when_0)
 {
-    player p;
+    FREED_BY(player_close) player p;
     painter a;
 
     begin(&p);
@@ -279,7 +273,6 @@ TEST(budget_should_be_refused_when_0)
     assert_int_equal(go_on(&p, &a, FEW), SAGA_AGAIN);
     assert_int_equal(go_on(&p, &a, 0), SAGA_ERR_ARG);
     assert_int_equal(finish(&p, &a), SAGA_OK);
-    player_close(&p);
 }
 
 /* --- Segments ------------------------------------------------------------ */
@@ -287,7 +280,7 @@ TEST(budget_should_be_refused_when_0)
 TEST(segment_should_be_refused_when_another_is_named)
 {
     saga_segment seg[2], wrong;
-    player p;
+    FREED_BY(player_close) player p;
 
     player_make(&p, &options);
     seg[0] = player_find(&p, 0);
@@ -306,7 +299,6 @@ TEST(segment_should_be_refused_when_another_is_named)
                                      wrong.nbytes, NULL), SAGA_ERR_DATA);
     }
     player_decode(&p, 0);
-    player_close(&p);
 }
 
 /* Two files whose segments would decode in the other one as well: only a field

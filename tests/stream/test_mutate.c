@@ -171,7 +171,7 @@ static void play(table *t, const base *b, uint64_t number)
     uint64_t r = number * 0x9e3779b97f4a7c15u;
     mutate_result result;
     size_t n;
-    uint8_t *const bytes = mutate_make(b->bytes, b->n, c, &r, &n);
+    FREED uint8_t *const bytes = mutate_make(b->bytes, b->n, c, &r, &n);
     const clock_t start = clock();
     double seconds;
 
@@ -193,7 +193,6 @@ static void play(table *t, const base *b, uint64_t number)
         t->unchanged++;
     else
         t->count[c][result.stage]++;
-    free(bytes);
 }
 
 /* --- The report ---------------------------------------------------------- */

@@ -124,11 +124,10 @@ TEST(names_should_be_refused_when_cut_or_changed)
 
     for (size_t n = 0; n < end; n++) {
         uint8_t *const copy = memcpy(malloc(n + 1), f.p, n);
-        uint8_t *const exact = realloc(copy, n ? n : 1);
+        FREED uint8_t *const exact = realloc(copy, n ? n : 1);
 
         assert_int_equal(saga_name_camera(&got, exact, n, 0),
                          SAGA_ERR_TRUNCATED);
-        free(exact);
     }
     for (size_t at = begin; at < end; at++) {
         const saga_status wanted = at < begin + 4 ? SAGA_ERR_ARG

@@ -107,7 +107,7 @@ static uint32_t draw(const saga_decoder *dec, const saga_camera *c)
 {
     enum { TILE = 16, LIST = 300 };
     const size_t nbytes = 3u * c->width * c->height;
-    uint8_t *const pixels = must(malloc(nbytes));
+    FREED uint8_t *const pixels = must(malloc(nbytes));
     const saga_picture picture = { pixels, 3u * c->width, nbytes, 8 };
     saga_job job = { 0 };
     saga_status s;
@@ -125,7 +125,6 @@ static uint32_t draw(const saga_decoder *dec, const saga_camera *c)
     assert_int_equal(s, SAGA_OK);
     crc = saga_crc32c(0, pixels, nbytes);
     free(job.scratch);
-    free(pixels);
     return crc;
 }
 
@@ -180,7 +179,7 @@ TEST(levels_should_be_those_of_the_public_header)
 
 static void check_open(const gen_options *o)
 {
-    player p;
+    FREED_BY(end) player p;
     saga_decoder *dec;
     const uint8_t *head;
     size_t size, n;
@@ -207,7 +206,6 @@ static void check_open(const gen_options *o)
                      SAGA_ERR_TRUNCATED);
     assert_null(dec);
     assert_canaries(&p);
-    end(&p);
 }
 
 TEST(open_should_refuse_a_smaller_or_misaligned_block)
@@ -222,7 +220,7 @@ TEST(open_should_refuse_a_smaller_or_misaligned_block)
 static void check_canaries(const gen_options *o)
 {
     static const int32_t times[] = { 0, 32768, 65535 };
-    player p;
+    FREED_BY(end) player p;
     saga_camera c;
 
     begin(&p, o);
@@ -237,7 +235,6 @@ static void check_canaries(const gen_options *o)
         (void)draw(p.dec, &c);
         assert_canaries(&p);
     }
-    end(&p);
 }
 
 TEST(decoder_should_stay_inside_its_block)
@@ -306,13 +303,12 @@ TEST(block_should_be_as_large_as_the_document_says)
     for (uint32_t i = 0; i < 64; i++) {
         const gen_options o = options_of(testing_seed(1), i);
         saga_header h;
-        player p;
+        FREED_BY(end) player p;
 
         begin(&p, &o);
         assert_int_equal(saga_head_read(&h, p.bytes, p.n), SAGA_OK);
         assert_int_equal(p.info.work_nbytes, work_of_document(&h));
         n_plain += !(h.model.tools & SAGA_TOOL_VIEW);
-        end(&p);
     }
     assert_true(n_plain > 10 && n_plain < 54);
 }
@@ -325,7 +321,7 @@ TEST(vectors_should_be_empty_when_opened)
         gen_options o = options_of(testing_seed(1), i);
         saga_header h;
         saga_plan plan;
-        player p;
+        FREED_BY(end) player p;
 
         o.base = 0;
         begin(&p, &o);
@@ -333,7 +329,6 @@ TEST(vectors_should_be_empty_when_opened)
         assert_int_equal(saga_plan_make(&plan, &h, DECODER_NBYTES), SAGA_OK);
         for (size_t k = 0; k < sizeof(saga_vectors); k++)
             assert_int_equal(p.work[plan.vectors_at + k], 0);
-        end(&p);
     }
 }
 
@@ -343,7 +338,7 @@ TEST(block_should_be_used_up_to_its_end)
 {
     for (uint32_t i = 0; i < 32; i++) {
         gen_options o = options_of(testing_seed(1), i);
-        player p;
+        FREED_BY(end) player p;
         saga_symbols *s;
         size_t last;
 
@@ -362,7 +357,6 @@ TEST(block_should_be_used_up_to_its_end)
         for (last = p.info.work_nbytes; p.work[last - 1] == CANARY; last--)
             ;
         assert_true(last + 15 >= p.info.work_nbytes);
-        end(&p);
     }
 }
 
@@ -376,7 +370,7 @@ TEST(tools_should_cost_nothing_when_off)
         saga_header h;
         saga_plan plan;
         saga_bank size;
-        player p;
+        FREED_BY(end) player p;
 
         begin(&p, &o);
         assert_int_equal(saga_head_read(&h, p.bytes, p.n), SAGA_OK);
@@ -387,7 +381,6 @@ TEST(tools_should_cost_nothing_when_off)
         saga_bank_size(&size, &h.model);
         assert_int_equal(plan.coarse_at - plan.bank_at,
                          o.bank ? saga_bank_lay(&size, NULL) : 0);
-        end(&p);
     }
 }
 
@@ -420,7 +413,7 @@ static uint32_t rounds_of_tier(const player *p, uint32_t number, int level)
     const saga_model *const m = &p->g.header.model;
     const saga_symbols *const s = &p->g.segment[number];
     const uint32_t n = level == SAGA_TIER_COARSE ? s->n.coarse : s->n.fine;
-    uint32_t *const group = must(calloc(n + 1, sizeof *group));
+    FREED uint32_t *const group = must(calloc(n + 1, sizeof *group));
     saga_header h;
     saga_plan plan;
     const saga_coarse *coarse;
@@ -433,7 +426,6 @@ static uint32_t rounds_of_tier(const player *p, uint32_t number, int level)
         group[i] = level == SAGA_TIER_COARSE ? coarse[i].group
             : suffix_group(s->fine_suffix[i], m->tier[level].n_groups);
     steps = steps_of(group, n, m->bank_blocks);
-    free(group);
     return steps;
 }
 
@@ -513,7 +505,7 @@ TEST(most_steps_should_be_reached_and_never_passed)
 
 static void check_macs(const gen_options *o)
 {
-    player p;
+    FREED_BY(end) player p;
     saga_camera c;
     saga_report report;
 
@@ -538,7 +530,6 @@ static void check_macs(const gen_options *o)
         (void)draw(p.dec, &c);
         assert_true(n_macs == 0);
     }
-    end(&p);
 }
 
 TEST(macs_should_be_counted_exactly)
@@ -585,7 +576,7 @@ TEST(info_should_be_that_of_the_header)
         const gen_options o = options_of(testing_seed(1), i);
         saga_net_shape s;
         uint32_t weights = 0, coarse = 0, fine = 0, prim = 0;
-        player p;
+        FREED_BY(end) player p;
 
         begin(&p, &o);
         for (uint32_t net = 0; net < SAGA_N_NETS; net++) {
@@ -609,7 +600,6 @@ TEST(info_should_be_that_of_the_header)
         assert_int_equal(p.info.max_fine, fine);
         assert_int_equal(p.info.max_primitives, prim);
         assert_int_equal(p.info.n_frames, p.g.n_frames[0]);
-        end(&p);
     }
 }
 
@@ -634,7 +624,7 @@ static saga_decoder *decoder_copy(const player *p, uint8_t **block)
 
 TEST(decoder_should_be_movable_at_any_time)
 {
-    player p;
+    FREED_BY(end) player p;
     saga_camera c;
     saga_decoder *at;
     uint8_t *block;
@@ -661,12 +651,11 @@ TEST(decoder_should_be_movable_at_any_time)
         assert_int_equal(draw(at, &c), crc);
         free(block);
     }
-    end(&p);
 }
 
 TEST(copy_should_not_follow_its_original)
 {
-    player p;
+    FREED_BY(end) player p;
     saga_camera c;
     saga_decoder *copy;
     uint8_t *block;
@@ -687,13 +676,12 @@ TEST(copy_should_not_follow_its_original)
     assert_int_equal(draw(copy, &c), crc);
     assert_int_equal(draw(p.dec, &c), other);
     free(block);
-    end(&p);
 }
 
 /* A view must not use what an earlier segment, view or stream left behind. */
 TEST(picture_should_not_depend_on_what_the_block_held)
 {
-    player p;
+    FREED_BY(end) player p;
     saga_camera c;
     uint32_t crc[2];
 
@@ -708,7 +696,6 @@ TEST(picture_should_not_depend_on_what_the_block_held)
         crc[i] = draw(p.dec, &c);
     }
     assert_int_equal(crc[0], crc[1]);
-    end(&p);
 }
 
 /* --- Colours ------------------------------------------------------------- */
@@ -749,7 +736,7 @@ static void check_colours(uint32_t tools)
 {
     const int32_t t = 20000;
     gen_options o = picture_options;
-    player p;
+    FREED_BY(end) player p;
     saga_camera c;
     seen *list;
     uint32_t crc, n;
@@ -774,7 +761,6 @@ static void check_colours(uint32_t tools)
     }
     assert_int_equal(draw(p.dec, &c), crc);
     free(list);
-    end(&p);
 }
 
 TEST(colour_should_be_that_of_a_view_from_there)
@@ -789,7 +775,7 @@ TEST(colour_of_what_is_not_there_should_be_refused)
     int32_t beyond[3] = { 0, 0, (1 << 29) + 1 };
     uint16_t colour[3];
     saga_report report;
-    player p;
+    FREED_BY(end) player p;
 
     begin(&p, &picture_options);
     assert_int_equal(saga_colour_at(colour, p.dec, 0, edge), SAGA_ERR_STATE);
@@ -801,7 +787,6 @@ TEST(colour_of_what_is_not_there_should_be_refused)
     assert_int_equal(saga_colour_at(colour, p.dec, 0, beyond), SAGA_ERR_ARG);
     beyond[2] = -beyond[2];
     assert_int_equal(saga_colour_at(colour, p.dec, 0, beyond), SAGA_ERR_ARG);
-    end(&p);
 }
 
 /* --- Order of calls ------------------------------------------------------ */
@@ -849,7 +834,7 @@ static void assert_no_view(const saga_decoder *dec, const saga_camera *c)
 
 TEST(calls_out_of_order_should_be_refused)
 {
-    player p;
+    FREED_BY(end) player p;
     saga_camera c;
     saga_report report;
     saga_segment seg;
@@ -874,7 +859,6 @@ TEST(calls_out_of_order_should_be_refused)
     p.bytes[p.n - 1] ^= 1;
     assert_int_equal(decode(&p, p.dec, 1), SAGA_ERR_DATA);
     assert_nothing_decoded(p.dec, &c);
-    end(&p);
 }
 
 /* Every length a segment may be cut to. */
@@ -882,20 +866,18 @@ TEST(cut_segment_should_be_refused)
 {
     const gen_options o = { .seed = 3, .level = 0, .n_coarse = 2,
                             .tools_fixed = 1 };
-    player p;
+    FREED_BY(end) player p;
     saga_segment seg;
 
     begin(&p, &o);
     assert_int_equal(saga_find(&seg, p.bytes, p.n, 0, 1), SAGA_OK);
     for (size_t n = 0; n < seg.nbytes; n++) {
-        uint8_t *const copy = must(malloc(n ? n : 1));
+        FREED uint8_t *const copy = must(malloc(n ? n : 1));
 
         memcpy(copy, p.bytes + seg.offset, n);
         assert_int_equal(saga_decode(p.dec, &seg, copy, n, NULL),
                                      SAGA_ERR_TRUNCATED);
-        free(copy);
     }
-    end(&p);
 }
 
 /* Every length a head may be cut to. */
@@ -903,13 +885,13 @@ TEST(cut_head_should_be_refused)
 {
     const gen_options o = { .seed = 3, .level = 0, .n_coarse = 2,
                             .tools_fixed = 1 };
-    player p;
+    FREED_BY(end) player p;
     saga_segment seg;
     saga_decoder *dec;
 
     begin(&p, &o);
     for (size_t n = 0; n < p.info.head_nbytes; n += n < 700 ? 1 : 97) {
-        uint8_t *const copy = must(malloc(n ? n : 1));
+        FREED uint8_t *const copy = must(malloc(n ? n : 1));
 
         memcpy(copy, p.bytes, n);
         assert_int_equal(saga_open(&dec, p.work, p.info.work_nbytes, copy, n,
@@ -917,7 +899,5 @@ TEST(cut_head_should_be_refused)
                          SAGA_ERR_TRUNCATED);
         assert_null(dec);
         assert_int_equal(saga_find(&seg, copy, n, 0, 1), SAGA_ERR_TRUNCATED);
-        free(copy);
     }
-    end(&p);
 }

@@ -40,7 +40,7 @@ static saga_decoder *open_bytes(saga_status *s, const uint8_t *bytes, size_t n)
 /* The bytes are in a block of their exact size. */
 static saga_status status_of(int call, const uint8_t *bytes, size_t n)
 {
-    uint8_t *const copy = must(malloc(n ? n : 1));
+    FREED uint8_t *const copy = must(malloc(n ? n : 1));
     saga_segment seg;
     saga_camera camera;
     saga_info info;
@@ -56,7 +56,6 @@ static saga_status status_of(int call, const uint8_t *bytes, size_t n)
         s = saga_find(&seg, copy, n, 0, 1);
     else
         s = saga_rig(&camera, &number, copy, n, 0);
-    free(copy);
     return s;
 }
 
@@ -68,7 +67,7 @@ static void check_lengths(const char *what, const uint8_t *bytes, size_t n,
 {
     const size_t header = SAGA_HEADER_NBYTES +
                           GEN_MAX_CAMERAS * SAGA_CAMERA_NBYTES + 4;
-    uint8_t *const more = must(malloc(n + MORE));
+    FREED uint8_t *const more = must(malloc(n + MORE));
 
     memcpy(more, bytes, n);
     memset(more + n, 0x53, MORE);
@@ -90,7 +89,6 @@ static void check_lengths(const char *what, const uint8_t *bytes, size_t n,
             fail_msg("%s of %s: status %d with its head, %d with all",
                      call_text[call], what, (int)s, (int)whole);
     }
-    free(more);
 }
 
 /* Makes the file of a stream, and tells where its head ends. */
@@ -130,13 +128,13 @@ TEST(lengths_should_be_judged_by_their_own_bytes)
 
     for (int i = 0; i < N_STREAMS; i++) {
         size_t n, head, at[2];
-        uint8_t *const bytes = make(&streams[i], &n, &head);
+        FREED uint8_t *const bytes = make(&streams[i], &n, &head);
 
         at[0] = fx_load32_le(bytes + SAGA_MAGIC_NBYTES) + 4;
         at[1] = networks_at(bytes) + 4;
         for (size_t k = 0; k < 2; k++)
             for (size_t m = 0; m < sizeof by / sizeof *by; m++) {
-                uint8_t *const copy = must(malloc(n));
+                FREED uint8_t *const copy = must(malloc(n));
 
                 memcpy(copy, bytes, n);
                 fx_store32_le(copy + at[k], fx_load32_le(copy + at[k]) +
@@ -146,9 +144,7 @@ TEST(lengths_should_be_judged_by_their_own_bytes)
                 assert_int_equal(status_of(k ? OPEN : FIND, copy, n),
                                  by[m] == 0 ? SAGA_OK : by[m] < 0
                                  ? SAGA_ERR_DATA : SAGA_ERR_TRUNCATED);
-                free(copy);
             }
-        free(bytes);
     }
 }
 
@@ -159,8 +155,8 @@ TEST(damage_should_show_in_the_head_alone)
 
     for (int i = 0; i < N_STREAMS; i++) {
         size_t n, head;
-        uint8_t *const bytes = make(&streams[i], &n, &head);
-        uint8_t *const copy = must(malloc(n));
+        FREED uint8_t *const bytes = make(&streams[i], &n, &head);
+        FREED uint8_t *const copy = must(malloc(n));
 
         for (int k = 0; k < 12; k++) {
             const size_t at = gen_random(&r) % (k < 8 ? 178 : head);
@@ -175,8 +171,6 @@ TEST(damage_should_show_in_the_head_alone)
                 info.head_nbytes == head)
                 check_lengths("damage", copy, n, head);
         }
-        free(copy);
-        free(bytes);
     }
 }
 
@@ -194,7 +188,7 @@ TEST(version_should_be_zero_in_no_file)
         { { 1, 0, 0, 128 }, SAGA_ERR_VERSION }
     };
     size_t n, head;
-    uint8_t *const bytes = make(&streams[0], &n, &head);
+    FREED uint8_t *const bytes = make(&streams[0], &n, &head);
 
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
         memcpy(bytes + 4, all[i].p, 4);
@@ -206,7 +200,6 @@ TEST(version_should_be_zero_in_no_file)
         if (all[i].s)
             assert_int_equal(status_of(PROBE, bytes, 8), all[i].s);
     }
-    free(bytes);
 }
 
 /* A tool of the future has 8 bytes of its own behind those of known tools: the
@@ -238,10 +231,10 @@ TEST(tools_should_be_looked_at_before_the_size)
 
     for (int i = 0; i < N_STREAMS; i++) {
         size_t n, head;
-        uint8_t *const bytes = make(&streams[i], &n, &head);
+        FREED uint8_t *const bytes = make(&streams[i], &n, &head);
 
         for (int bit = 7; bit < 32; bit += bit == 8 ? 3 : 1) {
-            uint8_t *const copy = with_tool(bytes, n, 1u << bit);
+            FREED uint8_t *const copy = with_tool(bytes, n, 1u << bit);
 
             check_lengths("a tool", copy, n, head);
             for (size_t k = 0; k < SAGA_HEADER_NBYTES; k++)
@@ -253,9 +246,7 @@ TEST(tools_should_be_looked_at_before_the_size)
                                  SAGA_ERR_VERSION);
                 assert_int_equal(status_of(OPEN, copy, n), SAGA_ERR_VERSION);
             }
-            free(copy);
         }
-        free(bytes);
     }
 }
 
@@ -263,14 +254,12 @@ TEST(tools_should_be_looked_at_before_the_size)
 TEST(header_should_have_the_size_that_its_tools_say)
 {
     size_t n, head;
-    uint8_t *const bytes = make(&streams[0], &n, &head);
-    uint8_t *const copy = with_tool(bytes, n, 0);
+    FREED uint8_t *const bytes = make(&streams[0], &n, &head);
+    FREED uint8_t *const copy = with_tool(bytes, n, 0);
 
     assert_int_equal(status_of(PROBE, copy, n + 8), SAGA_ERR_DATA);
     assert_int_equal(status_of(PROBE, copy, SAGA_HEADER_NBYTES),
                      SAGA_ERR_DATA);
-    free(copy);
-    free(bytes);
 }
 
 /* --- Segments ------------------------------------------------------------ */
@@ -295,10 +284,10 @@ TEST(segments_should_end_where_the_index_says)
 {
     for (int i = 0; i < N_STREAMS; i++) {
         size_t n, head;
-        uint8_t *const bytes = make(&streams[i], &n, &head);
-        uint8_t *const more = must(calloc(n + MORE, 1));
+        FREED uint8_t *const bytes = make(&streams[i], &n, &head);
+        FREED uint8_t *const more = must(calloc(n + MORE, 1));
         saga_status s;
-        saga_decoder *const dec = open_bytes(&s, bytes, n);
+        FREED saga_decoder *const dec = open_bytes(&s, bytes, n);
         saga_segment seg, cut;
         uint8_t *p;
 
@@ -317,8 +306,5 @@ TEST(segments_should_end_where_the_index_says)
         mutate_sign(more, n + MORE);
         check_segment(dec, &seg, p, n + MORE - seg.offset,
                       SAGA_ERR_TRUNCATED);
-        free(dec);
-        free(more);
-        free(bytes);
     }
 }

@@ -88,27 +88,24 @@ static void check_layer(const gen_stream *g, const saga_symbols *want,
                         uint32_t number, uint32_t range[3],
                         const uint8_t *bytes, size_t n)
 {
-    saga_net_symbols nets;
-    saga_symbols s;
+    FREED_BY(saga_net_symbols_free) saga_net_symbols nets;
+    FREED_BY(recorder_free_symbols) saga_symbols s;
 
     memset(&nets, 0, sizeof nets);
     memset(&s, 0, sizeof s);
     assert_true(recorder_read(&nets, &s, number, range, bytes, n));
     assert_same_nets(&nets, &g->nets, &g->header.model);
     assert_same_symbols(&s, want, g->header.model.features);
-    saga_net_symbols_free(&nets);
-    recorder_free_symbols(&s);
 }
 
 /* The bytes of the segment are in a block of their own. */
 static void decode_copy(player *p, const gen_stream *g, uint32_t number)
 {
     const saga_segment seg = segment_of(p, g, number);
-    uint8_t *const copy = copy_of(p->bytes + seg.offset, seg.nbytes);
+    FREED uint8_t *const copy = copy_of(p->bytes + seg.offset, seg.nbytes);
 
     assert_int_equal(saga_decode(p->dec, &seg, copy, seg.nbytes, NULL),
                      SAGA_OK);
-    free(copy);
 }
 
 static void check_segment(player *p, const gen_stream *g, uint32_t number)
@@ -156,14 +153,13 @@ static void check_base(const player *p, const gen_stream *g)
 
 static void check_stream(gen_stream *g)
 {
-    player p;
+    FREED_BY(player_close) player p;
 
     player_open(&p, g);
     assert_int_equal(p.info.n_segments, g->n_segments);
     check_base(&p, g);
     for (uint32_t i = 0; i < g->n_segments; i++)
         check_segment(&p, g, i);
-    player_close(&p);
 }
 
 /* --- What the random streams covered ------------------------------------- */
@@ -320,12 +316,11 @@ TEST(stream_should_decode_to_the_symbols_it_was_made_from)
     printf("seeds from %" PRIu64 ", %" PRIu32 " streams\n", seed, n);
     for (uint32_t i = 0; i < n; i++) {
         const gen_options o = options_of(seed + i, i);
-        gen_stream g;
+        FREED_BY(gen_stream_free) gen_stream g;
 
         gen_stream_make(&g, &o);
         cover(&c, &g);
         check_stream(&g);
-        gen_stream_free(&g);
     }
     printf("%" PRIu32 " of 128 combinations of sources\n",
            n_seen(c.together, 0, N_SOURCES - 1));
@@ -359,18 +354,17 @@ static void make_full(gen_stream *g)
 
 TEST(stream_should_survive_a_full_level_0)
 {
-    gen_stream g;
+    FREED_BY(gen_stream_free) gen_stream g;
 
     make_full(&g);
     check_stream(&g);
-    gen_stream_free(&g);
 }
 
 TEST(stream_should_survive_layers_without_anchors)
 {
     const gen_options o = { .seed = testing_seed(1), .level = 1, .n_coarse = 9,
                             .n_segments = 3 };
-    gen_stream g;
+    FREED_BY(gen_stream_free) gen_stream g;
     saga_symbols *s;
 
     gen_stream_make(&g, &o);
@@ -381,13 +375,12 @@ TEST(stream_should_survive_layers_without_anchors)
     memset(s->n_prim, 0, s->n.fine);
     s->n.prim = 0;
     check_stream(&g);
-    gen_stream_free(&g);
 }
 
 /* Every set as large as a set can be, and all its members equal. */
 TEST(stream_should_survive_full_sets_of_equal_suffixes)
 {
-    gen_stream g;
+    FREED_BY(gen_stream_free) gen_stream g;
     saga_symbols *s;
 
     make_full(&g);
@@ -397,12 +390,11 @@ TEST(stream_should_survive_full_sets_of_equal_suffixes)
     for (uint32_t i = 0; i < s->n.fine; i++)
         s->fine_suffix[i] = 0;
     check_stream(&g);
-    gen_stream_free(&g);
 }
 
 TEST(stream_should_survive_every_extreme_residual)
 {
-    gen_stream g;
+    FREED_BY(gen_stream_free) gen_stream g;
     saga_symbols *s;
 
     make_full(&g);
@@ -416,7 +408,6 @@ TEST(stream_should_survive_every_extreme_residual)
     for (uint32_t i = 0; i < 4 * s->n.prim; i++)
         s->prim_offset[i] = i & 8 ? SAGA_MAX_RESIDUAL : -SAGA_MAX_RESIDUAL;
     check_stream(&g);
-    gen_stream_free(&g);
 }
 
 /* --- What the encoder refuses -------------------------------------------- */
@@ -753,7 +744,7 @@ static void assert_nets_refused(spoil f, const char *what)
 {
     saga_error error = { "" };
     saga_encoder *e;
-    gen_stream g;
+    FREED_BY(gen_stream_free) gen_stream g;
 
     make_rich(&g);
     f(&g);
@@ -761,7 +752,6 @@ static void assert_nets_refused(spoil f, const char *what)
     if (e)
         fail_msg("%s: not refused", what);
     assert_true(saga_failed(&error));
-    gen_stream_free(&g);
 }
 
 #define NETS_REFUSED(f) assert_nets_refused(f, #f)
@@ -837,7 +827,7 @@ TEST(encoder_should_refuse_a_file_without_segments)
     saga_error error = { "" };
     saga_encode_sizes sizes;
     saga_encoder *e;
-    gen_stream g;
+    FREED_BY(gen_stream_free) gen_stream g;
     uint8_t *bytes;
     size_t n;
 
@@ -846,7 +836,6 @@ TEST(encoder_should_refuse_a_file_without_segments)
     assert_false(saga_encoder_finish(e, &bytes, &n, &sizes, &error));
     assert_true(saga_failed(&error));
     saga_encoder_free(e);
-    gen_stream_free(&g);
 }
 
 /* --- Random access ------------------------------------------------------- */
@@ -888,7 +877,7 @@ static void check_random_access(uint64_t seed, uint32_t tools)
     const gen_options o = { .seed = seed, .level = 1, .n_coarse = 8,
                             .n_segments = 3, .picture = 1, .tools_fixed = 1,
                             .tools = tools };
-    gen_stream g;
+    FREED_BY(gen_stream_free) gen_stream g;
     player all, one;
 
     gen_stream_make(&g, &o);
@@ -903,7 +892,6 @@ static void check_random_access(uint64_t seed, uint32_t tools)
     assert_same_views(&all, &one, 65535);
     player_close(&all);
     player_close(&one);
-    gen_stream_free(&g);
 }
 
 TEST(segment_should_not_depend_on_those_before_it)

@@ -85,9 +85,9 @@ TEST(slowest_should_be_the_last_that_is_valid)
     for (int level = 0; level < SAGA_N_PROFILES; level++)
         for (int kind = 0; kind < GEN_N_SLOW; kind++) {
             const saga_level_caps *const cap = &saga_caps[level];
-            gen_stream g;
+            FREED_BY(gen_stream_free) gen_stream g;
             saga_counts max;
-            film f;
+            FREED_BY(unload) film f;
 
             gen_slow_make(&g, level, kind, 4096);
             max = g.header.max;
@@ -104,8 +104,6 @@ TEST(slowest_should_be_the_last_that_is_valid)
                              SAGA_ERR_LEVEL);
             assert_int_equal(open_film(&f, NULL), SAGA_ERR_LEVEL);
             assert_null(f.dec);
-            unload(&f);
-            gen_stream_free(&g);
         }
 }
 
@@ -114,9 +112,9 @@ TEST(slowest_should_decode)
     for (int level = 0; level < SAGA_N_PROFILES; level++)
         for (int kind = 0; kind < GEN_N_SLOW; kind++) {
             const uint32_t share = share_of(level);
-            gen_stream g;
+            FREED_BY(gen_stream_free) gen_stream g;
             double begin;
-            film f;
+            FREED_BY(unload) film f;
 
             gen_slow_make(&g, level, kind, share);
             load(&f, &g);
@@ -125,8 +123,6 @@ TEST(slowest_should_decode)
             assert_int_equal(decode(&f, NULL), SAGA_OK);
             print_message("  level %d, kind %d: %zu bytes, 1/%u in %.3f s\n",
                           level, kind, f.n, share, cpu_seconds() - begin);
-            unload(&f);
-            gen_stream_free(&g);
         }
 }
 
@@ -249,7 +245,7 @@ TEST(work_should_be_as_the_formula_says)
         const gen_options o = { .seed = 4000 + (uint64_t)i, .level = i % 4,
                                 .n_coarse = 30, .bank = i % 3, .base = i % 2,
                                 .n_layers = 1 + (uint32_t)i / 2 % 3 };
-        gen_stream g;
+        FREED_BY(gen_stream_free) gen_stream g;
         uint8_t *bytes;
         saga_info info;
         uint64_t work;
@@ -268,7 +264,6 @@ TEST(work_should_be_as_the_formula_says)
                                 info.base_fine, info.base_primitives);
         assert_int_equal(info.work, work);
         free(bytes);
-        gen_stream_free(&g);
     }
 }
 
@@ -343,7 +338,7 @@ static void stop_everywhere(gen_stream *g, uint64_t seed)
     patience opened = { 0, 0 }, decoded = { 0, 0 };
     const saga_watch opening = { ask, &opened }, decoding = { ask, &decoded };
     uint32_t expected;
-    film f;
+    FREED_BY(unload) film f;
 
     load(&f, g);
     assert_int_equal(open_film(&f, &opening), SAGA_OK);
@@ -361,7 +356,6 @@ static void stop_everywhere(gen_stream *g, uint64_t seed)
             stop_opening(&f, i <= EARLY ? i : i == EARLY + 1
                          ? opened.n_asked : 1 + r % opened.n_asked, expected);
     }
-    unload(&f);
 }
 
 TEST(stopped_decoder_should_decode_again)
@@ -390,8 +384,8 @@ TEST(opening_should_stop_within_the_base)
 {
     patience p = { 0, 0 };
     const saga_watch watch = { ask, &p };
-    gen_stream g;
-    film f;
+    FREED_BY(gen_stream_free) gen_stream g;
+    FREED_BY(unload) film f;
 
     gen_slow_make(&g, 1, GEN_SLOW_NARROW, 8);
     g.header.model.tools |= SAGA_TOOL_BASE;
@@ -403,8 +397,6 @@ TEST(opening_should_stop_within_the_base)
     assert_true(p.n_asked > 20);
     assert_int_equal(decode(&f, NULL), SAGA_OK);
     stop_opening(&f, p.n_asked / 2, digest(&f));
-    unload(&f);
-    gen_stream_free(&g);
 }
 
 /* Says stop when the time is over. */
@@ -421,8 +413,8 @@ TEST(deadline_should_be_kept)
         for (int kind = 0; kind < GEN_N_SLOW; kind++) {
             double deadline, late;
             const saga_watch watch = { is_late, &deadline };
-            gen_stream g;
-            film f;
+            FREED_BY(gen_stream_free) gen_stream g;
+            FREED_BY(unload) film f;
 
             gen_slow_make(&g, level, kind, level == 2 ? 1 : 8);
             load(&f, &g);
@@ -433,8 +425,6 @@ TEST(deadline_should_be_kept)
             print_message("  level %d, kind %d: %.2f ms late\n", level, kind,
                           1e3 * late);
             assert_true(late < 0.01);
-            unload(&f);
-            gen_stream_free(&g);
         }
 }
 
@@ -461,7 +451,7 @@ static saga_status draw(const film *f, const saga_camera *c)
 static void see_wall(film *f, saga_camera *c, int level, uint32_t n)
 {
     uint32_t number;
-    gen_stream g;
+    FREED_BY(gen_stream_free) gen_stream g;
 
     gen_slow_wall(&g, level, n);
     load(f, &g);
@@ -470,7 +460,6 @@ static void see_wall(film *f, saga_camera *c, int level, uint32_t n)
     assert_int_equal(decode(f, NULL), SAGA_OK);
     assert_int_equal(saga_rig(c, &number, f->bytes, f->n, 0), SAGA_OK);
     assert_int_equal(c->width, SIDE);
-    gen_stream_free(&g);
 }
 
 /* As many splats as a view may have that all cover it, and one more. */
@@ -506,7 +495,7 @@ TEST(refused_view_should_leave_none)
 {
     saga_camera c;
     saga_report r;
-    film f;
+    FREED_BY(unload) film f;
 
     see_wall(&f, &c, 0, SAGA_COVER_MAX(0) + 1);
     c.height--;
@@ -520,5 +509,4 @@ TEST(refused_view_should_leave_none)
     assert_int_equal(saga_tell(&r, f.dec), SAGA_OK);
     assert_int_equal(r.box_pixels, (uint64_t)r.n_splats * SIDE * SIDE / 2);
     assert_int_equal(draw(&f, &c), SAGA_OK);
-    unload(&f);
 }

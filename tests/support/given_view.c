@@ -106,7 +106,7 @@ saga_verify_picture given_verify(const given_view *v, int stage)
 {
     const saga_verify_view view = { v->cam, (uint32_t)v->t, 65536, NULL,
                                     NULL };
-    saga_verify *const report = must(malloc(sizeof *report));
+    FREED saga_verify *const report = must(malloc(sizeof *report));
     saga_error error = { "" };
     saga_verify_picture picture;
 
@@ -114,6 +114,5 @@ saga_verify_picture given_verify(const given_view *v, int stage)
                           &error))
         fail_msg("%s", error.message);
     picture = report->picture[stage];
-    free(report);
     return picture;
 }

@@ -61,6 +61,13 @@ bool testing_long(void);
 /* With SAGA_TEST_SANITIZED, what is about numbers is left out. */
 bool testing_sanitized(void);
 
+/* A variable that `function` frees where its block ends, and a pointer to what
+ * malloc gave. Those of a test that fails are not freed. */
+#define FREED_BY(function) __attribute__((cleanup(function)))
+#define FREED FREED_BY(testing_free)
+/* at: where the pointer is. */
+void testing_free(const void *at);
+
 /* p, which fails the test if it is NULL. */
 void *must(void *p);
 /* n zeroed bytes, at least one. */

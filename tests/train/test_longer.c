@@ -51,7 +51,7 @@ static double gain(const saga_capture *c, const training *a, int render)
 
 static bool is_never_worse(const training *a)
 {
-    saga_capture c = capture_of(a);
+    FREED_BY(saga_capture_free) saga_capture c = capture_of(a);
     double best = gain(&c, a, FEW_VISITS * (a->cameras - 1) * a->frames);
     bool ok = true;
 
@@ -65,7 +65,6 @@ static bool is_never_worse(const training *a)
         }
         best = fmax(best, now);
     }
-    saga_capture_free(&c);
     return ok;
 }
 

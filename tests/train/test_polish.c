@@ -39,13 +39,12 @@ static saga_fit_polished polish(saga_train *t)
 static double code(saga_train *t, real *feature)
 {
     saga_error error = { "" };
-    saga_rate_choice c;
+    FREED_BY(saga_rate_choice_free) saga_rate_choice c;
     double bits = 0;
 
     assert_non_null(saga_fit_code(t->fit, feature, &c, &error));
     for (int i = 0; i < SAGA_N_STEPS; i++)
         bits += c.bits[i];
-    saga_rate_choice_free(&c);
     return bits;
 }
 
@@ -56,7 +55,7 @@ static size_t n_features(const saga_train *t)
 
 TEST(polish_should_gain_about_what_it_foretells)
 {
-    tiny room;
+    FREED_BY(tiny_close) tiny room;
     saga_train *const t = rendered(&room, 90);
     const saga_fit_polished first = polish(t), second = polish(t);
     const double gain = first.before - first.after;
@@ -70,12 +69,11 @@ TEST(polish_should_gain_about_what_it_foretells)
      * supports that features give. */
     assert_true(fabs(second.before / first.after - 1) < 0.005);
     saga_train_free(t);
-    tiny_close(&room);
 }
 
 TEST(polish_should_move_features_by_whole_steps)
 {
-    tiny room;
+    FREED_BY(tiny_close) tiny room;
     saga_train *const t = rendered(&room, 90);
     const size_t n = n_features(t);
     const double step = saga_fit_feature_step(&t->scene);
@@ -99,14 +97,13 @@ TEST(polish_should_move_features_by_whole_steps)
     assert_true(moved > 0 && moved < n / t->scene.model.features);
     free(was);
     saga_train_free(t);
-    tiny_close(&room);
 }
 
 TEST(polish_should_save_bits_when_they_are_dear)
 {
-    tiny room;
+    FREED_BY(tiny_close) tiny room;
     saga_train *const t = rendered(&room, 90);
-    real *const feature = calloc(n_features(t), sizeof *feature);
+    FREED real *const feature = calloc(n_features(t), sizeof *feature);
     double before;
 
     assert_non_null(feature);
@@ -114,23 +111,19 @@ TEST(polish_should_save_bits_when_they_are_dear)
     t->fit->o.price.residual *= 1000;
     polish(t);
     assert_true(code(t, feature) < before);
-    free(feature);
     saga_train_free(t);
-    tiny_close(&room);
 }
 
 TEST(polish_should_leave_short_renderings_alone)
 {
-    tiny room;
+    FREED_BY(tiny_close) tiny room;
     saga_train *const t = rendered(&room, 59);
     const size_t nbytes = n_features(t) * sizeof(real);
-    real *const was = malloc(nbytes);
+    FREED real *const was = malloc(nbytes);
 
     assert_non_null(was);
     memcpy(was, t->scene.coarse_feature, nbytes);
     assert_int_equal(polish(t).n_turns, 0);
     assert_memory_equal(was, t->scene.coarse_feature, nbytes);
-    free(was);
     saga_train_free(t);
-    tiny_close(&room);
 }

@@ -35,7 +35,7 @@ static saga_capture two_views(saga_shot v[3], uint8_t *rgb, int changing)
 TEST(plan_should_follow_pixels_and_motion)
 {
     const saga_preset *const balanced = saga_preset_called("balanced");
-    uint8_t *const rgb = malloc((size_t)12 * 3 * 120 * 100);
+    FREED uint8_t *const rgb = malloc((size_t)12 * 3 * 120 * 100);
     saga_plan_reasons why;
     saga_shot views[3];
 
@@ -53,7 +53,6 @@ TEST(plan_should_follow_pixels_and_motion)
         assert_non_null(strstr(why.primitives, "24000 pixels"));
         assert_non_null(strstr(why.iterations, "preset balanced"));
     }
-    free(rgb);
 }
 
 /* A still of many views has no more primitives than of ten, and fast takes no

@@ -284,7 +284,7 @@ static double psnr_of(const uint8_t *bytes, size_t n)
     uint8_t rgb[3 * 64 * 36];
     saga_error error = { "" };
     double sum = 0, count = 0;
-    saga_film film;
+    FREED_BY(saga_film_close) saga_film film;
 
     assert_true(saga_film_open(&film, "x", bytes, n, 1, &error));
     assert_int_equal(film.info.n_frames, 5);
@@ -302,7 +302,6 @@ static double psnr_of(const uint8_t *bytes, size_t n)
                 sum += (rgb[i] - truth[i]) * (rgb[i] - truth[i]);
             count += sizeof rgb;
         }
-    saga_film_close(&film);
     return 10 * log10(255 * 255 * count / sum);
 }
 
@@ -334,10 +333,9 @@ TEST(peek_should_show_the_training)
                            "warm-up, at iteration 20 of"));
     for (int i = 0; i < 2; i++) {
         const tiny_stop s = { SAGA_TRAIN_RENDER, at[i], 0, 0 };
-        uint8_t *const bytes = peek_at(o, s, &n, &error);
+        FREED uint8_t *const bytes = peek_at(o, s, &n, &error);
 
         psnr[i] = psnr_of(bytes, n);
-        free(bytes);
     }
     print_message("%.2f dB, %.2f, at the end %.2f\n", psnr[0], psnr[1],
                   psnr_of(plain.bytes, plain.n));

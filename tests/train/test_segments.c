@@ -173,20 +173,19 @@ static void draw(uint8_t *rgb, const uint8_t *bytes, size_t n, uint32_t frame)
 {
     saga_error error = { "" };
     saga_camera camera;
-    saga_film film;
+    FREED_BY(saga_film_close) saga_film film;
     uint32_t number;
 
     if (!saga_film_open(&film, "x", bytes, n, 1, &error) ||
         !saga_film_rig(&film, 0, &camera, &number, &error) ||
         !saga_film_draw(&film, &camera, frame, 1, rgb, &error))
         fail_msg("%s", error.message);
-    saga_film_close(&film);
 }
 
 static void segment_should_play_from_its_own_bytes(void **state)
 {
     const fixture *const f = *state;
-    uint8_t *const alone = must(malloc(f->n));
+    FREED uint8_t *const alone = must(malloc(f->n));
     uint8_t rgb[PICTURE], again[PICTURE];
 
     for (uint32_t i = 0; i < N; i++) {
@@ -202,7 +201,6 @@ static void segment_should_play_from_its_own_bytes(void **state)
             assert_memory_equal(rgb, again, sizeof rgb);
         }
     }
-    free(alone);
 }
 
 /* By the norm: frame k of a segment of 3 is at floor(65536 k / 3), and a time
@@ -399,7 +397,7 @@ static double near_target(saga_train *t)
 {
     saga_twin *const w = &t->fit->twin;
     saga_error error = { "" };
-    saga_canvas c;
+    FREED_BY(saga_canvas_free) saga_canvas c;
     double sum = 0;
 
     assert_true(saga_pictures_canvas(&c, &t->pictures, &error));
@@ -415,7 +413,6 @@ static double near_target(saga_train *t)
                                        &error));
         sum += saga_canvas_mse(&c) / t->capture->n_views;
     }
-    saga_canvas_free(&c);
     return -10 * log10(sum);
 }
 

@@ -55,9 +55,9 @@ TEST(centre_should_leave_motion_and_mean_fading)
 {
     enum { TIMES = 64 };
     static posed before, after;
-    saga_splat_params p = make_primitives();
+    FREED_BY(saga_params_free) saga_splat_params p = make_primitives();
     double faded[2] = { 0 };
-    saga_splat_params q;
+    FREED_BY(saga_params_free) saga_splat_params q;
 
     assert_true(saga_params_gather(&q, &p, NULL, N, &error));
     saga_targets_centre(&q, N);
@@ -79,15 +79,13 @@ TEST(centre_should_leave_motion_and_mean_fading)
     for (int i = 0; i < N; i++)
         assert_true(i % 2 ? q.t_centre[i] == p.t_centre[i]
                           : q.t_centre[i] == R(0.5));
-    saga_params_free(&p);
-    saga_params_free(&q);
 }
 
 TEST(frozen_should_be_what_the_middle_was)
 {
     static posed before, after;
-    saga_splat_params p = make_primitives();
-    saga_splat_params q;
+    FREED_BY(saga_params_free) saga_splat_params p = make_primitives();
+    FREED_BY(saga_params_free) saga_splat_params q;
 
     assert_true(saga_params_gather(&q, &p, NULL, N, &error));
     saga_targets_freeze(&q, N);
@@ -100,6 +98,4 @@ TEST(frozen_should_be_what_the_middle_was)
                               after.mean[3 * i + a]) < 1e-6f);
         assert_true(fabsf(before.q0[i] - after.q0[i]) < 1e-4f);
     }
-    saga_params_free(&p);
-    saga_params_free(&q);
 }

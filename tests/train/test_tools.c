@@ -167,7 +167,7 @@ TEST(shine_should_be_kept)
 {
     const saga_synth_options o = synth_options(64, 36, N_CAMERAS, 1, 300);
     saga_train_tool matt, shiny;
-    saga_capture c = tiny_capture(&o);
+    FREED_BY(saga_capture_free) saga_capture c = tiny_capture(&o);
 
     matt = tool_of(&c, SAGA_TRAIN_VIEW);
     shine(&c);
@@ -175,5 +175,4 @@ TEST(shine_should_be_kept)
     assert_true(matt.asked && shiny.asked);
     assert_false(matt.kept);
     assert_true(shiny.kept && shiny.worth > 3 * shiny.cost);
-    saga_capture_free(&c);
 }

@@ -57,9 +57,9 @@ TEST(train_should_make_a_file_that_decodes)
 {
     const trained *const r = &unstopped;
     saga_error error = { "" };
-    saga_pictures pictures;
+    FREED_BY(saga_pictures_free) saga_pictures pictures;
     saga_splat_camera drawn;
-    saga_film film;
+    FREED_BY(saga_film_close) saga_film film;
     uint8_t rgb[3 * 64 * 36];
 
     assert_true(saga_pictures_init(&pictures, &room.capture, &error));
@@ -88,8 +88,6 @@ TEST(train_should_make_a_file_that_decodes)
     assert_int_equal(r->report.model.n_training, 3 * 5);
     assert_int_equal(r->report.model.n_held_out, 5);
     assert_int_equal(r->report.sizes.total, r->n);
-    saga_pictures_free(&pictures);
-    saga_film_close(&film);
 }
 
 /* 0.5 % or 16 bytes, whichever is larger (issue 3). */
@@ -358,7 +356,7 @@ static void add_fuse(saga_train *t)
  * primitives, over all views and frames: the mean squared difference. */
 static double start_error(saga_train *t)
 {
-    saga_canvas c;
+    FREED_BY(saga_canvas_free) saga_canvas c;
     saga_twin *const w = &t->fit->twin;
     saga_error error = { "" };
     double sum = 0;
@@ -377,7 +375,6 @@ static double start_error(saga_train *t)
             assert_true(saga_splat_forward(&c, &w->attr, prims, &error));
             sum += saga_canvas_mse(&c);
         }
-    saga_canvas_free(&c);
     return sum / n;
 }
 
@@ -416,7 +413,7 @@ static double worst_scale(const saga_train *t)
     uint8_t rgb[3 * 64 * 36];
     saga_camera camera;
     double worst = 0;
-    saga_film film;
+    FREED_BY(saga_film_close) saga_film film;
     uint32_t number;
 
     assert_true(saga_film_open(&film, "x", t->bytes, t->nbytes, 1, &error));
@@ -431,7 +428,6 @@ static double worst_scale(const saga_train *t)
                 (double)t->decoded_twin.attr.log2_scale[3 * i + k] + 23 -
                 a.log2_scale_q10[k] / 1024.0));
     }
-    saga_film_close(&film);
     return worst;
 }
 
@@ -443,7 +439,7 @@ static double picture_near(saga_train *t)
     uint8_t rgb[3 * 64 * 36];
     saga_error error = { "" };
     saga_camera camera;
-    saga_canvas c;
+    FREED_BY(saga_canvas_free) saga_canvas c;
     saga_film film;
     uint32_t number;
     double sum = 0;
@@ -463,7 +459,6 @@ static double picture_near(saga_train *t)
 
             sum += pow(rgb[3 * i + k] / 255.0 - fmin(fmax(x, 0), 1), 2);
         }
-    saga_canvas_free(&c);
     return -10 * log10(sum / (3 * 64 * 36));
 }
 
@@ -673,7 +668,7 @@ static saga_capture one_frame(void)
 TEST(train_should_drop_temporal_tools_of_one_frame)
 {
     saga_train_options o = tiny_defaults();
-    saga_capture c = one_frame();
+    FREED_BY(saga_capture_free) saga_capture c = one_frame();
     trained r;
 
     o.motion = SAGA_TRAIN_MEASURE;
@@ -682,7 +677,6 @@ TEST(train_should_drop_temporal_tools_of_one_frame)
                      ~(uint32_t)(SAGA_TOOL_VIEW | SAGA_TOOL_STEEP), 0);
     assert_false(r.report.dynamic);
     free(r.bytes);
-    saga_capture_free(&c);
 }
 
 /* The same picture n times, with the noise of a camera. */
@@ -709,7 +703,7 @@ static void hold_still(saga_capture *c, int n)
 TEST(train_should_drop_temporal_tools_when_nothing_moves)
 {
     saga_train_options o = tiny_defaults();
-    saga_capture c = one_frame();
+    FREED_BY(saga_capture_free) saga_capture c = one_frame();
     trained r;
 
     hold_still(&c, 6);
@@ -723,7 +717,6 @@ TEST(train_should_drop_temporal_tools_when_nothing_moves)
     assert_int_equal(r.report.info.tools &
                      ~(uint32_t)(SAGA_TOOL_VIEW | SAGA_TOOL_STEEP), 0);
     free(r.bytes);
-    saga_capture_free(&c);
 }
 
 TEST(train_should_keep_temporal_tools_when_something_moves)

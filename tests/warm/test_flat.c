@@ -777,7 +777,7 @@ TEST(exposures_should_be_found)
 {
     static const double factor[VIEWS] = { 0.8, 1.1, 0.9, 1.15, 1 };
     const fixture *const x = *state;
-    saga_capture c = exposed(&x->capture, factor);
+    FREED_BY(free_exposed) saga_capture c = exposed(&x->capture, factor);
     saga_error error = { "" };
     saga_pictures p;
 
@@ -798,7 +798,6 @@ TEST(exposures_should_be_found)
                         (p.exposure[3 * b + k] * factor[b]), 1, 0.03);
         }
     saga_pictures_free(&p);
-    free_exposed(&c);
 }
 
 /* A colour that an eighth of all pixels have to the last bit is behind
@@ -808,10 +807,10 @@ TEST(background_should_be_what_is_frequent)
     static const double same[VIEWS] = { 1, 1, 1, 1, 1 };
     static const uint8_t sheet[3] = { 250, 240, 3 };
     const fixture *const x = *state;
-    saga_capture c = exposed(&x->capture, same);
+    FREED_BY(free_exposed) saga_capture c = exposed(&x->capture, same);
     saga_error error = { "" };
     saga_splat_camera camera;
-    saga_pictures p;
+    FREED_BY(saga_pictures_free) saga_pictures p;
 
     assert_memory_equal(x->pictures.background, "\0\0\0", 3);
     for (int v = 0; v < VIEWS; v++)
@@ -823,8 +822,6 @@ TEST(background_should_be_what_is_frequent)
     saga_pictures_camera(&camera, &p, (saga_sample){ 1, 0, 0 });
     for (int k = 0; k < 3; k++)
         assert_near(camera.background[k], sheet[k] / 255.0, 1e-6);
-    saga_pictures_free(&p);
-    free_exposed(&c);
 }
 
 /* --- Operators ----------------------------------------------------------- */
@@ -834,7 +831,7 @@ TEST(truth_should_be_the_mean_of_boxes)
     const fixture *const x0 = *state;
     const saga_capture *const c = &x0->capture;
     saga_error error = { "" };
-    saga_canvas canvas;
+    FREED_BY(saga_canvas_free) saga_canvas canvas;
 
     assert_true(saga_pictures_canvas(&canvas, &x0->pictures, &error));
     for (int mip = 0; mip < 3; mip++) {
@@ -853,7 +850,6 @@ TEST(truth_should_be_the_mean_of_boxes)
             assert_near(canvas.truth[i], sum / 255 / (side * side), 1e-6);
         }
     }
-    saga_canvas_free(&canvas);
 }
 
 TEST_GROUP(set_up, tear_down);
