@@ -669,6 +669,25 @@ expect 0 check "$tmp/wide"
     '    with pictures at 1/2 of their size, for which it has time' ] &&
     [ "$(grep -c 'of their size' "$tmp/out")" = 1 ] ||
     complain "check: the forecast of photographs: $(grep preset "$tmp/out")"
+# Four cameras of a still, 16 degrees apart, have teachers but with preset fast:
+# two take half as long again. Two frames may move: they have none.
+for frames in 1 2; do
+    expect 0 synth "$tmp/apart$frames" --size 40x25 --cameras 4 --hold-out 0 \
+        --frames $frames --samples 1 --depth-every 0 --points 100
+    expect 0 check "$tmp/apart$frames" --json
+    mv "$tmp/out" "$tmp/teachers$frames"
+done
+python3 - "$tmp"/teachers1 "$tmp"/teachers2 >>"$tmp/bad" 2>&1 <<'PYTHON'
+import json, sys
+
+for name, teachers in zip(sys.argv[1:], ([0, 2, 2], [0, 0, 0])):
+    for f, n in zip(json.load(open(name))["forecast"], teachers):
+        minutes = f["n_iterations"] / 12000 * (
+            0.27 * f["n_primitives"] / 1000 + 0.7 * 1000 / 100000)
+        if (f["n_teachers"] != n or
+                abs(f["cpu_minutes"] / minutes - 1 - n / 4) > 1e-6):
+            print("check: a forecast with", n, "teachers is", f)
+PYTHON
 # says_plan TEXT OPTIONS...: what encode says before it trains.
 says_plan() {
     local text=$1 pid i

@@ -67,6 +67,7 @@ static json_t *forecast_of(const saga_forecast *f)
     saga_put_int(o, "n_segments", f->n_segments);
     saga_put_int(o, "n_primitives", f->n_primitives);
     saga_put_int(o, "n_iterations", f->n_iterations);
+    saga_put_int(o, "n_teachers", f->n_teachers);
     saga_put_real(o, "cpu_minutes", f->minutes);
     saga_put_real(o, "/minutes", ceil(f->minutes));
     saga_put_real(o, "least_kb", f->least_kb);
@@ -149,6 +150,8 @@ static const saga_line text[] = {
       "{least_kb:%6.0f} to {most_kb:%.0f} kB\n" },
     { "scale>1", "forecast", "    with pictures at 1/{scale} of their size, "
       "for which it has time\n" },
+    { "n_teachers>0", "forecast", "    with {n_teachers} teachers before it, "
+      "for views between cameras that are far apart\n" },
     { "/n_segments>1", NULL, "  in {/n_segments} segments, with these "
       "primitives and iterations each; a base may save\n  some of that\n" }
 };

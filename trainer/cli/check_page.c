@@ -3,10 +3,13 @@
 
 #include "alloc.h"
 #include "base64.h"
+#include "novel.h"
 #include "output.h"
 #include "picture.h"
+#include "pictures.h"
 #include "pose.h"
 #include "preset.h"
+#include "warm_up.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -27,6 +30,26 @@ static saga_capture smaller(const saga_capture *c, saga_shot *view, int n)
         view[v].height /= n;
     }
     return s;
+}
+
+/* Returns the teachers that a training with this preset has: none where no
+ * cameras are far apart, nor where memory is too short to see that. */
+static int teachers_of(const saga_capture *c, const saga_preset *preset)
+{
+    const int n = saga_plan_teachers(preset, c);
+    saga_error error = { "" };
+    saga_pictures pictures;
+    saga_novel novel;
+    bool apart = false;
+
+    if (n == 0 || !saga_pictures_init(&pictures, c, &error))
+        return 0;
+    if (saga_novel_init(&novel, &pictures, &error)) {
+        apart = novel.n_shots > 0;
+        saga_novel_free(&novel);
+    }
+    saga_pictures_free(&pictures);
+    return apart ? n : 0;
 }
 
 /* All segments are taken to be like the first. A scale that was given stays. */
@@ -52,8 +75,9 @@ static void forecast(saga_forecast *f, const saga_capture *c,
     f->n_primitives = (int)o.n_primitives;
     f->n_iterations = o.n_iterations;
     /* The plan is of a segment, minutes and bytes are of all. */
-    f->minutes = f->n_segments * saga_plan_minutes(f->n_primitives,
-                                                   f->n_iterations, pixels);
+    f->n_teachers = teachers_of(c, preset);
+    f->minutes = f->n_segments * saga_plan_time_with(f->n_teachers) *
+                 saga_plan_minutes(f->n_primitives, f->n_iterations, pixels);
     saga_plan_nbytes(&least, &most, (double)f->n_segments * f->n_primitives,
                      (double)f->n_segments * f->n_iterations,
                      c->n_frames == 1);
@@ -307,9 +331,10 @@ static bool put_page(FILE *to, const char *name, const saga_survey *s,
             saga_plan_segments(c, 0));
     for (int i = 0; saga_forecast_of(&f, c, i); i++)
         fprintf(to, "<tr><td>--preset %s<td>%d primitives<td>%d iterations<td>"
-                "%.0f CPU minutes<td>%.0f to %.0f kB<td>pictures at 1/%d\n",
+                "%.0f CPU minutes<td>%.0f to %.0f kB<td>pictures at 1/%d<td>"
+                "%d teachers\n",
                 f.preset, f.n_primitives, f.n_iterations, ceil(f.minutes),
-                f.least_kb, f.most_kb, f.scale);
+                f.least_kb, f.most_kb, f.scale, f.n_teachers);
     fputs("</table><h2>What the loader decided</h2><pre>", to);
     put_escaped(to, c->notes);
     fputs("</pre></html>\n", to);

@@ -14,6 +14,7 @@ typedef struct saga_forecast {
     int n_segments;
     int scale;                /* N of 1/N that pictures of a still are at */
     int n_primitives, n_iterations; /* of each */
+    int n_teachers;           /* before the warm-up, counted in minutes alone */
     double minutes;           /* of CPU, for all of them */
     double least_kb, most_kb;
 } saga_forecast;

@@ -11,6 +11,7 @@
 #include "file.h"
 #include "motion.h"
 #include "sweep.h"
+#include "warm_up.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -192,10 +193,9 @@ static uint32_t primitives_of(const saga_encode_session *s, uint32_t n)
 static void plan(saga_encode_session *s, saga_train_options *t, bool resume)
 {
     saga_plan(t, &s->why, &s->capture, s->preset);
-    /* Where things move, teachers cost more than they show
-     * (docs/lab/teachers.md). The whole capture decides: a base's is a still
-     * of all frames, but stands in a capture that moves. */
-    t->n_teachers = s->whole.n_frames == 1 ? s->preset->teachers : 0;
+    /* The whole capture decides: a base's is a still of all frames, but stands
+     * in a capture that moves. */
+    t->n_teachers = saga_plan_teachers(s->preset, &s->whole);
     if (s->part > 0 && (s->o->primitives || !resume)) {
         t->n_primitives = primitives_of(s, t->n_primitives);
         snprintf(s->why.primitives, sizeof s->why.primitives,

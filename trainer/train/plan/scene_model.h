@@ -21,6 +21,13 @@ typedef struct saga_model_terms {
 void saga_plan_model(saga_model *m, const saga_model_terms *terms,
                      uint32_t tools);
 
+/* Returns how splats fall off, SAGA_TOOLS_SPLAT, of a training that begins. */
+uint32_t saga_plan_splats(const saga_train_options *o, const saga_ablation *a);
+
+/* Returns how many times what the first segment shows the networks' formats
+ * hold, for segments that are still to come. */
+double saga_plan_room(const saga_train_options *o);
+
 /* Sets the members of *m that describe the entropy model: sources, groups and
  * network sizes. A memory bank has at most most_slots slots. */
 void saga_plan_entropy_model(saga_model *m, const saga_ablation *a,

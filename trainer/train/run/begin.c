@@ -7,20 +7,12 @@
 
 #include "alloc.h"
 #include "exposure_match.h"
+#include "scene_model.h"
+#include "warm_up.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-
-/* On a base a warm-up begins with this part of its primitives: most of those
- * drawn at random would be the base's once more, and the errors say where the
- * others are needed. */
-#define START_ON_BASE 0.1
-
-/* Formats hold this many times what the segment shows that makes the networks:
- * features and outputs of the others were cut where they were larger, which a
- * short training lost 20 dB by. */
-#define SEGMENT_ROOM 2
 
 /* --- Tones ---------------------------------------------------------------- */
 
@@ -77,16 +69,7 @@ void saga_train_set_flat(saga_train *t)
     t->flat_options.temporal = t->capture->n_frames > 1 &&
                                t->o.motion != SAGA_TRAIN_STILL;
     if (t->backdrop.n)
-        t->flat_options.start = R(START_ON_BASE);
-}
-
-/* Returns what a training that begins says of its splats. Those that are
- * imported were fitted as normal distributions. */
-static uint32_t chosen_tools(const saga_train *t)
-{
-    if (t->o.given)
-        return 0;
-    return SAGA_TOOLS_SPLAT & ~(t->ablation.no_steep ? SAGA_TOOL_STEEP : 0u);
+        t->flat_options.start = R(SAGA_START_ON_BASE);
 }
 
 void saga_train_set_splats(saga_train *t)
@@ -95,7 +78,7 @@ void saga_train_set_splats(saga_train *t)
 
     /* A file has one kind of splat, which its networks were trained for. */
     t->pictures.tools = t->file.encoder ? m->tools & SAGA_TOOLS_SPLAT
-                                        : chosen_tools(t);
+                                        : saga_plan_splats(&t->o, &t->ablation);
 }
 
 /* Makes the pictures of a segment's capture. */
@@ -145,8 +128,7 @@ bool saga_train_set_up(saga_train *t, saga_error *error)
         return false;
     saga_options_derive(&t->o);
     t->lambda = t->o.lambda;
-    /* Other segments take these networks as they are. */
-    t->room = t->o.n_segments > 1 ? SEGMENT_ROOM : 1;
+    t->room = saga_plan_room(&t->o);
     t->explained = (double)NAN;
     *f = saga_flat_defaults();
     f->n_iterations = t->o.n_warm;

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * The trained state becomes a file, of which quality, counts and prices are kept
- * for the report; the first segment is tried beforehand, to see whether it keeps
- * within its level.
+ * The trained state becomes a file, of which quality, counts and prices are
+ * kept for the report; the first segment is tried beforehand, to see whether it
+ * keeps within its level.
  */
 #include "train_state.h"
 

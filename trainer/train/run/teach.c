@@ -7,27 +7,15 @@
 #include "train_state.h"
 
 #include "rng.h"
-
-/* A teacher has this part of the warm-up's iterations; with all of them it
- * costs twice the time, and teaches no better (docs/lab/teachers.md). */
-#define LESSON 0.5
+#include "warm_up.h"
 
 /* The stream of the random numbers. */
 enum { STREAM_TEACHER = 600 };
 
-/* A base is drawn with each view's own colours, and there are none between the
- * views; what was imported is not learned; and pictures of a camera that moves
- * have no neighbours that were taken at their moment. */
-static bool may_teach(const saga_train *t)
-{
-    return t->o.n_teachers > 0 && !t->ablation.no_teachers && !t->o.given &&
-           !t->capture->moves && t->backdrop.n == 0;
-}
-
 bool saga_train_place_teachers(saga_train *t, saga_error *error)
 {
     t->n_teachers = 0;
-    if (!may_teach(t))
+    if (!saga_plan_may_teach(&t->o, &t->ablation, &t->pictures))
         return true;
     if (!saga_novel_init(&t->novel, &t->pictures, error))
         return false;
@@ -41,26 +29,20 @@ bool saga_train_is_teaching(const saga_train *t)
     return t->novel.n_teachers < t->n_teachers;
 }
 
-static int lesson(const saga_train *t)
-{
-    const int n = (int)(LESSON * t->o.n_warm);
-
-    return n < 1 ? 1 : n;
-}
-
 double saga_train_teaching(const saga_train *t)
 {
-    return LESSON * t->n_teachers;
+    return SAGA_LESSON_PART * t->n_teachers;
 }
 
 int saga_train_warm_iterations(const saga_train *t)
 {
-    return t->n_teachers * lesson(t) + t->o.n_warm;
+    return t->n_teachers * saga_plan_lesson(t->o.n_warm) + t->o.n_warm;
 }
 
 int saga_train_warm_iteration(const saga_train *t)
 {
-    return t->novel.n_teachers * lesson(t) + saga_flat_iteration(t->flat);
+    return t->novel.n_teachers * saga_plan_lesson(t->o.n_warm) +
+           saga_flat_iteration(t->flat);
 }
 
 /* Returns the options of the set that is in training: of the next teacher, or
@@ -71,7 +53,7 @@ static saga_flat_options options_of(const saga_train *t)
     saga_flat_options o = t->flat_options;
 
     if (saga_train_is_teaching(t)) {
-        o.n_iterations = lesson(t);
+        o.n_iterations = saga_plan_lesson(t->o.n_warm);
         o.seed = saga_rng_bits(r, (uint64_t)t->novel.n_teachers);
     }
     return o;
@@ -98,7 +80,7 @@ bool saga_train_end_lesson(saga_train *t, saga_error *error)
     saga_splat_params p;
     bool ok;
 
-    if (!saga_train_is_teaching(t) || saga_flat_iteration(t->flat) < lesson(t))
+    if (!saga_train_is_teaching(t) || saga_flat_iteration(t->flat) < saga_plan_lesson(t->o.n_warm))
         return true;
     p = saga_flat_params(t->flat);
     ok = saga_novel_teach(&t->novel, &p, saga_flat_count(t->flat), error);

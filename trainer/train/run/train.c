@@ -7,12 +7,9 @@
 
 #include "clock.h"
 #include "start.h"
+#include "warm_up.h"
 
-#include <math.h>
 #include <stdlib.h>
-
-/* After this part of the warm-up a free count is guessed. */
-#define GUESS_AT 0.15
 
 /* Recent pictures weigh this much less with every newer one. */
 #define RECENT_PART 0.98
@@ -118,44 +115,21 @@ bool saga_train_next(saga_train *t, const saga_capture *capture,
 
 /* --- Stages --------------------------------------------------------------- */
 
-/* Returns which part of the error of now the warm-up ends with, where a count
- * that is free is settled; else 0. Once while it grows, so that it does so
- * towards that count, once before it prunes. By the logs of four captures:
- * 0.6 dB with small pictures, 4 to 6 without, and 0.7 to 2.7 dB. */
-static double error_left(const saga_train *t)
-{
-    const int at = saga_flat_iteration(t->flat);
-
-    if (!t->o.free_count || t->turn > 0 || saga_train_is_teaching(t))
-        return 0;
-    /* Parts of the mean squared error: 0.87 is 0.6 dB less, 0.36 is 4.4. */
-    if (at == (int)(GUESS_AT * t->o.n_warm))
-        return saga_flat_mip_at(t->flat, at) ? 0.87 : 0.36;
-    /* 0.71 is 1.5 dB less. */
-    return at == saga_flat_first_prune(t->flat) ? 0.71 : 0;
-}
-
-/* Sets the primitives to those that suit lambda, a quarter to four times as
- * many as now. */
+/* Settles a count that is free: of the first segment, which serves all. */
 static void settle_count(saga_train *t)
 {
-    const uint32_t n = t->o.n_primitives;
-    const double left = error_left(t);
-    double wanted;
+    const bool free = t->turn == 0 && !saga_train_is_teaching(t);
+    const uint32_t n = !free ? 0
+        : saga_plan_count(&t->o, t->flat, t->recent_mse, &t->pictures);
 
-    if (!(left > 0))
+    if (n == 0)
         return;
-    /* By the error that the warm-up is going to end with. */
-    wanted = saga_policy_primitives(t->o.lambda, left * t->recent_mse,
-                                    saga_pictures_pixels(&t->pictures), n);
-    t->o.n_primitives = (uint32_t)fmin(
-        rint(fmin(fmax(wanted, (n + 3) / 4), 4.0 * n)),
-        saga_caps[t->o.level].n_prim);
     /* Anchors follow the primitives. */
+    t->o.n_primitives = n;
     t->o.n_coarse = t->o.n_fine = 0;
     saga_options_derive(&t->o);
-    t->flat_options.n_primitives = t->o.n_primitives;
-    saga_flat_aim(t->flat, t->o.n_primitives);
+    t->flat_options.n_primitives = n;
+    saga_flat_aim(t->flat, n);
 }
 
 static bool step(saga_train *t, double *mse, saga_error *error)
