@@ -19,6 +19,10 @@ export class SagaEntity {
     readonly view: EngineView;
 
     /** Puts an entity with a camera where a camera of the rig stands. */
-    placeCamera(entity: Entity, index?: number): void;
+    placeCamera(camera: Entity, index?: number): void;
     destroy(): void;
 }
+
+/** The same for any entity that shows a film. */
+export function placeCamera(film: { entity: Entity; view: EngineView },
+    camera: Entity, index: number): void;

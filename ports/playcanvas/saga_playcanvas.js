@@ -57,6 +57,18 @@ function makeSquare(device) {
     return mesh;
 }
 
+// Puts an entity with a camera where a camera of the film's rig stands.
+export function placeCamera({ entity, view }, camera, index) {
+    const { fov, matrix } = view.rigPlace(index);
+    const place = new pc.Mat4();
+
+    place.data.set(matrix);
+    place.mul2(entity.getWorldTransform(), place);
+    camera.setPosition(place.getTranslation());
+    camera.setRotation(new pc.Quat().setFromMat4(place));
+    camera.camera.fov = fov;
+}
+
 export class SagaEntity {
     // source: an address or a File. options: of the viewer, simd and seconds.
     static async load(app, source, options) {
@@ -122,16 +134,8 @@ export class SagaEntity {
             view.toClip(this.values, modelView, projection)));
     }
 
-    // Puts an entity with a camera where a camera of the rig stands.
-    placeCamera(entity, index = 0) {
-        const { fov, matrix } = this.view.rigPlace(index);
-        const place = new pc.Mat4();
-
-        place.data.set(matrix);
-        place.mul2(this.entity.getWorldTransform(), place);
-        entity.setPosition(place.getTranslation());
-        entity.setRotation(new pc.Quat().setFromMat4(place));
-        entity.camera.fov = fov;
+    placeCamera(camera, index = 0) {
+        placeCamera(this, camera, index);
     }
 
     destroy() {

@@ -62,6 +62,19 @@ function makeGeometry(floats, nSplats) {
     return geometry;
 }
 
+// Puts a PerspectiveCamera where a camera of the film's rig stands.
+export function placeCamera(film, camera, index) {
+    const { fov, matrix } = film.view.rigPlace(index);
+
+    film.updateWorldMatrix(true, false);
+    new THREE.Matrix4().fromArray(matrix).premultiply(film.matrixWorld)
+        .decompose(camera.position, camera.quaternion, camera.scale);
+    camera.scale.set(1, 1, 1);
+    camera.fov = fov;
+    camera.updateProjectionMatrix();
+    camera.updateMatrixWorld();
+}
+
 export class SagaMesh extends THREE.Mesh {
     // source: an address or a File. options: of the viewer, simd and seconds.
     static async load(source, options) {
@@ -106,17 +119,8 @@ export class SagaMesh extends THREE.Mesh {
         this.material.uniformsNeedUpdate = true;
     }
 
-    // Puts a PerspectiveCamera where a camera of the rig stands.
     placeCamera(camera, index = 0) {
-        const { fov, matrix } = this.view.rigPlace(index);
-
-        this.updateWorldMatrix(true, false);
-        new THREE.Matrix4().fromArray(matrix).premultiply(this.matrixWorld)
-            .decompose(camera.position, camera.quaternion, camera.scale);
-        camera.scale.set(1, 1, 1);
-        camera.fov = fov;
-        camera.updateProjectionMatrix();
-        camera.updateMatrixWorld();
+        placeCamera(this, camera, index);
     }
 
     dispose() {

@@ -16,11 +16,14 @@ export const FRAGMENT_GLSL: string;
 export class EngineView extends Viewer {
     constructor(
         take: (splats: SagaSplats & { values: Int32Array }) => void,
-        options?: { simd?: boolean; seconds?: number },
+        options?: { simd?: boolean; seconds?: number;
+            make?: 'splats' | 'gaussians' },
     );
     /** modelView takes the capture's units to the camera. */
     lookFrom(modelView: ArrayLike<number>, projection: ArrayLike<number>,
         width: number, height: number): void;
+    /** For Gaussians: where the camera stands, in the capture's units. */
+    lookFromPlace(eye: number[]): void;
     /** From splats made for `values` to the engine's screen. */
     toClip(values: Int32Array, modelView: ArrayLike<number>,
         projection: ArrayLike<number>): number[];

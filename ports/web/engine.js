@@ -82,10 +82,11 @@ function product(a, b) {
 
 export class EngineView extends Viewer {
     // take: called with every picture's splats, as SagaFile.splats has them,
-    // and with the camera's values.
-    constructor(take, options) {
+    // and with the camera's values; with make = 'gaussians' as
+    // SagaFile.gaussians has them.
+    constructor(take, { make = 'splats', ...options } = {}) {
         super(null, { ...options,
-            screen: { takesSplats: true, showSplats: take } });
+            screen: { takesSplats: true, make, showSplats: take } });
         this.wanted = null;
     }
 
@@ -111,9 +112,23 @@ export class EngineView extends Viewer {
         lens.set([width * p[0] / 2, height * p[5] / 2, width * (1 - p[8]) / 2,
             height * (1 + p[9]) / 2].map((x) => Math.round(x * 65536)), 12);
         lens.set([width, height], 17);
-        const values = cam.placed(lens,
-            { rotation: rows.flat(), centre: this.toUnits(eye) });
 
+        this.want(cam.placed(lens,
+            { rotation: rows.flat(), centre: this.toUnits(eye) }));
+    }
+
+    // Gaussians do not depend on a camera but for their colours, and these on
+    // where it stands, in the capture's units.
+    lookFromPlace(eye) {
+        if (!this.info)
+            return;
+        const values = Int32Array.from(this.home);
+
+        values.set(this.toUnits(eye).map(Math.round), 9);
+        this.want(values);
+    }
+
+    want(values) {
         if (this.wanted && values.every((x, i) => x === this.wanted[i]))
             return;
         this.wanted = values;

@@ -161,6 +161,12 @@ export class SagaFile {
     /** The splats of that picture instead. */
     splats(camera: SagaCamera, num: number, den?: number): Promise<SagaSplats>;
 
+    /** The primitives of a time as Gaussians in the capture's units, in the
+     * colours that the camera sees. bytes: of four planes of four floats each:
+     * mean, opacity; standard deviations; quaternion w, x, y, z; colour. */
+    gaussians(camera: SagaCamera, num: number, den?: number): Promise<
+        Pick<SagaSplats, 'nPrimitives' | 'nSplats' | 'tools' | 'bytes'>>;
+
     /** CRC-32C of the last picture's rgb, 8 digits. */
     crc(): string;
 }

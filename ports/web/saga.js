@@ -10,6 +10,8 @@
 // Runs wherever WebAssembly does: page, worker or Node. One SagaFile draws one
 // picture at a time; saga.d.ts has the types.
 
+import { GAUSSIAN_INTS, planesOf } from './gaussians.js';
+
 // Positions of saga_web.c's structures, in 32-bit integers.
 const INFO = {
     version: 0, level: 1, workNbytes: 2, headNbytes: 3, nSegments: 4,
@@ -493,6 +495,30 @@ export class SagaFile {
             background: Array.from(values.slice(BACKGROUND, BACKGROUND + 3),
                 (x) => x / 32768),
             bytes: this.bytes(at >>> 0, SPLAT_NBYTES * nSplats) };
+    }
+
+    // The primitives of a time for an engine that sorts and projects them
+    // itself, in the colours that the camera sees: bytes are planesOf's.
+    async gaussians(camera, num, den = 1) {
+        const { number, t } = this.find(num, den);
+
+        await this.decode(number);
+        this.ints(this.wasm.saga_web_camera(), CAMERA_LENGTH)
+            .set(camera.values);
+        const start = performance.now();
+        const at = this.wasm.saga_web_gaussians(t);
+        const [, , , , nPrimitives, nSplats] =
+            this.ints(this.wasm.saga_web_picture(), 6);
+
+        if (!at)
+            this.check(-2, 'is too large for this browser\'s memory');
+        this.times.view = performance.now() - start;
+        const planes = planesOf(
+            this.ints(at, GAUSSIAN_INTS * nSplats), nSplats, this.info);
+
+        this.times.draw = performance.now() - start - this.times.view;
+        return { nPrimitives, nSplats, tools: this.info.tools,
+            bytes: new Uint8Array(planes.buffer) };
     }
 
     picture() {

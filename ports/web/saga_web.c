@@ -18,7 +18,8 @@ enum {
     PAGE = 65536,           /* of WebAssembly's memory */
     ALIGN = 64,
     TILE = 32,
-    LIST = 1 << 15          /* splats that a band sees at a time */
+    LIST = 1 << 15,         /* splats that a band sees at a time */
+    INVISIBLE = 11 << 20    /* saga_animated's q0_q20 from there on */
 };
 
 /* Whatever JavaScript reads, as 32-bit integers. */
@@ -43,6 +44,14 @@ typedef struct {
     uint32_t nbytes;
     int32_t t;
 } web_segment;
+
+/* A primitive at a time: what saga_primitive_at and saga_colour_at say. */
+typedef struct {
+    saga_animated at;
+    uint16_t colour_q15[4]; /* the last one is 0 */
+} web_gaussian;
+
+_Static_assert(sizeof(web_gaussian) == 52, "layout of a Gaussian");
 
 typedef struct {
     uint32_t width, height; /* pixels */
@@ -98,6 +107,12 @@ EXPORT(saga_web_draw) int32_t saga_web_draw(void);
  * saga_web_picture tells; the segment's bytes and the last picture are lost.
  * NULL: no memory, or no view. */
 EXPORT(saga_web_splats) const saga_splat *saga_web_splats(void);
+
+/* The primitives that are there at time t, as many as saga_web_picture tells,
+ * in colours as the camera at saga_web_camera sees them from its centre; the
+ * segment's bytes and the last picture are lost. NULL: no memory, or nothing is
+ * decoded. */
+EXPORT(saga_web_gaussians) const web_gaussian *saga_web_gaussians(int32_t t);
 
 /* The reports of saga_web_view and saga_web_draw. */
 EXPORT(saga_web_picture) const web_picture *saga_web_picture(void);
@@ -429,6 +444,29 @@ const saga_splat *saga_web_splats(void)
         saga_splats_at(to, web.dec, 0, n))
         return NULL;
     return to;
+}
+
+const web_gaussian *saga_web_gaussians(int32_t t)
+{
+    const uint32_t n = web.picture.n_primitives;
+    web_gaussian *const first = (web_gaussian *)(void *)web.input;
+    web_gaussian *to = first;
+    uint32_t i;
+
+    if (!web.dec || !reach(web.input, (uint64_t)n * sizeof *to))
+        return NULL;
+    for (i = 0; i < n; i++) {
+        if (saga_primitive_at(&to->at, web.dec, i, t))
+            return NULL;
+        if (to->at.q0_q20 >= INVISIBLE)
+            continue;
+        if (saga_colour_at(to->colour_q15, web.dec, i, web.camera.centre))
+            return NULL;
+        to->colour_q15[3] = 0;
+        to++;
+    }
+    web.picture.n_splats = (uint32_t)(to - first);
+    return first;
 }
 
 const web_picture *saga_web_picture(void)

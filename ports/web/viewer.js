@@ -463,7 +463,8 @@ export class Viewer extends EventTarget {
         if (this.isLate() && !this.waiting)
             this.beginWait();
         this.worker.postMessage({ draw: { values,
-            num: Math.round(this.frame * den), den, gpu: !this.exact,
+            num: Math.round(this.frame * den), den,
+            make: this.exact ? 'draw' : this.screen.make ?? 'splats',
             crc: this.wantCrc, buffer } }, buffer ? [buffer] : []);
     }
 

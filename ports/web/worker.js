@@ -4,8 +4,9 @@
 // responsive. It answers every message but `ahead` once, in their order:
 //
 //     { open: address or File, simd, seconds } -> { opened } or { failed }
-//     { draw: { values, num, den, gpu, crc, buffer } } -> { drawn } or
-//         { failed }: with gpu splats, else pixels; buffer is used again
+//     { draw: { values, num, den, make, crc, buffer } } -> { drawn } or
+//         { failed }: what SagaFile's method `make` gives, `draw`, `splats` or
+//         `gaussians`; buffer is used again
 //     { ahead: segments }: the one that is shown, and those that come then;
 //         they are fetched in this order, the second is decoded elsewhere
 //
@@ -126,10 +127,10 @@ function copyTo(buffer, bytes) {
     return to;
 }
 
-async function draw({ values, num, den, gpu, crc, buffer }) {
+async function draw({ values, num, den, make, crc, buffer }) {
     await changeSegment(num, den);
-    const made = gpu ? await file.splats({ values }, num, den)
-        : await file.draw({ values }, num, den);
+    const made = await file[make]({ values }, num, den);
+    const gpu = make !== 'draw';
     const { width, height, nPrimitives, nSplats, tools, background } = made;
 
     return { drawn: {

@@ -10,11 +10,12 @@ plays the demo,
   NAME late      splats made for another camera are where this one sees them
   NAME placed    a film that is moved, turned and made larger looks the same from
                  a camera that is, too
+  gsplat, spark  what PlayCanvas and Spark draw by themselves comes to 30 dB:
+                 they know no splats that fall off as ours
 The engines come from the registry of npm, once for a build folder. Without npm
 or the registry, Chromium or the decoder for it, it says that it was skipped.
 """
 
-import io
 import os
 import shutil
 import subprocess
@@ -31,22 +32,30 @@ SAGA = os.environ.get("SAGA", BUILD + "/saga")
 WEB = os.path.join(os.path.dirname(SAGA), "web")
 PACKAGES = os.path.join(BUILD, "npm")
 LEAST_DB = 40
+LEAST_GAUSSIANS_DB = 30
 SIZE = 320, 180         # of the demo's cameras
 
-# Engine: version, and which of its files a page needs.
+# Engine: its packages of npm, their versions, and which of their files a page
+# needs.
 ENGINES = {
-    "three": ("0.187.0", ("build/three.module.js", "build/three.core.js")),
-    "playcanvas": ("2.23.3", ("build/playcanvas.mjs",)),
+    "three": (
+        ("three", "0.187.0", ("build/three.module.js", "build/three.core.js",
+                              "examples/jsm/postprocessing/Pass.js")),
+        ("@sparkjsdev/spark", "2.2.0", ("dist/spark.module.js",))),
+    "playcanvas": (("playcanvas", "2.23.3", ("build/playcanvas.mjs",)),),
 }
+
+# How a page is asked to have the engine draw splats by itself.
+OWN = {"three": "spark", "playcanvas": "gsplat"}
 
 checks = Verdicts("engines")
 complain, verdict = checks.complain, checks.verdict
 
 
-def fetch(name):
-    """{path: bytes} of a package, or None where it cannot be had."""
-    version, wanted = ENGINES[name]
-    path = os.path.join(PACKAGES, "%s-%s.tgz" % (name, version))
+def pack(name, version):
+    """The package's archive, or None where it cannot be had."""
+    path = os.path.join(PACKAGES, "%s-%s.tgz" % (
+        name.lstrip("@").replace("/", "-"), version))
     if not os.path.exists(path):
         os.makedirs(PACKAGES, exist_ok=True)
         done = subprocess.run(
@@ -55,9 +64,21 @@ def fetch(name):
             stderr=subprocess.DEVNULL, timeout=300)
         if done.returncode:
             return None
-    with tarfile.open(fileobj=io.BytesIO(read(path))) as tar:
-        return {"%s/node_modules/%s/%s" % (name, name, w):
-                tar.extractfile("package/" + w).read() for w in wanted}
+    return path
+
+
+def fetch(engine):
+    """{path: bytes} of what a page of the engine needs, or None."""
+    files = {}
+    for name, version, wanted in ENGINES[engine]:
+        path = pack(name, version)
+        if path is None:
+            return None
+        with tarfile.open(path) as tar:
+            files.update({"%s/node_modules/%s/%s" % (engine, name, w):
+                          tar.extractfile("package/" + w).read()
+                          for w in wanted})
+    return files
 
 
 def files_of(name):
@@ -102,6 +123,20 @@ window.part = (got, [r, g, b]) => {
         n += Math.abs(got[i] - r) + Math.abs(got[i + 1] - g) +
             Math.abs(got[i + 2] - b) < 6;
     return n / (got.length / 4);
+};
+// What an engine sorts elsewhere takes some pictures to come.
+window.comesTo = async (index, time, least) => {
+    const end = performance.now() + 20000;
+    let db = 0;
+    look(index, 0);
+    view.seek(time);
+    while (db < least && performance.now() < end) {
+        draw();
+        await frame();
+        db = view.busy ? 0
+            : beside(await exact(view.rig[index].values), draw());
+    }
+    return db;
 };
 window.background = () => Array.from(view.home.slice(19, 22),
     (x) => x / 32768);
@@ -278,6 +313,14 @@ def check_placed(tab, name):
     verdict("%s placed: %.1f dB" % (name, db))
 
 
+def check_gaussians(tab, what):
+    told = [tab.run("comesTo(%d, %d, %d)" % (index, frame, LEAST_GAUSSIANS_DB))
+            for frame, index in ((0, 0), (13, 4))]
+    if min(told) < LEAST_GAUSSIANS_DB:
+        complain("it comes to", told, "dB")
+    verdict("%s: %.1f, %.1f dB" % (what, *told))
+
+
 def check_engine(name):
     package = fetch(name)
     if package is None:
@@ -285,16 +328,21 @@ def check_engine(name):
         return
     server = browser.FileServer({**files_of(name), **package})
     tab = browser.Browser()
-    try:
-        tab.go(server.url + "%s/%s.html?src=/demo.saga" %
-               (name, name))
+
+    def begin(more=""):
+        tab.go(server.url + "%s/%s.html?src=/demo.saga%s" % (name, name, more))
         tab.wait("window.film?.view.drawn && film.view.playing")
         tab.run(SHARED)
         tab.run(WORDS[name])
+
+    try:
+        begin()
         check_picture(tab, name)
         check_depth(tab, name)
         check_late(tab, name)
         check_placed(tab, name)
+        begin("&%s=1" % OWN[name])
+        check_gaussians(tab, OWN[name])
         checks.complaints.extend(tab.log)
         verdict(name + " console")
     finally:

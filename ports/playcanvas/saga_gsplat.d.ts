@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: MIT
+import type { AppBase, Asset, GSplatContainer } from 'playcanvas';
+import type { EngineView } from 'saga-web/engine.js';
+
+/** The resource of an asset of the type gsplat whose file is a film. */
+export class SagaSplats extends GSplatContainer {
+    /** The clock, what is known of the file, and events. */
+    readonly view: EngineView;
+}
+
+/** For `app.loader.getHandler('gsplat').addParser`. */
+export class SagaParser {
+    /** simd: false for the plain decoder; seconds: that decoding a segment may
+     * take. */
+    constructor(app: AppBase, options?: { simd?: boolean; seconds?: number });
+    canParse(context: { ext: string }): boolean;
+    load(url: { load: string; original: string },
+        callback: (error: string | null, resource?: SagaSplats) => void,
+        asset?: Asset): void;
+    open(url: string, data: SagaSplats): SagaSplats;
+}

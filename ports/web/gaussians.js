@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: MIT
+//
+// Primitives of a time as engines for Gaussian splats want them: normal
+// distributions in the capture's units.
+
+import { STEEP } from './gpu.js';
+
+export const GAUSSIAN_INTS = 13; // web_gaussian of saga_web.c
+const MOST_ALPHA = 64880 / 65536;
+const PEAK_STEPS = 32;           // of log2, 0 to 3: log2 of the largest opacity
+
+// Engines have neither flat tops nor steep falls: each becomes a normal
+// distribution that covers as much of a picture. With s = log2(e) r^2 / 2 a
+// splat covers the integral over s of min(1, P 2^-s), or of
+// min(1, P 2^-(s + s^2 / 2)), where exp(-r^2 / 2) covers 1 / ln 2. Returns how
+// much wider it is, for log2 P = 0, 1 / PEAK_STEPS, ... 3.
+function widenings(isSteep) {
+    const step = 1 / 64;
+
+    return Float64Array.from({ length: 3 * PEAK_STEPS + 1 }, (_, i) => {
+        let sum = 0;
+
+        for (let s = step / 2; s < 24; s += step)
+            sum += 2 ** Math.min(0, i / PEAK_STEPS - s -
+                (isSteep ? s * s / 2 : 0));
+        return Math.sqrt(Math.LN2 * step * sum);
+    });
+}
+
+const tables = new Map(); // isSteep -> widenings
+
+function wideningsOf(isSteep) {
+    if (!tables.has(isSteep))
+        tables.set(isSteep, widenings(isSteep));
+    return tables.get(isSteep);
+}
+
+// Four planes of four floats a primitive, as textures have them: mean and
+// opacity; standard deviations; quaternion w, x, y, z; colour.
+export function planesOf(ints, n, { unit, centre, tools }) {
+    const planes = new Float32Array(16 * n);
+    const [means, scales, quats, colours] = [0, 1, 2, 3].map(
+        (i) => planes.subarray(4 * i * n, 4 * (i + 1) * n));
+    const wider = wideningsOf((tools & STEEP) !== 0);
+
+    for (let i = 0; i < n; i++) {
+        const from = GAUSSIAN_INTS * i, to = 4 * i;
+        const q0 = ints[from + 10] / 2 ** 20;
+        const peak = Math.max(0, 3 - q0);
+        const wide = unit * wider[Math.round(PEAK_STEPS * peak)];
+        const length = Math.hypot(ints[from + 3], ints[from + 4],
+            ints[from + 5], ints[from + 6]);
+
+        for (let k = 0; k < 3; k++) {
+            means[to + k] = centre[k] + unit * ints[from + k];
+            scales[to + k] = wide * 2 ** (ints[from + 7 + k] / 1024);
+        }
+        means[to + 3] = Math.min(MOST_ALPHA, 2 ** (3 - q0));
+        for (let k = 0; k < 4; k++)
+            quats[to + k] = length > 0 ? ints[from + 3 + k] / length
+                : Number(k === 0);
+        colours[to] = (ints[from + 11] & 65535) / 32768;
+        colours[to + 1] = (ints[from + 11] >>> 16) / 32768;
+        colours[to + 2] = (ints[from + 12] & 65535) / 32768;
+    }
+    return planes;
+}
