@@ -80,7 +80,8 @@ bool saga_train_end_lesson(saga_train *t, saga_error *error)
     saga_splat_params p;
     bool ok;
 
-    if (!saga_train_is_teaching(t) || saga_flat_iteration(t->flat) < saga_plan_lesson(t->o.n_warm))
+    if (!saga_train_is_teaching(t) ||
+        saga_flat_iteration(t->flat) < saga_plan_lesson(t->o.n_warm))
         return true;
     p = saga_flat_params(t->flat);
     ok = saga_novel_teach(&t->novel, &p, saga_flat_count(t->flat), error);
