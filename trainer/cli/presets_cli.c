@@ -10,18 +10,20 @@
 #include <stdio.h>
 
 static const char head[] =
-    "How much work `saga encode --preset` puts into a file. What is given\n"
-    "goes before it: --size, --primitives, --iterations, --time, --scale.\n"
+    "How much work `saga encode --preset` puts into a file. The\n"
+    "options --size, --primitives, --iterations, --time and --scale override it.\n"
     "\n"
     "preset    primitives  iterations  visits  still: visits  CPU minutes\n";
 
 static const char tail[] =
     "\n"
-    "primitives: times those of the rule, which follows pixels and motion.\n"
-    "iterations: of all stages of a segment, but each picture has its\n"
-    "visits at least. Of a still, which has visits of its own, no more than\n"
-    "fit into these CPU minutes, if there are some. `saga check CAPTURE` says\n"
-    "what that comes to. All presets choose tools alike: by what they save.\n";
+    "primitives: a factor on the number that the rule gives, which follows\n"
+    "pixels and motion.\n"
+    "iterations: for all stages of a segment, but at least `visits` to each\n"
+    "picture. A still capture has its own number of visits, and no more than\n"
+    "fit into its CPU minutes where these are given. `saga check CAPTURE`\n"
+    "prints what this comes to. All presets choose tools in the same way, by\n"
+    "what these save.\n";
 
 void saga_presets_help(void)
 {

@@ -14,16 +14,17 @@
 static const saga_preset presets[] = {
     { .name = "fast", .primitives = 0.7, .iterations = 8000, .visits = 10,
       .still_minutes = 0.35, .still_visits = 30, .better = "best",
-      .plus = "all stages and tools; large pictures of a still are made "
-              "smaller where there is no time for all visits" },
+      .plus = "all stages and tools; large pictures of a still capture are "
+              "reduced if there is no time for all visits" },
     { .name = "balanced", .primitives = 1, .iterations = 20000, .visits = 25,
       .still_visits = 25, .teachers = 2, .better = "best",
-      .plus = "as before, plus whole pictures of a still, 1.4 times the "
-              "primitives, 2.5 times the visits, of a still two teachers "
-              "where cameras are far apart; the default" },
+      .plus = "as fast, but pictures of a still capture keep their size; 1.4 "
+              "times the primitives, 2.5 times the visits; for a still capture "
+              "two teachers if cameras are far apart; the default" },
     { .name = "best", .primitives = 1.4, .iterations = 60000, .visits = 75,
       .still_visits = 75, .teachers = 2,
-      .plus = "as before, plus 1.4 times the primitives, 3 times the visits" }
+      .plus = "as balanced, with 1.4 times the primitives and 3 times the "
+              "visits" }
 };
 
 enum { N_PRESETS = sizeof presets / sizeof presets[0] };
