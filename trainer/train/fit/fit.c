@@ -9,13 +9,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Iterations between refreshes of the neighbours. */
+/* Iterations after which the neighbours are searched again. */
 enum { REFRESH_EVERY = 50 };
 
-/* Streams of random numbers. */
+/* Streams of random numbers (rng.h). */
 enum { STREAM_VIEW = 100, STREAM_NOISE, STREAM_OFFSET, STREAM_LAYERS };
 
-/* lambda_a, of anchors' distance from their primitives. */
+/* The weight lambda_a of the distance of anchors from their primitives. */
 #define ANCHOR_PRICE R(0.005)
 
 /* --- Memory -------------------------------------------------------------- */
@@ -42,7 +42,7 @@ static bool begin(saga_fit *f, saga_error *error)
 {
     saga_scene *const s = f->scene;
 
-    /* Anchors first: the rate takes their positions as they are by then. */
+    /* Anchors come first, since the rate uses their positions. */
     saga_rate_snap(s);
     if (f->o.given)
         memcpy(s->params, f->o.given->scene.params,
@@ -51,7 +51,8 @@ static bool begin(saga_fit *f, saga_error *error)
         !saga_twin_init(&f->twin, s, error) ||
         !saga_rate_init(&f->rate, s, error))
         return false;
-    /* Before the first refresh, which else measures constants of its own. */
+    /* This precedes the first refresh, which otherwise measures constants of
+     * its own. */
     if (f->o.given)
         saga_rate_give(&f->rate, &f->o.given->constants);
     if (!saga_rate_refresh(&f->rate, s, error) ||
@@ -119,8 +120,9 @@ static saga_rate_input rate_input(saga_fit *f, real *feature)
     return x;
 }
 
-/* Adds the gradients of the rate, `price` for a bit; before saga_twin_backward.
- * When the rounding begins, what is not worth its bytes is left out. */
+/* Adds the gradients of the rate at `price` for each bit, before
+ * saga_twin_backward. In the first iteration that rounds, it also chooses the
+ * sources. */
 static bool add_rate(saga_fit *f, double price, saga_error *error)
 {
     const saga_rate_input x = rate_input(f, f->feature);
@@ -130,23 +132,22 @@ static bool add_rate(saga_fit *f, double price, saga_error *error)
         .weight = (real)price
     };
 
-    /* Once, in the first iteration that rounds. The sources of given networks
-     * were chosen when those were made. */
+    /* Sources are chosen once, in the first iteration that rounds. Those of
+     * given networks were chosen when the networks were made. */
     if (o.rounding && !f->o.given && !f->rate.decision.decided &&
         !saga_rate_decide(&f->rate, f->scene, &x, error))
         return false;
-    /* A quarter of the blocks stands for all of them; where the bank is read,
-     * all are evaluated. */
+    /* A quarter of the blocks stands for all; all are evaluated where the
+     * bank's reads are evaluated again. */
     saga_rate_look(&o, f->iteration, saga_fit_is_remembering(f));
     saga_rate_add(f->bits, &f->rate, &f->grad, &x, &o);
     return true;
 }
 
-/* Features and primitives that a task takes, and nanoseconds for each of
- * them. */
+/* Features and primitives in one task, and nanoseconds for each of them. */
 enum { FEATURES = 2048, FEATURE_NS = 5, PRIMS = 256, PRIM_NS = 60 };
 
-/* Sets a part of f->feature: with noise of a step, then rounded. */
+/* Sets a part of f->feature: features with noise of one step, or rounded. */
 static void use_features(void *user, size_t part)
 {
     saga_fit *const f = user;
@@ -157,21 +158,21 @@ static void use_features(void *user, size_t part)
     const double step = saga_fit_feature_step(f->scene);
     size_t i;
 
-    /* Against mu of each anchor's last evaluation. */
+    /* They are rounded against mu at each anchor's last evaluation. */
     if (saga_fit_is_rounding(f)) {
         saga_rate_round(f->feature, &f->rate, f->scene, of);
         return;
     }
-    /* Noise u - 1/2 of a step is spread as the errors of rounding are, and lets
-     * gradients through. It depends on i, not on threads. */
+    /* Uniform noise of one step has the spread of rounding errors and lets
+     * gradients through. It depends on i only, not on threads. */
     for (i = of.begin; i < of.end; i++)
         f->feature[i] = (real)((double)f->scene->coarse_feature[i] +
                                step * (saga_rng_double(r, i) - 0.5));
 }
 
-/* Sets a part of f->position: with noise of a step of the offset from its
- * anchor, then with the offset rounded; and what that has moved, as supports
- * do. */
+/* Sets a part of f->position, with noise of one step on the offsets from the
+ * anchors or with the offsets rounded, and tells the twin how far that moved
+ * them. */
 static void use_positions(void *user, size_t part)
 {
     saga_fit *const f = user;
@@ -188,9 +189,9 @@ static void use_positions(void *user, size_t part)
         const real *const support = f->twin.support + 4 * fine;
         real o[4];
 
-        /* The paper's (1), turned round: x = anchor + o support. Supports
-         * are those of the last iteration; this one's are made after the
-         * positions. */
+        /* The paper's equation (1) solved for the offset, where x = anchor + o
+         * support. The supports are from the previous iteration; those of this
+         * one are computed after the positions. */
         for (k = 0; k < 4; k++)
             o[k] = (s->prim_x[4 * i + k] - at[k]) / support[k];
         if (saga_fit_is_rounding(f))
@@ -200,8 +201,8 @@ static void use_positions(void *user, size_t part)
                 o[k] += (real)(step * (saga_rng_double(r, 4 * i + k) - 0.5));
         for (k = 0; k < 4; k++) {
             f->position[4 * i + k] = at[k] + support[k] * o[k];
-            /* Steps are parts of supports: what noise or rounding moves grows
-             * with them, and this is how supports learn it. */
+            /* A step is a part of the support, so the shift grows with the
+             * support. The twin derives a gradient of the support from it. */
             f->twin.prim_shift[4 * i + k] =
                 f->position[4 * i + k] - s->prim_x[4 * i + k];
         }
@@ -228,9 +229,9 @@ static void use_all_positions(saga_fit *f)
 
 /* --- An iteration ------------------------------------------------------- */
 
-/* Returns how many primitives an iteration draws: those of the first layers,
- * and of all in half of the iterations, so that what comes first learns to
- * stand alone. */
+/* Returns the number of primitives that an iteration draws: in half of the
+ * iterations all, in the others those of the first layers, so that these learn
+ * to look well without the rest. */
 static uint32_t n_drawn(const saga_fit *f)
 {
     const saga_scene *const s = f->scene;
@@ -239,12 +240,12 @@ static uint32_t n_drawn(const saga_fit *f)
 
     if (s->n_layers == 1 || x < 0.5)
         return s->n.prim;
-    /* 2 x - 1 is uniform in [0, 1): one of the layers but the first, whose
-     * first primitive ends those before it. */
+    /* 2 x - 1 is uniform in [0, 1) and selects a layer after the first; the
+     * primitives before it are drawn. */
     return s->layer[1 + (size_t)((2 * x - 1) * (s->n_layers - 1))].first.prim;
 }
 
-/* Draws one picture and adds to the twin's gradients. */
+/* Draws one picture and adds its gradients to the twin's. */
 static bool learn_picture(saga_fit *f, saga_sample picture,
                           double *mse, saga_error *error)
 {
@@ -267,21 +268,21 @@ static bool render_iteration(saga_fit *f, double *mse, saga_error *error)
     const saga_sample picture = saga_novel_pick(f->pictures, r,
                                                 (uint64_t)f->iteration);
 
-    /* Forward: positions, attributes, then the picture, which leaves its
-     * gradients. */
+    /* Forward: positions, attributes, picture. Then the gradients of the
+     * picture. */
     saga_twin_offsets(&f->twin, &f->used);
     saga_twin_geometry(&f->twin, &f->used, f->feature);
     if (!learn_picture(f, picture, mse, error))
         return false;
-    /* L_A and the rate, before the twin goes back: both add to gradients of
-     * supports, which it takes. */
+    /* L_A and the rate precede the twin's backward pass, because they add to
+     * the gradients of supports, which it reads. */
     saga_twin_anchor_loss(&f->twin, &f->grad, &f->used, ANCHOR_PRICE);
     if (!add_rate(f, f->o.price.residual, error))
         return false;
     /* Backward, to features, positions and networks. */
     saga_twin_backward(&f->twin, &f->grad, &f->used);
-    /* The weights' rate comes last: the gradient of a step is made of all
-     * gradients of its tensor. */
+    /* The rate of the weights comes last, because the gradient of a step is
+     * computed from all gradients of its tensor. */
     saga_fit_rate_weights(f);
     return saga_fit_descend(f, error);
 }
@@ -291,24 +292,24 @@ bool saga_fit_iterate(saga_fit *f, double *mse, saga_error *error)
     bool ok;
 
     *mse = 0;
-    /* Noisy or rounded copies stand in for the scene. */
+    /* Copies with noise, or rounded ones, replace the scene's own values. */
     use_all_features(f);
     use_all_positions(f);
     if (!saga_fit_use_weights(f, error))
         return false;
-    /* Neighbours stand still in between, and no gradient flows through them
-     * (twin.h). */
+    /* In between, neighbours stay the same, and no gradient flows through their
+     * choice (twin.h). */
     if (f->iteration % REFRESH_EVERY == 0 &&
         !saga_twin_refresh(&f->twin, &f->used, f->feature, error))
         return false;
-    /* The entropy networks begin as the constants of what the start has
-     * made. */
+    /* The entropy networks start as constants, measured on the features that
+     * the start has made. */
     if (f->iteration == 0) {
         const saga_rate_input x = rate_input(f, f->feature);
 
         saga_rate_start(&f->rate, f->scene, &x);
     }
-    /* All backward passes add to gradients. */
+    /* All backward passes add to the gradients. */
     saga_clear(&(saga_span){ f->grad.reals, f->grad.n_reals * sizeof(real) },
                1);
     saga_twin_clear(&f->twin, f->scene);
@@ -330,14 +331,14 @@ saga_twin *saga_fit_code(saga_fit *f, real *feature, saga_rate_choice *c,
     x.scene = &f->used;
     if (!saga_rate_choice_init(c, &f->rate, &x, error))
         return NULL;
-    /* Coarse features, from the unrounded ones, in the order of coding: each is
-     * rounded against the mu that those before it give. */
+    /* The coarse features are rounded from the unrounded ones in the order of
+     * coding, each against the mu that the previous ones give. */
     memcpy(feature, f->scene->coarse_feature, (size_t)f->scene->n.coarse *
            f->scene->model.features * sizeof *feature);
     saga_rate_choice_code(c, &f->rate, &x, SAGA_KIND_COARSE,
                           SAGA_KIND_COARSE);
-    /* Fine features and supports follow from them, and the other two kinds are
-     * coded with these. */
+    /* Fine features and supports are computed from the coarse ones, and the
+     * other two kinds are coded with these. */
     if (!saga_twin_refresh(&f->twin, &f->used, feature, error)) {
         saga_rate_choice_free(c);
         return NULL;

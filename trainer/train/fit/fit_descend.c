@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * The steps down the gradients: which optimiser moves what, and what it
- * remembers between two iterations. Who tries another one changes this file,
- * saga_descent, and the rates of fit_schedule.c.
+ * The optimisers of the fit: which tensor is moved by which, and their state
+ * between iterations. Another optimiser needs changes in this file, in
+ * saga_descent, and to the rates of fit_schedule.c.
  */
 #include "fit_state.h"
 
@@ -16,10 +16,10 @@ enum {
     T_FEATURE, T_PRIM, T_ENTROPY, T_BANK, T_PARAMS, T_STEPS, N_TENSORS
 };
 
-/* --- What is remembered -------------------------------------------------- */
+/* --- State --------------------------------------------------------------- */
 
-/* The features of an anchor are a block: F_geo makes attributes of their sums,
- * so they pull together, and each anchor's differently. */
+/* The features of an anchor are one block. F_geo computes attributes from their
+ * sums, so their gradients are correlated, differently at each anchor. */
 static saga_block_adam feature_blocks(saga_fit *f)
 {
     const saga_scene *const s = f->scene;
@@ -78,7 +78,7 @@ void saga_fit_walk_descent(saga_fit *f, saga_checkpoint *c)
     saga_checkpoint_walk(c, d->axes, n_square * sizeof *d->axes);
 }
 
-/* --- One step of all ----------------------------------------------------- */
+/* --- Step ---------------------------------------------------------------- */
 
 static void tensor(saga_adam_tensor *t, saga_fit *f, const char *name,
                    real *x, size_t n, real rate)
@@ -98,27 +98,28 @@ static void list_tensors(saga_adam_tensor t[N_TENSORS], saga_fit *f,
                          const saga_fit_rates *r)
 {
     saga_scene *const s = f->scene;
-    /* They come first, those of the bank last among them. */
+    /* The entropy networks come first in params, and the bank's are the last of
+     * them. */
     const size_t n_entropy = saga_rate_n_params(s);
     const size_t n_bank = s->net[SAGA_NET_QUERY].n_layers
         ? n_entropy - (size_t)(s->net[SAGA_NET_QUERY].w[0] - s->params) : 0;
     const size_t still = saga_fit_n_still(f);
     const size_t first = still > n_entropy ? still : n_entropy;
 
-    /* Anchors' positions are in no tensor: they stand still. Features are in
-     * one to be checked, and step by blocks. */
+    /* Positions of anchors are in no tensor, since they are fixed. Features are
+     * listed only so that they are checked; they are moved by blocks, below. */
     tensor(&t[T_FEATURE], f, "coarse features", s->coarse_feature,
            (size_t)s->n.coarse * s->model.features, 0);
     tensor(&t[T_PRIM], f, "primitive positions", s->prim_x,
            4 * (size_t)s->n.prim, r->prim);
     tensor(&t[T_ENTROPY], f, "entropy networks", s->params,
            n_entropy - n_bank, r->entropy);
-    /* The bank has a gradient only where it is read anew. At a rate of 0 its
-     * moments wait for the next. */
+    /* The bank has gradients only where its reads are evaluated again. With
+     * rate 0 its moments stay unchanged until then. */
     tensor(&t[T_BANK], f, "memory bank's networks",
            s->params + n_entropy - n_bank, n_bank,
            saga_fit_is_remembering(f) ? SAGA_BANK_TWIN_PACE * r->entropy : 0);
-    /* From the first layer on that is not rounded yet. */
+    /* From the first layer that is not rounded yet. */
     tensor(&t[T_PARAMS], f, "networks", s->params + first,
            saga_fit_n_params(s) - first, r->networks);
     t[T_STEPS] = (saga_adam_tensor){

@@ -16,14 +16,14 @@
 enum { STREAM_PICTURES = 120, STREAM_SIGNS, STREAM_BLOCKS };
 
 /* A fit that has visited every picture LEAST_VISITS times has two turns, and
- * one more for every MORE_VISITS visits, up to the most: each gains less than
- * the one before. */
+ * one more for every further MORE_VISITS visits, up to MOST_TURNS, since each
+ * turn gains less than the previous one. */
 enum { LEAST_VISITS = 4, MORE_VISITS = 4, MOST_TURNS = 4 };
 
-/* The first turn moves this part of the blocks, the next ones that part of the
- * one before: blocks that overlap correct the same error, and all at once they
- * overshoot. For the same reason a move counts as curved by this factor times
- * what it is where nothing else moves. */
+/* The first turn moves this part of the blocks, and each further turn this
+ * fraction of the previous part. Blocks that overlap correct the same error, so
+ * that moving all at once would overshoot. For the same reason the curvature
+ * counts this many times as much as it would if nothing else moved. */
 #define FIRST_PART 0.5
 #define NEXT_PART 0.75
 #define CURVATURE 1.5
@@ -32,16 +32,18 @@ static const char what[] = "the polish of the features";
 
 typedef struct {
     saga_fit *f;
-    saga_twin *twin;             /* of what is decoded */
-    size_t width, n_blocks;      /* features of a block */
+    saga_twin *twin;             /* of the decoded scene */
+    size_t width, n_blocks;      /* number of features in a block */
     uint64_t n_pictures;
     saga_rng pictures;
-    real *feature, *slope;       /* (blocks, F) as decoded; dD / d feature */
-    real *best, *best_slope;     /* the same of the least loss */
+    real *feature, *slope;       /* (blocks, F): decoded features, and dD / d
+                                  * feature */
+    real *best, *best_slope;     /* (blocks, F): the same at the least loss so
+                                  * far */
     real *curve;                 /* (blocks, F) d2D / d feature^2 */
-    double step;                 /* of a feature */
-    double price;                /* of a bit */
-    double loss;                 /* D + price R of what is decoded */
+    double step;                 /* quantisation step of a feature */
+    double price;                /* price of a bit */
+    double loss;                 /* D + price R of the decoded scene */
 } polish;
 
 static bool init(polish *p, saga_fit *f, saga_error *error)
@@ -64,10 +66,10 @@ static bool init(polish *p, saga_fit *f, saga_error *error)
     return true;
 }
 
-/* --- What pictures say ---------------------------------------------------- */
+/* --- Pictures ------------------------------------------------------------- */
 
-/* Sets the features as they are decoded, the twin that draws them, and the part
- * of the loss that their bits are. */
+/* Sets the features to their decoded values, the twin that draws them, and
+ * p->loss to the price of their bits. */
 static bool decode(polish *p, saga_error *error)
 {
     saga_rate_choice choice;
@@ -89,7 +91,8 @@ static void clear_gradients(polish *p)
     saga_twin_clear(p->twin, p->f->scene);
 }
 
-/* Aims the canvas at a picture, and colours what is drawn. */
+/* Aims the canvas at a picture and computes the colours that its camera
+ * sees. */
 static bool show(polish *p, uint64_t number, saga_error *error)
 {
     saga_fit *const f = p->f;
@@ -102,7 +105,8 @@ static bool show(polish *p, uint64_t number, saga_error *error)
     return true;
 }
 
-/* Draws all pictures of what is decoded: their error and its slope. */
+/* Draws all pictures of the decoded scene; adds their error to the loss and
+ * sets its slope. */
 static bool look(polish *p, saga_error *error)
 {
     saga_fit *const f = p->f;
@@ -126,9 +130,9 @@ static bool look(polish *p, saga_error *error)
     return true;
 }
 
-/* Adds what a picture of random signs says of the curvature: its gradient is
- * g = sum_p s_p J_p, so that the mean of g^2 is sum_p J_p^2 (start.c has the
- * same of attributes). */
+/* Adds a sample of the curvature from a picture of random signs s_p: its
+ * gradient is g = sum_p s_p J_p, and the mean of g^2 is sum_p J_p^2 (start.c
+ * does the same for attributes). */
 static bool add_signs(polish *p, uint64_t number, saga_error *error)
 {
     saga_fit *const f = p->f;
@@ -152,8 +156,8 @@ static bool add_signs(polish *p, uint64_t number, saga_error *error)
     for (size_t i = 0; i < p->n_blocks * p->width; i++) {
         const real g = f->grad.coarse_feature[i];
 
-        /* D is the mean of n squares, over all pictures: its second derivative
-         * is twice the mean of J^2. */
+        /* D is the mean of n squares, over all pictures, so its second
+         * derivative is twice the mean of J^2. */
         p->curve[i] += 2 * g * g / ((real)n * (real)p->n_pictures);
     }
     return true;
@@ -169,7 +173,7 @@ static bool find_curvature(polish *p, saga_error *error)
 
 /* --- Moves ---------------------------------------------------------------- */
 
-/* A feature as it is coded. */
+/* The coded form of a feature. */
 typedef struct {
     uint32_t scale;
     int32_t symbol;
@@ -190,8 +194,8 @@ static coded code_of(const polish *p, size_t block, size_t i)
     };
 }
 
-/* Returns what moving feature `at` by one step, up or down, adds to the
- * loss. */
+/* Returns the change of the loss when feature `at` moves by one step, up or
+ * down. */
 static double added(const polish *p, size_t at, const coded *c, int by)
 {
     const int32_t to = c->symbol + by;
@@ -204,9 +208,9 @@ static double added(const polish *p, size_t at, const coded *c, int by)
                        saga_cost_residual(c->symbol, c->scale));
 }
 
-/* Moves the feature of a block that gains most. A second one would be moved
- * against what the first has changed: they draw the same primitive. Returns
- * what that should gain. */
+/* Moves the one feature of a block that gains most. A second move would rely on
+ * gradients that the first one changed, since both affect the same primitive.
+ * Returns the predicted gain. */
 static double move_block(const polish *p, size_t block)
 {
     const size_t first = block * p->width;
@@ -231,8 +235,8 @@ static double move_block(const polish *p, size_t block)
     return -least;
 }
 
-/* Sets the scene's features to the best ones, a part of their blocks moved.
- * Returns what that should gain. */
+/* Sets the scene's features to the best ones so far and moves a part of their
+ * blocks. Returns the predicted gain. */
 static double move_some(const polish *p, int turn, double part)
 {
     const saga_rng r = saga_rng_stream(p->f->o.seed + (uint64_t)turn,
@@ -249,8 +253,8 @@ static double move_some(const polish *p, int turn, double part)
 
 /* --- Turns ---------------------------------------------------------------- */
 
-/* Returns the turns of a fit: all pictures are drawn once for the curvature,
- * once before the first turn and once after each. */
+/* Returns the number of turns for a fit. All pictures are drawn once for the
+ * curvature, once before the first turn and once after each turn. */
 static int n_turns(const saga_fit *f)
 {
     const int visits = f->o.n_render / f->pictures->n_there;
@@ -266,19 +270,20 @@ static bool take_turns(polish *p, saga_fit_polished *r, saga_error *error)
     double part = FIRST_PART, gain = 0;
 
     for (int turn = 0; turn <= r->n_turns; turn++, part *= NEXT_PART) {
-        /* The curvature of the first decode serves all turns. */
+        /* The curvature at the first decode is used for all turns. */
         if (!decode(p, error) || (turn == 0 && !find_curvature(p, error)) ||
             !look(p, error))
             return false;
         if (turn == 0)
             r->before = r->after = p->loss;
         if (turn == 0 || p->loss < r->after) {
-            /* Features and slope lie behind each other, and so do the best. */
+            /* feature and slope are adjacent in memory, and so are best and
+             * best_slope. */
             memcpy(p->best, p->feature, nbytes);
             r->after = p->loss;
             r->foretold += gain;
         }
-        /* After the last turn a part of 0 brings the best ones back. */
+        /* After the last turn, a part of 0 restores the best features. */
         gain = move_some(p, turn, turn < r->n_turns ? part : 0);
     }
     return true;

@@ -1,37 +1,39 @@
 /* SPDX-License-Identifier: MIT
  *
  * Polishing moves coded features by whole steps once training is over, where
- * that lowers the loss. Training rounds them straight through: a feature whose
- * best value lies between two steps goes to and fro between these, and stays
- * where the last iterations left it. Here all pictures are looked at before
- * anything is moved. Moving a feature by a step s up or down changes the loss
- * by
+ * that lowers the loss. Training rounds features and passes gradients through
+ * as if it did not; a feature whose best value lies between two steps
+ * oscillates between them, and ends wherever the last iterations left it.
+ * Polishing evaluates all pictures before it moves anything. Moving a feature
+ * by one step s, up or down, changes the loss by
  *
  *     +-s g + s^2 h / 2 + price (R' - R),
  *
- * where g is the gradient of all pictures' squared error, h the diagonal of its
- * Gauss-Newton matrix, and R what the feature takes by the entropy model. Turns
- * follow each other; one after which the loss is not less is taken back.
+ * where g is the gradient of the squared error over all pictures, h the
+ * diagonal of its Gauss-Newton matrix, and R the bits of the feature by the
+ * entropy model. It works in several turns; a turn that does not lower the loss
+ * is undone.
  */
 #ifndef SAGA_FIT_POLISH_H
 #define SAGA_FIT_POLISH_H
 
 #include "fit.h"
 
-/* It tells what came of it, in units of the loss. */
+/* The result of a polish, in units of the loss. */
 typedef struct saga_fit_polished {
-    int n_turns;                 /* 0: nothing was moved */
-    double before, after;        /* D + price R as the file decodes */
-    double foretold;             /* what the turns that were kept should have
-                                  * gained */
+    int n_turns;                 /* turns taken; 0: nothing was moved */
+    double before, after;        /* D + price R of the decoded scene */
+    double foretold;             /* the gain predicted for the turns that were
+                                  * kept */
 } saga_fit_polished;
 
-/* Moves the features of a fit whose iterations are over, if they have visited
- * every picture four times; it takes about as long as four to six visits of
- * each. A scene in layers stays as it is: what is better for all of it may be
- * worse for the first ones. So does one with given networks, whose formats were
- * not measured for what would move. Only saga_fit_code and this may follow.
- * Fails where memory is short. */
+/* Polishes the features of a fit after its last iteration, if it has visited
+ * every picture at least four times. That takes as long as four to six visits
+ * to each. A scene with several layers is left as it is, since a move that
+ * helps all layers together may harm the first ones; so is a scene with given
+ * networks, whose number formats were not measured for moved features. Only
+ * saga_fit_code and this function may follow. Returns false with *error set if
+ * memory is short. */
 bool saga_fit_polish(saga_fit *fit, saga_fit_polished *polished,
                      saga_error *error);
 

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: MIT
  *
- * The fit's part of a checkpoint is what the next iteration reads and nothing
- * else makes again. Random numbers need no state, the structure follows from
- * the warm-up. Of the twin, links stand still between refreshes, new offsets
- * are in the last iteration's supports, and layers are rounded before the
- * offsets of their iteration are made: so these three are kept. (Phases would
- * be too if the trainer had a Fuse, which alone reads them that early.)
+ * The checkpoint holds what the next iteration reads and cannot compute. Random
+ * numbers have no state, and the structure follows from the warm-up. Three
+ * things of the twin are kept: links, which stay the same between refreshes;
+ * supports, in which the next offsets are computed; and offsets, because layers
+ * are rounded before their iteration computes new ones. (Phases would be needed
+ * too if the trainer had a Fuse network, which alone reads them that early.)
  */
 #include "fit_state.h"
 
@@ -19,7 +19,7 @@ static void walk_links(saga_checkpoint *c, saga_links *l, size_t queries)
     uint64_t n = l->n;
 
     saga_checkpoint_walk(c, &n, sizeof n);
-    /* A damaged count must not lead beyond the arrays. */
+    /* A damaged count must not exceed the arrays. */
     c->failed = c->failed || n > queries * SAGA_MAX_NEIGHBOURS;
     if (c->failed)
         return;
@@ -38,8 +38,9 @@ static void walk_twin(saga_checkpoint *c, saga_twin *w)
     walk_reals(c, w->prim_offset, 4 * (size_t)w->n.prim);
 }
 
-/* Anchors do not move: the rest of the rate is as it was made. What the
- * iterations between two readings of the memory bank take from it is kept. */
+/* Keeps the parts of the rate that change. Anchors do not move, so the rest
+ * stays as it was made. The bank's reads are kept for the iterations until they
+ * are evaluated again. */
 static void walk_rate(saga_checkpoint *c, saga_rate *r, const saga_scene *s)
 {
     saga_rate_context *const k = &r->context;
@@ -58,19 +59,19 @@ void saga_fit_walk(saga_fit *f, saga_checkpoint *c)
     saga_weights *const w = &f->weights;
     uint64_t iteration = (uint64_t)f->iteration;
 
-    /* The scene was made again from the warm-up: it has to be the same one. */
+    /* The scene was rebuilt from the warm-up and must have the same sizes. */
     saga_checkpoint_expect(c, f->scene->n.coarse);
     saga_checkpoint_expect(c, f->scene->n.fine);
     saga_checkpoint_expect(c, f->scene->n.prim);
     saga_checkpoint_expect(c, f->scene->n_reals);
     saga_checkpoint_walk(c, &iteration, sizeof iteration);
-    /* The step may have been steered (size.c); the prices go with it. */
+    /* The step may have been steered (size.c), and the prices with it. */
     saga_fit_walk_step(f, c);
-    /* The parameters, and what their steps remember. */
+    /* The parameters, and the state of their optimisers. */
     walk_reals(c, f->scene->reals, f->scene->n_reals);
     saga_fit_walk_descent(f, c);
     walk_rate(c, &f->rate, f->scene);
-    /* Steps of the networks; copies that carry noise are made anew. */
+    /* Steps of the weights. The copies with noise are made again. */
     saga_checkpoint_walk(c, w->log2_step, sizeof w->log2_step);
     saga_checkpoint_walk(c, w->m, sizeof w->m);
     saga_checkpoint_walk(c, w->v, sizeof w->v);

@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: MIT
  *
- * The schedule of the fit says when values begin to be rounded, when the memory
- * bank is read anew, and how fast each tensor learns.
+ * The schedule of the fit: when rounding begins, when the bank's reads are
+ * evaluated, and how fast each tensor learns.
  */
 #include "fit_state.h"
 
 #include <math.h>
 
-/* Iterations until the full learning rate, while Adam's moments fill anew. */
+/* Iterations until the full learning rate, while Adam's moments build up. */
 enum { RAMP = 300 };
 
 int saga_fit_first_rounding(const saga_fit *f)
@@ -20,18 +20,17 @@ bool saga_fit_is_rounding(const saga_fit *f)
     return f->iteration >= saga_fit_first_rounding(f);
 }
 
-/* The reads are made anew at intervals, and where the rounding begins, which
- * leaves those of another model. */
+/* The bank's reads are evaluated at intervals, and where rounding begins, since
+ * the reads before belong to another choice of sources. */
 bool saga_fit_is_remembering(const saga_fit *f)
 {
-    /* Without a reader, from the first or since sources were chosen, there is
-     * no bank to read. */
+    /* Without a kind that reads it, there is no bank. */
     return saga_rate_readers(&f->rate.context, f->scene) &&
            (f->iteration % SAGA_RATE_REMEMBER_EVERY == 0 ||
             f->iteration == saga_fit_first_rounding(f));
 }
 
-/* Falls from 1 down to `last`, a half cosine. */
+/* Falls from 1 to `last` along half a cosine. */
 static real decay(int i, int n, real last)
 {
     const double x = n > 1 ? (double)i / (double)(n - 1) : 0;
@@ -40,18 +39,18 @@ static real decay(int i, int n, real last)
                   (1 + cos(M_PI * x)));
 }
 
-/* A long rendering has the time to let features go twice as far. In the axes of
- * its own a block takes half as long steps again as Adam's did in those of the
- * coordinates (0.012): 0.018 gains 0.1 dB beside 0.012, 0.024 as much for more
- * bytes. */
+/* Returns the rate of the features. A rendering longer than 2,400 iterations
+ * can use up to twice the rate. Steps are taken along each block's own axes,
+ * where 0.018 gains 0.1 dB over 0.012, the best rate along the coordinates;
+ * 0.024 gains as much for more bytes. */
 static real feature_rate(const saga_fit *f)
 {
     return R(0.018 * fmin(fmax(f->o.n_render / 2400.0, 1), 2));
 }
 
-/* Once features are rounded, against the means that the entropy networks
- * foretell, entropy networks and steps stand still: a weight that goes to and
- * fro between two multiples of its step would move all features with it. */
+/* Once features are rounded against the means that the entropy networks
+ * predict, entropy networks and steps are frozen: a weight that oscillated
+ * between two multiples of its step would move all features with it. */
 saga_fit_rates saga_fit_rates_now(const saga_fit *f)
 {
     const int turn = f->iteration;

@@ -1,17 +1,18 @@
 /* SPDX-License-Identifier: MIT
  *
- * The inside of the fit, which fit*.c share.
+ * The inside of the fit, shared by fit*.c.
  */
 #ifndef SAGA_FIT_STATE_H
 #define SAGA_FIT_STATE_H
 
 #include "fit.h"
 
-/* The steps' memory of those before. */
+/* The state of the optimisers. */
 typedef struct saga_descent {
-    real *m, *v;                 /* Adam's moments (n_reals); the features'
-                                  * along their axes */
-    real *covariance, *axes;     /* (coarse, F, F) of the features' gradients */
+    real *m, *v;                 /* Adam's moments (n_reals); those of features
+                                  * are along their axes */
+    real *covariance, *axes;     /* (coarse, F, F): of each anchor's feature
+                                  * gradients, and its eigenvectors */
 } saga_descent;
 
 struct saga_fit {
@@ -21,62 +22,67 @@ struct saga_fit {
     const saga_pictures *pictures;
     saga_fit_options o;
     int iteration;
-    real *feature;               /* (coarse, F) as used: noisy or rounded */
-    real *position;              /* (prim, 4) the same, used.prim_x */
+    real *feature;               /* (coarse, F) features with noise, or
+                                  * rounded */
+    real *position;              /* (prim, 4) positions with noise, or rounded;
+                                  * used.prim_x points here */
     saga_descent descent;
-    saga_scene used;             /* what the twin runs: scene, but its networks
-                                  * are params, noisy or rounded, its primitives
-                                  * where position says; not owned */
-    real *params;
-    saga_weights weights;        /* their steps */
+    saga_scene used;             /* the scene that the twin runs: a view of
+                                  * *scene, except that its networks are params
+                                  * and its positions are position */
+    real *params;                /* weights with noise, or rounded */
+    saga_weights weights;        /* steps of the weights */
     saga_canvas canvas;
     saga_rate rate;
-    double bits[SAGA_N_STEPS];   /* of the last iteration */
+    double bits[SAGA_N_STEPS];   /* of each kind of step, at the last
+                                  * iteration */
 };
 
-/* Returns the quantisation step of the coarse features, in reals. */
+/* Returns the quantisation step of the coarse features, as a real number. */
 double saga_fit_feature_step(const saga_scene *s);
 
 /* fit_schedule.c */
-/* Returns the first iteration of the rendering that rounds: the last third
- * does. */
+/* Returns the first iteration that rounds; the last third of them does. */
 int saga_fit_first_rounding(const saga_fit *f);
 bool saga_fit_is_rounding(const saga_fit *f);
-/* Tells whether this iteration reads the memory bank anew. */
+/* Tells whether this iteration evaluates the memory bank's reads again. */
 bool saga_fit_is_remembering(const saga_fit *f);
 
-/* Learning rates of an iteration; 0: the tensor stands still. */
+/* Learning rates of an iteration; a tensor with rate 0 does not change. */
 typedef struct saga_fit_rates {
     real feature, prim, entropy, networks, steps;
 } saga_fit_rates;
 
 saga_fit_rates saga_fit_rates_now(const saga_fit *f);
 
-/* fit_descend.c. Makes the descent of a fit that has all else; fails where
- * memory is short, and what there is by then is freed with the fit. */
+/* fit_descend.c: allocates the state of the optimisers, when all else is made.
+ * Returns false with *error set if memory is short; saga_fit_free frees what
+ * was allocated. */
 bool saga_fit_begin_descent(saga_fit *f, saga_error *error);
 void saga_fit_free_descent(saga_fit *f);
-/* The descent's part of a checkpoint. */
+/* Writes or reads the optimisers' part of a checkpoint. */
 void saga_fit_walk_descent(saga_fit *f, saga_checkpoint *c);
-/* Moves all that learns by its gradient; fails as saga_adam_update does. */
+/* Does one step of all optimisers. Returns false under the conditions of
+ * saga_adam_update. */
 bool saga_fit_descend(saga_fit *f, saga_error *error);
 
-/* fit_step.c: the step of the features and the prices are in the checkpoint. */
+/* fit_step.c: writes or reads the step of the features and the prices. */
 void saga_fit_walk_step(saga_fit *f, saga_checkpoint *c);
 
-/* fit_weights.c. Allocates memory for the copy of the networks, its scene and
- * the steps. */
+/* fit_weights.c: allocates the copy of the networks, binds f->used to it and
+ * starts the steps. Returns false with *error set if memory is short. */
 bool saga_fit_begin_weights(saga_fit *f, saga_error *error);
-/* These count reals: of all networks of a scene; the first of them that stand
- * still. */
+/* Return the number of reals of all networks of a scene, and how many of them,
+ * from the first on, are already rounded and frozen. */
 size_t saga_fit_n_params(const saga_scene *s);
 size_t saga_fit_n_still(const saga_fit *f);
-/* Makes f->params of this iteration; fails where memory is short. */
+/* Sets f->params for this iteration. Returns false with *error set if memory is
+ * short. */
 bool saga_fit_use_weights(saga_fit *f, saga_error *error);
-/* Adds the rate's gradients after all others of the networks, sets the
- * steps'. */
+/* Adds the gradients of the weights' rate and sets those of the steps; must
+ * follow all other gradients of the networks. */
 void saga_fit_rate_weights(saga_fit *f);
-/* Makes f->params as they will be coded. */
+/* Sets f->params to the weights as they will be coded. */
 void saga_fit_round_weights(saga_fit *f);
 
 #endif

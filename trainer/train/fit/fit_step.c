@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: MIT
  *
- * The step of the coarse features is the lever on a file's size while it is
- * trained: a value takes a bit less in a step twice as long, at once.
+ * The step of the coarse features controls the size of a file during training:
+ * doubling it saves about one bit for each value at once.
  */
 #include "fit_state.h"
 
 #include <math.h>
 
-/* Steps are whole multiples of the features' format, and at least what a model
- * may have. */
+/* Steps are whole units of the features' format, at least the least that a
+ * model may have. */
 enum { LEAST_STEP = 16, MOST_STEP = 4096 };
 
 static void set_step(saga_fit *f, uint32_t step)
@@ -22,8 +22,9 @@ static uint32_t step_of(const saga_fit *f)
     return f->scene->model.step_q16[SAGA_STEP_FEATURE] >> 16;
 }
 
-/* The entropy network goes on to say what it said of the values: its deviations
- * are in steps, its means in units that follow the step. */
+/* Changes the last layer of the entropy network so that it predicts the same
+ * values with the new step: its deviations are in steps, and its means in units
+ * that depend on the step. */
 static void keep_parameters(saga_fit *f, double factor, double old_unit)
 {
     const saga_model *const m = &f->scene->model;
@@ -33,10 +34,10 @@ static void keep_parameters(saga_fit *f, double factor, double old_unit)
     const real units = R(old_unit / (double)saga_rate_mu_unit(
         m, SAGA_KIND_COARSE, 4));
 
-    /* Rows 0..n-1 give mu, rows n..2n-1 log2 sigma; channels 0..3 are the
-     * centre, whose step stays. */
+    /* Rows 0..n-1 give mu, rows n..2n-1 log2 sigma. Channels 0..3 are the
+     * centre, whose step stays the same. */
     for (size_t c = 4; c < n; c++) {
-        /* sigma / step goes down by log2 of the factor, mu stays the same
+        /* log2(sigma / step) falls by log2 of the factor, and mu keeps its
          * value. */
         net->b[last][n + c] -= R(log2(factor));
         net->b[last][c] *= units;
@@ -51,13 +52,14 @@ void saga_fit_scale_step(saga_fit *f, double factor)
                                                   SAGA_KIND_COARSE, 4);
     const double old = step_of(f);
 
-    /* Whole LSB of the format; `factor` becomes what could be said. */
+    /* The step becomes a whole number of units, and `factor` the actual
+     * ratio. */
     set_step(f, (uint32_t)fmin(fmax(rint(old * factor), LEAST_STEP),
                                MOST_STEP));
     factor = step_of(f) / old;
     keep_parameters(f, factor, unit);
-    /* Rounding costs step^2 / 12 and a bit more halves the step, so that a bit
-     * gains 2 ln 2 step^2 / 12: its price goes with the square. */
+    /* Rounding costs step^2 / 12, and one bit more halves the step. A bit is
+     * thus worth 2 ln 2 step^2 / 12, proportional to the square of the step. */
     f->o.price.residual *= factor * factor;
     f->o.price.weight *= factor * factor;
 }

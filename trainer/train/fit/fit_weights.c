@@ -1,13 +1,15 @@
 /* SPDX-License-Identifier: MIT
  *
- * The networks' parameters while pictures are fitted: what the twin runs on,
- * their steps' rate, and how they come to stand on multiples of their steps.
+ * Weights of the networks during the fit: the copy that the twin runs on, the
+ * rate of their steps, and how they are rounded to multiples of these steps.
  *
- * Until two thirds of the iterations they carry noise. Then they are rounded a
- * layer at a time, in the networks' order, over the next quarter of all: each
- * with regard to what it is given by then (weight_round.h), and what is not yet
- * rounded makes up for what is. A rounded layer stands still. Fuse_f comes
- * before F_fine, which feeds it, and the colour's layers see one view alone.
+ * For two thirds of the iterations weights carry noise. Over the next quarter
+ * of all iterations they are rounded, layer by layer in the order of the
+ * networks. Each layer is rounded for the inputs that it has by then
+ * (weight_round.h), and the layers that are not rounded yet learn to
+ * compensate. A rounded layer is frozen. Fuse_f comes before F_fine, whose
+ * output it reads, and the layers of colour are rounded for the inputs from one
+ * view only.
  */
 #include "fit_state.h"
 
@@ -19,19 +21,19 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Part of a step that noise takes. Rounding layer by layer costs the pictures
- * less than white noise of the whole step does; learned under less noise, steps
- * become larger (docs/lab/networks.md). */
+/* The noise covers this part of a step. Rounding layer by layer costs the
+ * pictures less than white noise of a whole step would; with less noise, the
+ * learned steps become larger (docs/lab/networks.md). */
 #define NOISE_PART 0.125
 
-/* Part of the iterations that are left in which all layers are rounded; in the
- * others features and positions alone learn. */
+/* All layers are rounded within this part of the iterations that round; in the
+ * rest, only features and positions learn. */
 #define ROUNDING_PART 0.75
 
 /* The largest weight of 8 bits. */
 enum { INT8_MOST = 127 };
 
-/* A stream of random numbers; fit.c has others. */
+/* A stream of random numbers; fit.c has the others. */
 enum { STREAM_WEIGHTS = 110 };
 
 /* --- The copy ------------------------------------------------------------ */
@@ -59,7 +61,7 @@ bool saga_fit_begin_weights(saga_fit *f, saga_error *error)
                             "the networks", error);
     if (!f->params)
         return false;
-    /* The scene that the twin runs shares everything with the fitted one but
+    /* The scene that the twin runs shares everything with the fitted one except
      * networks and positions, which are copies. */
     f->used = *s;
     f->used.params = f->params;
@@ -81,15 +83,16 @@ static void copy_params(saga_fit *f)
 
 /* --- Rounding ------------------------------------------------------------ */
 
-/* Counts the tensors that stand rounded at iteration `done` of the rendering.
- * Raw ones learn to the end: their steps are too small to be felt. */
+/* Returns the number of tensors that are rounded at iteration `done` of the
+ * rendering. Raw ones learn to the end, because their steps are too small to
+ * matter. */
 static int n_rounded(const saga_fit *f, int done)
 {
     const int first = saga_fit_first_rounding(f);
     const int span = 1 + (int)(ROUNDING_PART * (f->o.n_render - first));
     const int layers = f->weights.n / 2;
 
-    /* Even shares of `span`, at least one layer at once; of a layer come two
+    /* Layers are spread evenly over `span`, the first at once; each has two
      * tensors, weights and biases. */
     return done < first || f->o.raw_networks ? 0
          : done - first >= span ? 2 * layers
@@ -100,19 +103,20 @@ size_t saga_fit_n_still(const saga_fit *f)
 {
     const int n = n_rounded(f, f->iteration);
 
-    /* Tensors lie in the order of params: what stands still ends where the
-     * first that does not begins. */
+    /* Tensors are in the order of params, so the frozen part ends where the
+     * first tensor that learns begins. */
     return n == 0 ? 0 : n == f->weights.n ? saga_fit_n_params(f->scene)
          : f->weights.tensor[n].at;
 }
 
-/* Gives what the layer of tensor t was last given, and its steps. */
+/* Returns the input for rounding the layer of tensor t: the activations that it
+ * last read, and its steps. */
 static saga_weight_round_input rounding_of(const saga_fit *f, int t)
 {
     const saga_weight_tensor *const l = &f->weights.tensor[t];
     const saga_twin_batch *const b = &f->twin.batch[l->net];
 
-    /* Hidden units lie in padded rows, a network's own inputs do not. */
+    /* Hidden units are in padded rows, the inputs of a network are not. */
     return (saga_weight_round_input){
         .x = l->layer ? b->work.hidden[l->layer - 1] : b->in,
         .points = saga_twin_rows(&f->twin, l->net),
@@ -124,7 +128,7 @@ static saga_weight_round_input rounding_of(const saga_fit *f, int t)
     };
 }
 
-/* Rounds tensors from..to-1, given what the networks are now. */
+/* Rounds tensors from..to-1 for the present networks. */
 static bool round_layers(saga_fit *f, int from, int to, saga_error *error)
 {
     real *const params = f->scene->params;
@@ -132,14 +136,13 @@ static bool round_layers(saga_fit *f, int from, int to, saga_error *error)
     saga_splat_camera camera;
     int t;
 
-    /* Batches of parameters without noise, all of them in one run: layers of
-     * the same turn do not see each other's rounding. */
+    /* One run of the networks without noise gives the inputs of all these
+     * layers, so layers of the same turn do not see each other's rounding. */
     copy_params(f);
     saga_pictures_camera(&camera, f->pictures, picture);
     saga_twin_geometry(&f->twin, &f->used, f->feature);
     saga_twin_colour(&f->twin, &f->used, camera.centre);
-    /* The scene's own parameters become the multiples: they are what stands
-     * still from now on. */
+    /* The scene's own weights become the multiples, and stay so. */
     for (t = from; t < to; t += 2) {
         const saga_weight_round_input in = rounding_of(f, t);
 
@@ -158,18 +161,20 @@ bool saga_fit_use_weights(saga_fit *f, saga_error *error)
     const int done = f->iteration;
     const int now = n_rounded(f, done), before = n_rounded(f, done - 1);
 
-    /* Given networks are as they are decoded: no noise, nothing to round. */
+    /* Given networks are already as decoded: they have no noise and are not
+     * rounded. */
     if (f->o.given) {
         copy_params(f);
         return true;
     }
-    /* Once more: the start has made other networks since the fit began. */
+    /* The steps start again, because the start has made new networks since the
+     * fit was made. */
     if (done == 0)
         start_steps(f);
     if (now > before && !round_layers(f, before, now, error))
         return false;
-    /* The seed is made of the iteration, so that a checkpoint needs no
-     * state. */
+    /* The seed is derived from the iteration, so a checkpoint needs no state of
+     * it. */
     saga_weights_noise(f->params, f->scene->params, &f->weights, now,
                        NOISE_PART, f->o.seed ^ ((uint64_t)done << 20) ^
                                    STREAM_WEIGHTS);
@@ -190,9 +195,9 @@ void saga_fit_round_weights(saga_fit *f)
         saga_weights_round(f->params, f->scene->params, &f->weights);
 }
 
-/* Counts by the integers' own frequencies: a normal distribution says more
- * where a few weights stand far from the others, as those of the identity
- * do. */
+/* Counts bits by the frequencies of the weights' integers. A normal
+ * distribution would overestimate where a few weights are far from the others,
+ * as those of an identity are. */
 bool saga_fit_weight_bits(double *bits, const saga_fit *f, saga_error *error)
 {
     double one;

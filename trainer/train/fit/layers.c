@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * Layers of a segment: the warm-up's primitives, ordered by the light they add
- * to the training pictures, are dealt to them, and each becomes a hierarchy of
- * its own. The scene has all of these, one behind the other. A base has one.
+ * Builds the layers of a segment. The warm-up's primitives are sorted by the
+ * light that they add to the training pictures and divided among the layers;
+ * each layer becomes a hierarchy of its own. The scene concatenates them. A
+ * base has one layer.
  */
 #include "layers.h"
 
@@ -15,7 +16,8 @@ static const char what[] = "the layers";
 
 /* --- Light --------------------------------------------------------------- */
 
-/* Adds what each primitive adds to a picture: blending weights over pixels. */
+/* Adds to light[i] what primitive i adds to a picture: its blending weight,
+ * summed over the pixels. */
 static bool add_light(real *light, saga_splat_params *d, saga_canvas *c,
                       const saga_layers_terms *t, saga_sample picture,
                       saga_error *error)
@@ -25,20 +27,20 @@ static bool add_light(real *light, saga_splat_params *d, saga_canvas *c,
     saga_splat_stats stats = { NULL, light, NULL };
 
     saga_pictures_aim(c, t->pictures, picture);
-    /* Blending weights do not depend on the loss, only the gradients do, and
-     * nobody reads those. */
+    /* Blending weights do not depend on the loss. The gradients do, but are not
+     * used. */
     memset(c->d_image, 0, n * sizeof *c->d_image);
     return saga_splat_forward(c, &t->flat, t->n, error) &&
            saga_splat_backward(d, &stats, c, &t->flat, error);
 }
 
-/* Sets the light of the warm-up's primitives, (n), in the training pictures
- * that qualities are measured on. */
+/* Sets light (n) of the warm-up's primitives, summed over a sample of the
+ * training pictures. */
 static bool measure_light(real *light, const saga_layers_terms *t,
                           saga_error *error)
 {
     const saga_capture *const capture = t->pictures->capture;
-    saga_splat_params d;             /* room for what nobody asks for */
+    saga_splat_params d;             /* gradients, which nobody reads */
     saga_canvas c;
     bool ok = saga_params_gather(&d, &t->flat, NULL, t->n, error);
 
@@ -47,8 +49,8 @@ static bool measure_light(real *light, const saga_layers_terms *t,
     for (int v = 0; ok && v < capture->n_views; v++) {
         int frame, i;
 
-        /* Frames until the view has no further sample; none of a held-out
-         * view. */
+        /* The loop ends when the view has no further sample, and skips held-out
+         * views. */
         for (i = 0; ok && !capture->views[v].held_out &&
                     (frame = saga_capture_sample(capture, v, i)) >= 0; i++)
             ok = add_light(light, &d, &c, t, (saga_sample){ v, frame, 0 },
@@ -66,18 +68,18 @@ typedef struct {
     uint32_t index;
 } lit;
 
-/* The brightest first. */
+/* Orders by light, the brightest first. */
 static int compare(const void *a, const void *b)
 {
     const lit *const x = a, *const y = b;
 
     if (x->light < y->light || x->light > y->light)
         return x->light > y->light ? -1 : 1;
-    /* A total order: qsort alone does not say what becomes of equals. */
+    /* qsort leaves the order of equal elements open, so the index decides. */
     return x->index < y->index ? -1 : x->index > y->index;
 }
 
-/* Sets the indices of the pool, by light. */
+/* Sets index (n) to the primitives' indices in the pool, in order of light. */
 static bool sort_by_light(uint32_t *index, uint32_t n,
                           const saga_layers_terms *t, saga_error *error)
 {
@@ -96,11 +98,11 @@ static bool sort_by_light(uint32_t *index, uint32_t n,
     return ok;
 }
 
-/* Returns how many of n primitives the first k of n_layers have: each layer has
- * twice as many as the one before, and one at least. */
+/* Returns how many of n primitives the first k of n_layers layers have: each
+ * layer has twice as many as the previous one, and at least one. */
 static uint32_t n_first(uint32_t n, uint32_t k, uint32_t n_layers)
 {
-    /* 1 + 2 + ... + 2^(k-1) = 2^k - 1 parts of 2^n_layers - 1. */
+    /* 1 + 2 + ... + 2^(k-1) = 2^k - 1 of 2^n_layers - 1 parts. */
     const uint32_t end = (uint32_t)((uint64_t)n * ((1u << k) - 1) /
                                     ((1u << n_layers) - 1));
 
@@ -109,19 +111,19 @@ static uint32_t n_first(uint32_t n, uint32_t k, uint32_t n_layers)
 
 /* --- Hierarchies --------------------------------------------------------- */
 
-/* A layer that is built, and where its primitives were in the pool. */
+/* A layer, and the index in the pool of each of its primitives. */
 typedef struct {
     saga_scene scene;
     uint32_t *source;                /* (n.prim) */
 } built;
 
-/* Returns a layer's part of a budget, rounded up. */
+/* Returns a layer's share of a budget, rounded up. */
 static uint32_t part_of(uint32_t budget, uint32_t n, uint32_t all)
 {
     return (uint32_t)(((uint64_t)budget * n + all - 1) / all);
 }
 
-/* Builds the layer of the pool's primitives index[0..n). */
+/* Builds a layer of the pool's primitives index[0..n). */
 static bool build_one(built *b, const uint32_t *index, uint32_t n,
                       const saga_hierarchy_pool *pool,
                       const saga_hierarchy_options *options,
@@ -133,8 +135,8 @@ static bool build_one(built *b, const uint32_t *index, uint32_t n,
     const saga_hierarchy_pool some = { &own, score, n };
     bool ok;
 
-    /* Budgets follow the primitives. Rounded up, they do not leave a layer
-     * without an anchor. */
+    /* Budgets are proportional to primitives, and rounded up so that every
+     * layer has an anchor. */
     o.max_coarse = part_of(o.max_coarse, n, pool->n);
     o.max_fine = part_of(o.max_fine, n, pool->n);
     b->source = saga_alloc(n, sizeof *b->source, what, error);
@@ -143,7 +145,7 @@ static bool build_one(built *b, const uint32_t *index, uint32_t n,
     for (uint32_t i = 0; i < n && ok; i++)
         score[i] = pool->score[index[i]];
     ok = ok && saga_hierarchy_build(&b->scene, b->source, &some, &o, error);
-    /* From numbers in the layer's own pool to those in the pool of all. */
+    /* Indices into the layer's own pool become indices into the whole pool. */
     for (uint32_t i = 0; ok && i < b->scene.n.prim; i++)
         b->source[i] = index[b->source[i]];
     saga_params_free(&own);
@@ -161,7 +163,7 @@ static void add(saga_scene_layer *sum, const saga_scene *s)
     sum->n_nodes += s->n_nodes;
 }
 
-/* Copies a layer's structure behind those before it: ranks move. */
+/* Appends the structure of a layer to the scene, with its ranks shifted. */
 static void copy_structure(saga_scene *s, const saga_scene_layer *l,
                            const saga_scene *from)
 {
@@ -170,7 +172,7 @@ static void copy_structure(saga_scene *s, const saga_scene_layer *l,
     memcpy(s->split + l->first_node, from->split, l->n_nodes);
     memcpy(s->occupancy + l->first_node, from->occupancy,
            l->n_nodes * sizeof *s->occupancy);
-    /* Splits and occupancy know nothing of ranks. Children and parents do. */
+    /* Splits and occupancy hold no ranks; children and parents do. */
     for (uint32_t i = 0; i < l->n.coarse; i++) {
         s->coarse[first.coarse + i] = from->coarse[i];
         s->coarse[first.coarse + i].first_fine += first.fine;
@@ -203,15 +205,15 @@ static void copy_layer(saga_scene *s, const saga_scene_layer *l,
     copy_reals(s->prim_x, from->prim_x, l->first.prim, l->n.prim, 4);
 }
 
-/* Puts the layers one behind the other. */
+/* Concatenates the layers into one scene. */
 static bool merge(saga_scene *s, uint32_t *source, const built *b,
                   uint32_t n_layers, const saga_hierarchy_options *o,
                   saga_error *error)
 {
     saga_scene_layer all = { .n_nodes = 0 }, at = { .n_nodes = 0 };
 
-    /* Room for all of them first, then one behind the other. Networks are made
-     * anew from the seed; the layers' own are not looked at. */
+    /* Memory for all layers is allocated first. Networks are made from the
+     * seed; those of the layers' own scenes are ignored. */
     for (uint32_t k = 0; k < n_layers; k++)
         add(&all, &b[k].scene);
     if (!saga_scene_init(s, o->model, all.n, all.n_nodes, o->seed, error))
@@ -230,7 +232,7 @@ static bool merge(saga_scene *s, uint32_t *source, const built *b,
     return true;
 }
 
-/* All that the layers are built from. */
+/* The inputs of the build. */
 typedef struct {
     const saga_layers_terms *terms;
     const saga_hierarchy_pool *pool;
@@ -248,7 +250,7 @@ static bool build_all(saga_scene *s, uint32_t *source, uint32_t *index,
     for (k = 0; k < n_layers && ok; k++) {
         const uint32_t first = n_first(n, k, n_layers);
 
-        /* Layer k are the primitives between two sums: the next brightest. */
+        /* Layer k has the next brightest primitives. */
         ok = build_one(&b[k], index + first,
                        n_first(n, k + 1, n_layers) - first, j->pool,
                        j->options, error);

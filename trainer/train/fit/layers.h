@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * A segment may have layers, behind each of which its file may be cut.
+ * Splits a segment into layers. Its file may be cut behind any of them.
  */
 #ifndef SAGA_LAYERS_H
 #define SAGA_LAYERS_H
@@ -13,13 +13,15 @@
 typedef struct saga_layers_terms {
     uint32_t n_layers;           /* 1..SAGA_MAX_LAYERS */
     const saga_pictures *pictures;
-    saga_splat_params flat;      /* (n) the warm-up's primitives, whose light */
-    uint32_t n;                  /* in the pictures says which come first */
+    saga_splat_params flat;      /* the warm-up's n primitives, which are sorted
+                                  * by the light that they add to the
+                                  * pictures */
+    uint32_t n;
 } saga_layers_terms;
 
-/* Builds the scene of all layers from the pool, which has the n primitives as
- * they are to be; budgets and model are o's; source as saga_hierarchy_build's
- * prim_origin. */
+/* Builds a scene of all layers from the pool, whose primitives correspond to
+ * the n of *terms. Budgets and model are from *o. source is as prim_origin of
+ * saga_hierarchy_build. Returns false with *error set if memory is short. */
 bool saga_layers_build(saga_scene *s, uint32_t *source,
                        const saga_layers_terms *terms,
                        const saga_hierarchy_pool *pool,

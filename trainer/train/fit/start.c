@@ -12,25 +12,25 @@
 
 enum { STREAM_SIGNS = 110 };
 
-/* Number of pictures that are given random signs; each gives every attribute
- * one more sample. */
+/* Number of pictures with random signs, each of which gives one more sample of
+ * every derivative. */
 enum { N_PICTURES = 64 };
 
-/* The least weight of a primitive, of their mean. Unseen ones have free
- * attributes, but for the networks' sake not arbitrary ones, since what is
- * nowhere seen today may be tomorrow. */
+/* The least weight of a primitive's error, as a part of the mean weight. A
+ * primitive that no picture shows still gets sensible attributes, since later
+ * iterations may make it visible. */
 #define LEAST_WEIGHT 0.1
 
-/* Steps of descent that features for given networks take, at rates that fall
- * from the first to the last. */
+/* Steps of gradient descent that find the features for given networks. The rate
+ * falls from the first to the last value. */
 enum { N_STEPS = 300 };
 #define FIRST_RATE 0.1
 #define LAST_RATE 0.005
 
 static const char what[] = "the start of the fit";
 
-/* Returns how many outputs of a model's networks are an attribute's. The centre
- * of a life has none that anything is wanted of: positions have it already. */
+/* Returns the number of network outputs for an attribute. The temporal centre
+ * has none here, because positions determine it. */
 static size_t n_outputs(int attr, const saga_model *m)
 {
     const saga_attribute *const a = &saga_attributes[attr];
@@ -53,7 +53,8 @@ static bool init(saga_start *x, const saga_fit *f, saga_error *error)
         x->at[a] = x->d;
         x->d += x->width[a];
     }
-    /* No more than dimensions: a basis has no further directions. */
+    /* The features are at most as many as the dimensions, since a basis has no
+     * further directions. */
     x->f = m->features < x->d ? m->features : x->d;
     x->wanted = saga_calloc(x->n * x->d, sizeof *x->wanted, what, error);
     x->weight = saga_calloc(x->n * x->d, sizeof *x->weight, what, error);
@@ -68,15 +69,17 @@ static void release(saga_start *x)
     free(x->code);
 }
 
-/* --- What pictures say ---------------------------------------------------- */
+/* --- Weights
+ * --------------------------------------------------------------- */
 
 static size_t stride_of(int attr)
 {
     return (size_t)saga_attributes[attr].width;
 }
 
-/* The gradient of a picture's sum with random signs has, squared, the mean
- * that is looked for: products of two pixels' derivatives cancel. */
+/* Adds a sample of the weights: the squared gradient of the sum of a picture's
+ * pixels times random signs. Its mean is the wanted sum of squares, because
+ * products of the derivatives of two different pixels cancel. */
 static bool add_picture(saga_start *x, saga_fit *f, saga_rng r, uint64_t number,
                         saga_error *error)
 {
@@ -89,9 +92,9 @@ static bool add_picture(saga_start *x, saga_fit *f, saga_rng r, uint64_t number,
         return false;
     n = 3 * (size_t)c->camera.width * (size_t)c->camera.height;
     for (size_t i = 0; i < n; i++)
-        /* Sign s_p stands for dL / d pixel p, so that an attribute gets g =
-         * sum_p s_p J_p. The signs are independent: the mean of g^2 is sum_p
-         * J_p^2. */
+        /* The sign s_p takes the place of dL / d pixel p, so the gradient of an
+         * attribute is g = sum_p s_p J_p. The signs are independent, hence the
+         * mean of g^2 is sum_p J_p^2. */
         c->d_image[i] = saga_rng_bits(r, (number + 1) << 32 | i) >> 63 ? R(1)
                                                                      : R(-1);
     saga_twin_clear(&f->twin, f->scene);
@@ -105,8 +108,8 @@ static bool add_picture(saga_start *x, saga_fit *f, saga_rng r, uint64_t number,
                 const double e =
                     (double)f->twin.d_attr.of[a][i * stride_of(a) + k];
 
-                /* The mean over a picture's n values and over pictures: the
-                 * unit is that of the mean squared error. */
+                /* The mean over the n values of a picture and over pictures has
+                 * the unit of the mean squared error. */
                 *w++ += e * e / ((double)n * N_PICTURES);
             }
     }
@@ -123,9 +126,10 @@ static bool weigh(saga_start *x, saga_fit *f, saga_error *error)
     return true;
 }
 
-/* Returns output `k` of an attribute for the target's value `v`: networks give
- * what it differs from its zero, sizes relative to the cell, motion to the
- * support. *unit: what a unit of the output is, in units of the attribute. */
+/* Returns output k of an attribute for the target's value v. Networks give the
+ * difference from the attribute's zero, with sizes relative to the cell and
+ * motion relative to the support. Sets *unit to the attribute's change for a
+ * unit of the output. */
 static double output_of(double *unit, double v, int attr, size_t k,
                         const saga_coarse *cell, const saga_start *x)
 {
@@ -136,10 +140,10 @@ static double output_of(double *unit, double v, int attr, size_t k,
         return fmin(fmax(v, -8), 8);
     v -= a->zero + (k == 0 ? a->first : 0);
     switch (a->unit) {
-    /* A cell's half-size is 2^-depth_x, in half-cubes. */
+    /* The half-size of a cell is 2^-depth_x half-cubes. */
     case SAGA_UNIT_LOG2_LENGTH:
         return v + cell->depth_x;
-    /* Its half in time is 2^-(depth_t + 1), in segments. */
+    /* Its half-size in time is 2^-(depth_t + 1) segments. */
     case SAGA_UNIT_LOG2_TIME:
         return v + 1 + cell->depth_t;
     /* The unit is a support, in half-cubes. */
@@ -151,9 +155,9 @@ static double output_of(double *unit, double v, int attr, size_t k,
     }
 }
 
-/* All fine anchors get one support, relative to their cells: the mean of what
- * holds their primitives within |o| < 0.8, and at least an eighth of the cell,
- * room for them to move. */
+/* Chooses one support for all fine anchors, relative to their cells: the mean
+ * of those that hold their primitives within |o| < 0.8, each at least an eighth
+ * of the cell, to give primitives room to move. */
 static void choose_supports(saga_start *x, const saga_scene *s)
 {
     for (uint32_t i = 0; i < s->n.fine; i++) {
@@ -162,16 +166,15 @@ static void choose_supports(saga_start *x, const saga_scene *s)
         for (size_t k = 0; k < 4; k++) {
             const double half = (double)(k < 3 ? saga_scene_half_x(c)
                                                : saga_scene_half_t(c));
-            /* The factor 1.25 below makes an eighth of this tenth, and has the
-             * farthest primitive at 0.8 of the support. */
+            /* The factor 1.25 below turns this tenth into an eighth, and puts
+             * the farthest primitive at 0.8 of the support. */
             double most = half / 10;
 
             for (size_t p = 0; p < s->fine[i].n_prim; p++)
                 most = fmax(most, fabs((double)(
                     s->prim_x[4 * (s->fine[i].first_prim + p) + k] -
                     s->fine_x[4 * (size_t)i + k])));
-            /* The mean of logarithms: a few wide anchors do not decide for
-             * all. */
+            /* Averaging logarithms keeps a few wide anchors from dominating. */
             x->log2_support[k] += log2(1.25 * most / half) / s->n.fine;
         }
     }
@@ -194,7 +197,8 @@ static void want(saga_start *x, const saga_fit *f)
                 double unit;
 
                 x->wanted[at] = output_of(&unit, v, a, k, cell, x);
-                /* An error e of the output is e unit of the attribute. */
+                /* An error e of the output is an error e unit of the
+                 * attribute. */
                 x->weight[at] *= unit * unit;
             }
     }
@@ -208,18 +212,19 @@ static void raise_weights(saga_start *x)
         for (size_t i = 0; i < x->n; i++)
             sum += x->weight[i * x->d + k];
         for (size_t i = 0; i < x->n; i++)
-            /* The last term is for dimensions that no picture shows at all:
-             * first_basis divides by their sum. */
+            /* The last term is for dimensions that no picture shows:
+             * first_basis divides by the sum of their weights. */
             x->weight[i * x->d + k] += LEAST_WEIGHT * sum / (double)x->n +
                                        1e-30;
     }
 }
 
-/* --- Networks of its own -------------------------------------------------- */
+/* --- Networks of the fit's own -------------------------------------------- */
 
-/* Returns what a unit of a feature may cost the pictures' mean squared error. A
- * step of it costs price step^2 / 12, which at equal slopes is a bit's worth
- * over 2 ln 2. */
+/* Returns the price of a feature's unit squared error, in units of the
+ * pictures' mean squared error. Rounding costs price step^2 / 12, and where the
+ * slopes of rate and distortion are equal, that is the price of a bit over 2 ln
+ * 2. */
 static double price_of(const saga_fit *f)
 {
     const double step = saga_fit_feature_step(f->scene);
@@ -227,8 +232,8 @@ static double price_of(const saga_fit *f)
     return 6 * f->o.price.start / (M_LN2 * step * step);
 }
 
-/* Makes the twin of the scene as it stands, without noise: what the first
- * iteration finds where later ones find the last one's. */
+/* Computes the twin of the scene as it is, without noise, because the first
+ * iteration reads the results of the previous one. */
 static bool begin_twin(saga_fit *f, saga_error *error)
 {
     const saga_scene *const s = f->scene;
@@ -245,7 +250,7 @@ static bool begin_twin(saga_fit *f, saga_error *error)
 
 static void make_networks(saga_start *x, saga_fit *f)
 {
-    /* Supports come first: they are the units of the motion that is wanted. */
+    /* Supports come first, because the wanted motion is in their units. */
     choose_supports(x, f->scene);
     want(x, f);
     raise_weights(x);
@@ -255,7 +260,7 @@ static void make_networks(saga_start *x, saga_fit *f)
 
 /* --- Given networks ------------------------------------------------------- */
 
-/* Features begin with their mean; their twin is made. */
+/* Sets all features to their mean, and the twin accordingly. */
 static bool begin_features(saga_fit *f, saga_error *error)
 {
     const real *const mean =
@@ -267,8 +272,8 @@ static bool begin_features(saga_fit *f, saga_error *error)
     return begin_twin(f, error);
 }
 
-/* Sets the twin's gradients to those of
- * sum_i sum_k w_ik (a_ik - wanted_ik)^2, a and wanted as pictures see them. */
+/* Sets the twin's gradients to those of sum_i sum_k w_ik (a_ik - wanted_ik)^2,
+ * with a and wanted in the units of attributes. */
 static void pull(const saga_start *x, saga_fit *f)
 {
     const saga_splat_params *const has = &f->twin.attr;
@@ -276,8 +281,8 @@ static void pull(const saga_start *x, saga_fit *f)
     const double *w = x->weight;
 
     saga_twin_clear(&f->twin, f->scene);
-    /* Motion leaves the network in supports and is wanted in half-cubes: a =
-     * motion support, so that both factors get a gradient. */
+    /* The network gives motion in supports, and it is wanted in half-cubes: a =
+     * motion support, so both factors get a gradient. */
     for (size_t i = 0; i < x->n; i++)
         for (int a = 0; a < SAGA_N_ATTRS; a++)
             for (size_t k = 0; k < x->width[a]; k++, w++) {
@@ -294,7 +299,8 @@ static void pull(const saga_start *x, saga_fit *f)
             }
 }
 
-/* Adds the gradient of the features' bits, by the constants of their kind. */
+/* Adds the gradient of the features' bits by the constants of the entropy
+ * model. */
 static void add_bits(saga_fit *f)
 {
     const saga_scene *const s = f->scene;
@@ -303,8 +309,8 @@ static void add_bits(saga_fit *f)
     const size_t n = s->model.features;
 
     for (size_t k = 0; k < n; k++) {
-        /* A normal distribution gives f (f - mean)^2 / (2 sigma^2 ln 2) bits
-         * and a constant; the derivative is (f - mean) / (sigma^2 ln 2). */
+        /* A normal distribution gives (f - mean)^2 / (2 sigma^2 ln 2) bits and
+         * a constant; the derivative is (f - mean) / (sigma^2 ln 2). */
         const double sigma =
             step * exp2((double)c->log2_sigma[SAGA_KIND_COARSE][4 + k]);
         const real price = (real)(f->o.price.start / (M_LN2 * sigma * sigma));
@@ -332,8 +338,9 @@ static bool descend(saga_fit *f, int turn, saga_error *error)
     return saga_adam_update(&adam, &t, 1, (uint64_t)turn + 1, error);
 }
 
-/* Colours are looked at from where the pictures were taken. Adam's moments are
- * the fit's, which begins after this. */
+/* Finds the features for given networks. Colours are compared as seen from
+ * training cameras. It borrows the moments of the fit's optimiser, which is not
+ * in use yet. */
 static bool find_features(const saga_start *x, saga_fit *f, saga_error *error)
 {
     const saga_rng r = saga_rng_stream(f->o.seed, STREAM_SIGNS);
@@ -356,30 +363,30 @@ static bool find_features(const saga_start *x, saga_fit *f, saga_error *error)
         add_bits(f);
         ok = descend(f, i, error);
     }
-    /* The features' format ends at 32; training needs some room. */
+    /* Features stay within their format. */
     for (size_t i = 0; i < n; i++)
         f->scene->coarse_feature[i] =
             saga_clamp(f->scene->coarse_feature[i], -(real)SAGA_MOST_FEATURE,
                        (real)SAGA_MOST_FEATURE);
-    /* The rendering's Adam begins anew. */
+    /* The rendering starts with empty moments. */
     memset(f->descent.m, 0, f->scene->n_reals * sizeof *f->descent.m);
     memset(f->descent.v, 0, f->scene->n_reals * sizeof *f->descent.v);
     return ok;
 }
 
-/* --- All of it ------------------------------------------------------------ */
+/* --- Start ---------------------------------------------------------------- */
 
 bool saga_fit_start(saga_fit *f, saga_splat_params *target, saga_error *error)
 {
     saga_start x = { .target = target };
     bool ok;
 
-    /* Before anything is measured: weights are per attribute, and depend on
-     * which description of an ellipsoid they are taken of. */
+    /* The canonical form comes first, because the weights depend on which
+     * description of an ellipsoid they are measured on. */
     saga_splat_canonical(target, f->scene->n.prim);
     ok = init(&x, f, error) && weigh(&x, f, error);
     if (ok && f->o.given) {
-        /* pull compares attributes themselves, so that weights keep their
+        /* pull compares attributes, not outputs, so the weights keep their
          * units. */
         raise_weights(&x);
         ok = find_features(&x, f, error);

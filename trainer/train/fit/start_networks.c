@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: MIT
  *
- * Networks are written that compute mean + basis f: pairs of hidden units carry
- * the features f through all layers but the last, which holds basis and mean.
+ * Writes networks that compute mean + basis f. Pairs of hidden units carry the
+ * features f through all layers except the last, which holds basis and mean.
  */
 #include "start_state.h"
 
 #include <string.h>
 
-/* Hidden units 2 i and 2 i + 1 carry input i < n and its negative through all
- * layers but the last. */
+/* Makes hidden units 2 i and 2 i + 1 carry the positive and the negative part
+ * of input i < n through all layers except the last. */
 static void carry(saga_net *net, size_t n)
 {
     for (int l = 0; l + 1 < net->n_layers; l++) {
@@ -16,14 +16,15 @@ static void carry(saga_net *net, size_t n)
 
         memset(net->w[l], 0, 2 * n * in * sizeof(real));
         for (size_t i = 0; i < 2 * n; i++)
-            /* The first layer gives ReLU(x) and ReLU(-x). Neither is below 0,
-             * so that the others pass them as they are. */
+            /* The first layer gives ReLU(x) and ReLU(-x). Neither is negative,
+             * so the other layers pass them unchanged. */
             net->w[l][i * in + (l ? i : i / 2)] = l || i % 2 == 0 ? 1 : -1;
     }
 }
 
-/* Sets the last layer's row: bias plus b times what n pairs carry, or n inputs
- * where there is no other layer. */
+/* Sets a row of the last layer to bias + sum_i b_i x_i, where the n values x_i
+ * come from pairs of hidden units, or are the inputs themselves if there is
+ * only one layer. */
 static void set_row(saga_net *net, size_t row, const double *b, size_t n,
                     double bias)
 {
@@ -43,8 +44,8 @@ static void set_row(saga_net *net, size_t row, const double *b, size_t n,
     net->b[l][row] = (real)bias;
 }
 
-/* Counts the features that a network's hidden units can carry, if it has
- * any. */
+/* Returns how many of n features the hidden units of a network can carry, or n
+ * if it has none. */
 static size_t carried(const saga_net *net, size_t n)
 {
     const size_t pairs = (size_t)net->dim[1] / 2;
@@ -52,7 +53,7 @@ static size_t carried(const saga_net *net, size_t n)
     return net->n_layers > 1 && pairs < n ? pairs : n;
 }
 
-/* Makes first outputs = first inputs, the features. */
+/* Makes the first f outputs equal to the first f inputs, the features. */
 static void pass_features(saga_net *net, size_t f)
 {
     const size_t n = carried(net, f);
@@ -84,8 +85,8 @@ static void set_geometry(const saga_start *x, saga_fit *f)
 
     saga_model_rows(rows, &f->scene->model);
     carry(net, n);
-    /* Rows of outputs that nothing is wanted of, as the temporal centre's, are
-     * 0. */
+    /* Rows of outputs for which no value is wanted, such as the temporal
+     * centre, are 0. */
     for (size_t i = 0; i < n_rows; i++)
         set_row(net, i, NULL, 0, 0);
     for (int a = 0; a < SAGA_N_ATTRS; a++) {
@@ -97,8 +98,9 @@ static void set_geometry(const saga_start *x, saga_fit *f)
     }
 }
 
-/* The colour itself goes through pairs of hidden units: the first layer, in
- * two parts, makes it of the features and leaves the direction out. */
+/* Sets the networks of colour. The first layer has two parts, one for the
+ * features and one for the direction. It computes the colour from the features
+ * and ignores the direction; pairs of hidden units carry it on. */
 static void set_colour(const saga_start *x, saga_fit *f)
 {
     saga_net *const base = &f->scene->net[SAGA_NET_COLOUR_BASE];
@@ -107,13 +109,13 @@ static void set_colour(const saga_start *x, saga_fit *f)
     const size_t in = (size_t)base->dim[0], at = x->at[SAGA_ATTR_COLOUR];
 
     memset(base->w[0], 0, 6 * in * sizeof(real));
-    /* Three pairs, each a colour about its mean; other units stay random, and
-     * nothing reads them yet. */
+    /* Three pairs carry the colour without its mean. The other units keep
+     * random weights, and nothing reads them yet. */
     for (size_t i = 0; i < 6; i++)
         for (size_t j = 0; j < x->f; j++)
             base->w[0][i * in + j] = (real)((i % 2 ? -1 : 1) *
                                             x->basis[at + i / 2][j]);
-    /* The direction adds nothing to these six at first; it learns to. */
+    /* The direction adds nothing to these six units until it is trained. */
     if (view->n_layers)
         memset(view->w[0], 0, 6 * (size_t)view->dim[0] * sizeof(real));
     memset(net->w[0], 0, 6 * (size_t)net->dim[0] * sizeof(real));
@@ -122,13 +124,14 @@ static void set_colour(const saga_start *x, saga_fit *f)
     for (size_t k = 0; k < 3; k++) {
         double unit[3] = { 0 };
 
-        /* The mean does not pass a ReLU: it is the last bias. */
+        /* The mean is the last bias and needs no hidden units. */
         unit[k] = 1;
         set_row(net, k, unit, 3, x->mean[at + k]);
     }
 }
 
-/* A coarse anchor has the mean of what its primitives want. */
+/* Sets the features of a coarse anchor to the mean of those found for its
+ * primitives. */
 static void set_features(const saga_start *x, saga_fit *f)
 {
     const saga_scene *const s = f->scene;
@@ -139,7 +142,7 @@ static void set_features(const saga_start *x, saga_fit *f)
     for (i = p = 0; i < s->n.coarse; i++) {
         const uint32_t first = p;
 
-        /* Primitives lie in the order of their anchors: this one's are
+        /* Primitives are in the order of their anchors: this anchor's are
          * first..p-1. */
         for (c = 0; c < s->coarse[i].n_fine; c++)
             p += s->fine[s->coarse[i].first_fine + c].n_prim;

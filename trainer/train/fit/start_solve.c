@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Basis, mean and features that come nearest to what is wanted of primitives
- * (start.h), by weighted least squares: the basis while features stand still,
- * features while the basis does.
+ * Finds basis, mean and features that come nearest to the wanted attributes
+ * (start.h), by weighted least squares. Basis and features are fitted
+ * alternately, each while the other is fixed.
  */
 #include "start_state.h"
 
@@ -11,26 +11,26 @@
 #include <math.h>
 #include <string.h>
 
-/* Primitives whose features a task fits; nanoseconds that a thread takes for
- * one. */
+/* Primitives whose features are fitted in one task, and nanoseconds for
+ * each. */
 enum { CODES = 32, CODE_NS = 5000 };
 
-/* Turns of basis and features, each of which is fitted while the other stands
- * still. */
+/* Rounds of the alternation. */
 enum { N_TURNS = 6 };
 
-/* The weight of a feature's square over its variance beside its primitive's
- * error, in errors of a rounded feature (price step^2 / 12): a primitive is
- * not worth far-fetched values. */
+/* The weight of a feature's square over its variance, in squared errors of a
+ * rounded feature (price step^2 / 12). It keeps a primitive from taking extreme
+ * features for a small gain. */
 #define PRIOR 100
 
-/* Bits that cost next to nothing do not make features larger than this standard
- * deviation, nor dear ones smaller than a step, or weights would be beyond all
- * formats. */
+/* The deviation of the largest feature is kept between one step and this.
+ * Otherwise, with bits that are almost free or very dear, weights of the
+ * networks would exceed their formats. */
 #define MOST_DEVIATION 4.0
 
-/* Finds principal axes where each dimension is scaled by the root of its mean
- * weight, and each primitive counts by the mean of its weights over those. */
+/* Finds principal axes to start with. Each dimension is scaled by the root of
+ * its mean weight, and each primitive counts by the mean of its weights
+ * relative to these. */
 static void first_basis(saga_start *x)
 {
     double w[SAGA_LINEAR_MOST] = { 0 };
@@ -44,11 +44,11 @@ static void first_basis(saga_start *x)
             w[k] += x->weight[i * x->d + k];
             sum += x->weight[i * x->d + k] * x->wanted[i * x->d + k];
         }
-        /* From a sum, w becomes the root of the mean weight. */
+        /* w turns from the sum of the weights into the root of their mean. */
         x->mean[k] = sum / w[k];
         w[k] = sqrt(w[k] / (double)x->n);
     }
-    /* The covariance, each primitive times its say. */
+    /* The covariance, with each primitive times `say`, its weight. */
     for (size_t i = 0; i < x->n; i++) {
         double e[SAGA_LINEAR_MOST], say = 0;
 
@@ -63,8 +63,8 @@ static void first_basis(saga_start *x)
     saga_eigen(v, c, x->d);
     for (size_t k = 0; k < x->d; k++)
         for (size_t j = 0; j < x->f; j++)
-            /* The strongest axes come first; 1 / w leads back into the
-             * dimensions' own units. */
+            /* The strongest axes come first. 1 / w returns to the units of the
+             * dimensions. */
             x->basis[k][j] = v[k][j] / w[k];
 }
 
@@ -78,9 +78,9 @@ static void fit_code(const coding *c, size_t i)
 
     memset(a, 0, sizeof a);
     memset(b, 0, x->f * sizeof *b);
-    /* Normal equations of sum_k w_k (e_k - (B f)_k)^2 + sum_j ridge_j f_j^2,
-     * that is (B' W B + ridge) f = B' W e. The solver reads the lower triangle
-     * alone. */
+    /* The normal equations of sum_k w_k (e_k - (B f)_k)^2 + sum_j ridge_j f_j^2
+     * are (B' W B + ridge) f = B' W e. The solver reads only the lower
+     * triangle. */
     for (size_t k = 0; k < x->d; k++) {
         const double w = x->weight[i * x->d + k];
         const double e = x->wanted[i * x->d + k] - x->mean[k];
@@ -91,8 +91,8 @@ static void fit_code(const coding *c, size_t i)
                 a[j][l] += w * x->basis[k][j] * x->basis[k][l];
         }
     }
-    /* A thousandth of the mean diagonal keeps the system solvable where a
-     * primitive's weights say nearly nothing about some feature. */
+    /* A thousandth of the mean diagonal keeps the system solvable where the
+     * weights of a primitive hardly depend on some feature. */
     for (size_t j = 0; j < x->f; j++)
         trace += a[j][j];
     for (size_t j = 0; j < x->f; j++)
@@ -109,8 +109,8 @@ static void code_part(void *user, size_t part)
         fit_code(c, i);
 }
 
-/* Fits the features of every primitive, given the basis. ridge (f): what the
- * square of each costs; NULL: next to nothing. */
+/* Fits the features of every primitive with the basis fixed. ridge (f): the
+ * price of each feature's square; NULL: almost none. */
 static void fit_codes(saga_start *x, const double *ridge)
 {
     coding c = { x, ridge };
@@ -120,7 +120,7 @@ static void fit_codes(saga_start *x, const double *ridge)
         .ns = (double)CODE_NS * (double)x->n });
 }
 
-/* Fits basis and mean of every dimension, given the features. */
+/* Fits basis and mean of every dimension with the features fixed. */
 static void fit_basis(saga_start *x)
 {
     const size_t n = x->f + 1;
@@ -130,7 +130,7 @@ static void fit_basis(saga_start *x)
         saga_matrix a;
 
         memset(a, 0, sizeof a);
-        /* Regression on (features, 1): the last coefficient is the mean. */
+        /* Regression on (features, 1); the last coefficient is the mean. */
         z[x->f] = 1;
         for (size_t i = 0; i < x->n; i++) {
             const double w = x->weight[i * x->d + k];
@@ -143,7 +143,7 @@ static void fit_basis(saga_start *x)
             }
         }
         for (size_t j = 0; j < n; j++)
-            /* Features that depend on each other would make it singular. */
+            /* Linearly dependent features would make the matrix singular. */
             a[j][j] *= 1 + 1e-6;
         saga_solve(a, b, n);
         memcpy(x->basis[k], b, x->f * sizeof *b);
@@ -151,8 +151,9 @@ static void fit_basis(saga_start *x)
     }
 }
 
-/* code <- forth code (rows: new features), basis <- basis back, with back the
- * inverse of forth. */
+/* Changes the features by a linear map: code <- forth code, basis <- basis
+ * back, where back is the inverse of forth. Rows of forth are the new
+ * features. */
 static void change(saga_start *x, saga_matrix forth, saga_matrix back)
 {
     double y[SAGA_LINEAR_MOST];
@@ -160,8 +161,8 @@ static void change(saga_start *x, saga_matrix forth, saga_matrix back)
     for (size_t i = 0; i < x->n; i++) {
         double *const c = x->code + i * x->f;
 
-        /* Features y = forth c; the products stay what they were, since B c =
-         * (B back) (forth c). */
+        /* The new features are y = forth c. The products do not change, since B
+         * c = (B back) (forth c). */
         for (size_t j = 0; j < x->f; j++) {
             y[j] = 0;
             for (size_t l = 0; l < x->f; l++)
@@ -179,15 +180,15 @@ static void change(saga_start *x, saga_matrix forth, saga_matrix back)
     }
 }
 
-/* Makes features whose unit errors cost `price` each on the mean of the
- * primitives. */
+/* Scales and rotates the features so that a unit error of each costs `price`,
+ * on average over the primitives. */
 static void scale(saga_start *x, double price)
 {
     saga_matrix g, v, forth, back;
 
     memset(g, 0, sizeof g);
-    /* G = B' W B / price, W the mean weights: an error e of the features costs
-     * e' G e in units of the price. */
+    /* G = B' W B / price, where W is the mean of the weights: an error e of the
+     * features costs e' G e prices. */
     for (size_t k = 0; k < x->d; k++) {
         double w = 0;
 
@@ -200,8 +201,9 @@ static void scale(saga_start *x, double price)
     saga_eigen(v, g, x->f);
     for (size_t j = 0; j < x->f; j++)
         for (size_t l = 0; l < x->f; l++) {
-            /* With G = V D V', forth D^(1/2) V' and back V D^(-1/2) give back'
-             * G back = 1. The floor stands for directions that draw nothing. */
+            /* With G = V D V', forth = D^(1/2) V' and back = V D^(-1/2) give
+             * back' G back = 1. The floor is for directions that draw
+             * nothing. */
             const double root = sqrt(fmax(g[l][l], 1e-12 * g[0][0]));
 
             forth[l][j] = v[j][l] * root;
@@ -210,8 +212,8 @@ static void scale(saga_start *x, double price)
     change(x, forth, back);
 }
 
-/* Makes features of mean 0 without correlation, that of the largest variance
- * first; variance (f). */
+/* Rotates the features so that they are uncorrelated, the one with the largest
+ * variance first, and subtracts their mean. Sets variance (f). */
 static void decorrelate(saga_start *x, double *variance)
 {
     double mean[SAGA_LINEAR_MOST] = { 0 };
@@ -221,8 +223,7 @@ static void decorrelate(saga_start *x, double *variance)
     for (size_t i = 0; i < x->n; i++)
         for (size_t j = 0; j < x->f; j++)
             mean[j] += x->code[i * x->f + j] / (double)x->n;
-    /* The part that the features have in common moves into the dimensions'
-     * mean. */
+    /* The mean of the features moves into the mean of the dimensions. */
     for (size_t k = 0; k < x->d; k++)
         for (size_t j = 0; j < x->f; j++)
             x->mean[k] += x->basis[k][j] * mean[j];
@@ -235,8 +236,8 @@ static void decorrelate(saga_start *x, double *variance)
             for (size_t l = 0; l < x->f; l++)
                 c[j][l] += y[j] * y[l] / (double)x->n;
     }
-    /* A rotation, with v as its inverse: what errors cost, which scale has made
-     * the same in all directions, stays so. */
+    /* A rotation, whose inverse is v, keeps what scale has achieved: an error
+     * costs the same in all directions. */
     saga_eigen(v, c, x->f);
     for (size_t j = 0; j < x->f; j++)
         for (size_t l = 0; l < x->f; l++)
@@ -253,9 +254,8 @@ static void limit_codes(saga_start *x)
                           SAGA_MOST_FEATURE);
 }
 
-/* Leaves out features that never reach a step, and so are always coded as 0:
- * those whose deviation is a thousandth of one, before their weights leave all
- * formats. */
+/* Removes features that are always coded as 0, because their deviation is below
+ * a thousandth of a step. Their weights would otherwise exceed all formats. */
 static void drop_idle(saga_start *x, const double *variance, double step)
 {
     for (size_t k = 0; k < x->f; k++)
@@ -267,27 +267,27 @@ void saga_start_solve(saga_start *x, double price, double step)
 {
     double ridge[SAGA_LINEAR_MOST], most;
 
-    /* Basis and features, in turns. */
+    /* Basis and features are fitted alternately. */
     first_basis(x);
     for (int i = 0; i < N_TURNS; i++) {
         if (i)
             fit_basis(x);
         fit_codes(x, NULL);
     }
-    /* Units that bits are worth; ridge takes the variances, the largest
-     * first. */
+    /* The features get units in which a step is worth its bits. ridge receives
+     * their variances, the largest first. */
     scale(x, price);
     decorrelate(x, ridge);
     most = fmin(fmax(ridge[0], step * step), MOST_DEVIATION * MOST_DEVIATION);
     if (ridge[0] > 1e-24 && (ridge[0] < most || ridge[0] > most)) {
-        /* Features go with 1 / sqrt(price), variances with 1 / price, so that
-         * this makes the largest one `most`. */
+        /* Features are proportional to 1 / sqrt(price), variances to 1 / price,
+         * so this sets the largest variance to `most`. */
         price *= ridge[0] / most;
         scale(x, price);
         decorrelate(x, ridge);
     }
     drop_idle(x, ridge, step);
-    /* The last features, with a prior of their own variance: PRIOR (price
+    /* The final features have a prior with their own variance, PRIOR (price
      * step^2 / 12) f^2 / variance. */
     for (size_t k = 0; k < x->f; k++)
         ridge[k] = PRIOR * price /

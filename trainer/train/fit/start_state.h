@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * The inside of the start, which start*.c share.
+ * The inside of the start, shared by start*.c.
  */
 #ifndef SAGA_START_STATE_H
 #define SAGA_START_STATE_H
@@ -9,30 +9,33 @@
 #include "linear.h"
 #include "start.h"
 
-/* Features are kept within this magnitude: their format ends at 32, and
- * training needs some room. */
+/* Features are limited to this magnitude: their format ends at 32, and training
+ * needs some room. */
 #define SAGA_MOST_FEATURE 24.0
 
 typedef struct {
     saga_splat_params *target;
-    size_t n, d, f;              /* primitives, dimensions, features; more
-                                  * features than dimensions stay 0 */
+    size_t n, d, f;              /* number of primitives, of dimensions of their
+                                  * attributes, and of features in use: at most
+                                  * d, and further ones of the model stay 0 */
     size_t width[SAGA_N_ATTRS];  /* dimensions of each attribute; 0: the model
-                                  * has it not, or networks do not give it */
-    size_t at[SAGA_N_ATTRS];     /* the first of them */
-    double *wanted, *weight;     /* (n, d) */
-    double *code;                /* (n, f) */
+                                  * lacks it, or no network output gives it */
+    size_t at[SAGA_N_ATTRS];     /* index of the first dimension of each */
+    double *wanted, *weight;     /* (n, d) values that the networks should give,
+                                  * and the weights of their squared errors */
+    double *code;                /* (n, f) the features of each primitive */
     saga_matrix basis;           /* (d, f) */
     double mean[SAGA_LINEAR_MOST];
-    double log2_support[4];      /* of fine anchors, relative to the cell */
+    double log2_support[4];      /* the same for all fine anchors, relative to
+                                  * the cell */
 } saga_start;
 
-/* start_solve.c: finds basis, mean and features of what is wanted. price: of a
- * feature's unit error, step: its quantisation step. */
+/* start_solve.c: finds basis, mean and features for the wanted values. price is
+ * what a feature's unit error costs, step its quantisation step. */
 void saga_start_solve(saga_start *x, double price, double step);
 
-/* start_networks.c: sets networks and features of f's scene to the supports,
- * the basis, the mean and the features that were found. */
+/* start_networks.c: sets the networks and features of f's scene from the
+ * supports, the basis, the mean and the features of x. */
 void saga_start_set_networks(const saga_start *x, saga_fit *f);
 
 #endif

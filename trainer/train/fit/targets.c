@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * The fit starts from these: the warm-up's primitives in the order of the
- * hierarchy, and as they stand still where nothing moves.
+ * Changes the warm-up's primitives to the form from which the fit starts: still
+ * ones where nothing moves, and centred in time where they are visible
+ * throughout.
  */
 #include "targets.h"
 
@@ -17,27 +18,28 @@ static double softplus2(double x)
     return fmax(x, 0) + log2(1 + exp2(-fabs(x)));
 }
 
-/* Returns what stands for an opacity after a loss of `lost` in log2 of it. */
+/* Returns the opacity parameter after log2 alpha has fallen by `lost`. */
 static double dimmed(double opacity, double lost)
 {
-    /* Alpha is 2^(3 - q) with q = log2(1 + 2^(3 - o)); q + lost is solved for
-     * o. From 40 bits on, 2^q - 1 is 2^q in double. */
+    /* Alpha is 2^(3 - q) with q = log2(1 + 2^(3 - o)); this solves q + lost for
+     * o. From 40 bits on, 2^q - 1 equals 2^q in double. */
     const double q = softplus2(SAGA_PEAK_LOG2 - opacity) + lost;
 
     return q < 1e-9 ? opacity
                     : SAGA_PEAK_LOG2 - (q < 40 ? log2(exp2(q) - 1) : q);
 }
 
-/* The centre of primitive i's life becomes the middle of the segment, where it
- * moves and turns as before; its opacity fades from there, the same on the mean
- * over the segment. */
+/* Moves the temporal centre of primitive i to the middle of the segment. Its
+ * motion and rotation stay the same; its opacity is reduced to what it is
+ * there. */
 static void centre(saga_splat_params *p, size_t i)
 {
     const real dt = R(0.5) - p->t_centre[i];
     const real age = dt * saga_splat_ageing(p, i);
 
-    /* The cubic about another moment: its value there, then orders 1 and 2. In
-     * this order, since each reads those after it; order 3 stays. */
+    /* The cubic is expanded about another time: its value there, then orders 1
+     * and 2, in this order, because each reads the later coefficients. Order 3
+     * stays the same. */
     for (size_t a = 0; p->motion && a < 3; a++) {
         real *const b = p->motion + 9 * i + a;
 
@@ -48,8 +50,8 @@ static void centre(saga_splat_params *p, size_t i)
     for (size_t a = 0; p->slope && a < 4; a++)
         p->quat[4 * i + a] += p->slope[4 * i + a] * age;
     if (p->log2_width) {
-        /* Opacity falls by exp(-u^2), log2(e) u^2 in q; u is 16 at most, as
-         * when it is drawn. */
+        /* Opacity falls by exp(-u^2), which adds log2(e) u^2 to q; u is limited
+         * to 16, as in drawing. */
         const double u = (double)dt * exp2(-(double)p->log2_width[i]);
 
         p->opacity[i] = (real)dimmed((double)p->opacity[i],

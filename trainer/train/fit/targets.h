@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * The fit starts from these: the warm-up's primitives as it takes them.
+ * Changes the warm-up's primitives to the form from which the fit starts.
  */
 #ifndef SAGA_TARGETS_H
 #define SAGA_TARGETS_H
@@ -9,11 +9,13 @@
 
 #include <stdint.h>
 
-/* Makes primitives as they are at mid-segment, without temporal attributes. */
+/* Sets n primitives to their state at mid-segment and removes their temporal
+ * attributes. */
 void saga_targets_freeze(saga_splat_params *p, uint32_t n);
 
-/* Those that live through the segment get the middle of it for a centre. p has
- * temporal members, but for widths where all do. */
+/* Moves the temporal centre of primitives that are visible throughout the
+ * segment to its middle, without changing their motion. p has the temporal
+ * members, except widths if all primitives are visible throughout. */
 void saga_targets_centre(saga_splat_params *p, uint32_t n);
 
 #endif
