@@ -51,20 +51,18 @@ static int leave(void **state)
 
 static void write_text(const char *path, const char *text)
 {
-    saga_error error = { "" };
     saga_output out;
 
-    assert_true(saga_output_open(&out, path, &error));
+    assert_done(saga_output_open(&out, path, &error));
     assert_true(fputs(text, out.file) >= 0);
-    assert_true(saga_output_close(&out, true, &error));
+    assert_done(saga_output_close(&out, true, &error));
 }
 
 static void assert_holds(const char *path, const char *text)
 {
-    saga_error error = { "" };
     FREED_BY(saga_bytes_free) saga_bytes bytes;
 
-    assert_true(saga_read_file(&bytes, path, &error));
+    assert_done(saga_read_file(&bytes, path, &error));
     assert_string_equal((const char *)bytes.data, text);
 }
 

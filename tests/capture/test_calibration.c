@@ -28,10 +28,8 @@ TEST_GROUP(make_room, synth_leave);
 static saga_features features_of(const uint8_t *rgb, int w, int h)
 {
     saga_features f;
-    saga_error error = { "" };
 
-    if (!saga_features_find(&f, rgb, NULL, w, h, &error))
-        fail_msg("%s", error.message);
+    assert_done(saga_features_find(&f, rgb, NULL, w, h, &error));
     return f;
 }
 
@@ -190,11 +188,9 @@ static saga_calibration find(const saga_capture *c, saga_shot *views)
 {
     saga_capture other = *c;
     saga_calibration cal;
-    saga_error error = { "" };
 
     other.views = views;
-    if (!saga_calibration_find(&cal, &other, &error))
-        fail_msg("%s", error.message);
+    assert_done(saga_calibration_find(&cal, &other, &error));
     return cal;
 }
 
@@ -330,14 +326,13 @@ TEST(survey_should_say_so_in_words)
     saga_capture c = *(saga_capture *)*state;
     saga_shot *const right = c.views;
     saga_survey s;
-    saga_error error = { "" };
 
     /* As written by a program of OpenCV's. */
     c.views = copy_views(&c);
     c.n_points = 0;
     for (int v = 0; v < N_VIEWS; v++)
         spoil(&c.views[v], SAGA_POSE_INVERSE, true);
-    assert_true(saga_survey_make(&s, &c, &error));
+    assert_done(saga_survey_make(&s, &c, &error));
     assert_true(says(&s, ": matrices are world to camera, and camera axes are "
                      "OpenCV's (y down, z forward)"));
     saga_survey_free(&s);
@@ -353,7 +348,7 @@ TEST(survey_should_say_so_in_words)
         (void)next(&patch);
         c.views[3].rgb[i] = (uint8_t)(next(&patch) >> 16);
     }
-    assert_true(saga_survey_make(&s, &c, &error));
+    assert_done(saga_survey_make(&s, &c, &error));
     assert_true(says(&s, "have one pose, but see different things"));
     saga_survey_free(&s);
     free(c.views[3].rgb);

@@ -452,8 +452,6 @@ TEST(person4_should_agree_with_its_lenses_and_points)
 
 TEST_IN_FOLDER(folder_should_be_refused_when_it_is_no_capture)
 {
-    folder *const f = *state;
-
     refused(f->path, f->path, "no capture of a known format");
     refused(folder_file(f, "nowhere"), "nowhere", "does not exist");
     write_text(f, "x.json", "");

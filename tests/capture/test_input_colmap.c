@@ -232,12 +232,10 @@ static void write_binary_model(folder *f, const world *w)
 
 static saga_colmap read_model(folder *f)
 {
-    saga_error error = { "" };
     saga_colmap m;
 
     assert_true(saga_colmap_is_there(folder_file(f, "colmap")));
-    if (!saga_colmap_read(&m, folder_file(f, "colmap"), &error))
-        fail_msg("%s", error.message);
+    assert_done(saga_colmap_read(&m, folder_file(f, "colmap"), &error));
     return m;
 }
 
@@ -321,18 +319,18 @@ TEST_IN_FOLDER(model_should_be_read_from_text)
 {
     const world w = make_world();
 
-    write_text_model(*state, &w);
-    check_model(*state, &w);
+    write_text_model(f, &w);
+    check_model(f, &w);
 }
 
 TEST_IN_FOLDER(model_should_be_read_from_bytes)
 {
     const world w = make_world();
 
-    write_binary_model(*state, &w);
+    write_binary_model(f, &w);
     /* Newer COLMAP's further files are not looked at. */
-    write_text(*state, "colmap/rigs.bin", "rigs");
-    check_model(*state, &w);
+    write_text(f, "colmap/rigs.bin", "rigs");
+    check_model(f, &w);
 }
 
 TEST_IN_FOLDER(models_should_have_the_lenses_of_colmap)
@@ -341,7 +339,6 @@ TEST_IN_FOLDER(models_should_have_the_lenses_of_colmap)
         "1 SIMPLE_PINHOLE 64 48 50 31 23\n2 SIMPLE_RADIAL 64 48 50 31 23 0.1\n"
         "3 RADIAL 64 48 50 31 23 0.1 0.2\n";
     const world w = make_world();
-    folder *const f = *state;
     FREED_BY(saga_colmap_free) saga_colmap m;
 
     write_text_model(f, &w);
@@ -375,7 +372,6 @@ TEST_IN_FOLDER(model_should_be_refused_when_bytes_are_missing)
     static const char *const names[] = { "cameras.bin", "images.bin",
                                          "points3D.bin" };
     const world w = make_world();
-    folder *const f = *state;
 
     write_binary_model(f, &w);
     for (int i = 0; i < 3; i++) {
@@ -422,7 +418,6 @@ TEST_IN_FOLDER(model_should_be_refused_when_text_is_wrong)
           "damaged at track of point 0" }
     };
     const world w = make_world();
-    folder *const f = *state;
 
     for (size_t i = 0; i < sizeof t / sizeof t[0]; i++) {
         char path[40];
@@ -448,7 +443,6 @@ static void write_videos(folder *f)
 TEST_IN_FOLDER(points_should_be_dropped_when_few_training_views_see_them)
 {
     const world w = make_world();
-    folder *const f = *state;
     saga_capture_options o = saga_capture_defaults();
     saga_capture c;
 
@@ -482,7 +476,6 @@ TEST_IN_FOLDER(points_should_be_dropped_when_few_training_views_see_them)
 TEST_IN_FOLDER(cameras_should_be_scaled_to_the_videos)
 {
     const world w = make_world();
-    folder *const f = *state;
     saga_capture c;
 
     write_videos(f);
@@ -506,7 +499,6 @@ TEST_IN_FOLDER(cameras_should_be_scaled_to_the_videos)
 TEST_IN_FOLDER(late_videos_should_be_shifted)
 {
     const world w = make_world();
-    folder *const f = *state;
     saga_capture_options o = saga_capture_defaults();
     saga_capture whole, c;
 

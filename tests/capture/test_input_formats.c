@@ -27,12 +27,10 @@ static bytes npy_bytes(int version, const char *header)
 
 static saga_npy read_npy(folder *f, bytes *b)
 {
-    saga_error error = { "" };
     saga_npy a;
 
     write_bytes(f, "a.npy", b);
-    if (!saga_npy_read(&a, folder_file(f, "a.npy"), &error))
-        fail_msg("%s", error.message);
+    assert_done(saga_npy_read(&a, folder_file(f, "a.npy"), &error));
     return a;
 }
 
@@ -72,7 +70,7 @@ TEST_IN_FOLDER(npy_should_be_read_in_every_order_and_version)
             else
                 put_f64(&b, 10 * r + c + 0.25);
         }
-        a = read_npy(*state, &b);
+        a = read_npy(f, &b);
         assert_int_equal(a.rows, 2);
         assert_int_equal(a.cols, 3);
         for (int i = 0; i < 6; i++)
@@ -88,7 +86,7 @@ TEST_IN_FOLDER(npy_should_be_read_with_one_dimension)
 
     put_f64(&b, -7);
     put_f64(&b, 1e300);
-    a = read_npy(*state, &b);
+    a = read_npy(f, &b);
     assert_int_equal(a.rows, 2);
     assert_int_equal(a.cols, 1);
     assert_true(a.data[0] == -7 && a.data[1] == 1e300);
@@ -115,17 +113,17 @@ TEST_IN_FOLDER(npy_should_be_refused_when_it_is_something_else)
     for (size_t i = 0; i < sizeof headers / sizeof headers[0]; i++) {
         b = npy_bytes(1, headers[i]);
         put_f64(&b, 1);
-        refused_npy(*state, &b, "header that is not understood");
+        refused_npy(f, &b, "header that is not understood");
     }
     /* The key at the very end of the longest header there may be. */
     memset(longest, ' ', sizeof longest);
     strcpy(longest + 4095 - 8, "'descr':");
     memcpy(longest, "'fortran_order': False", 22);
     b = npy_bytes(2, longest);
-    refused_npy(*state, &b, "header that is not understood");
+    refused_npy(f, &b, "header that is not understood");
     b = (bytes){ 0 };
     put_text(&b, "not an array");
-    refused_npy(*state, &b, "is no .npy file");
+    refused_npy(f, &b, "is no .npy file");
 }
 
 TEST_IN_FOLDER(npy_should_be_refused_when_its_size_lies)
@@ -147,13 +145,13 @@ TEST_IN_FOLDER(npy_should_be_refused_when_its_size_lies)
         b = npy_bytes(1, header);
         for (int k = 0; k < 5; k++)
             put_f64(&b, k);
-        refused_npy(*state, &b, t[i].what);
+        refused_npy(f, &b, t[i].what);
     }
     b = npy_bytes(1, "{'descr': '<f8', 'fortran_order': False, ...");
     b.n = 40;
-    refused_npy(*state, &b, "cut short in its header");
+    refused_npy(f, &b, "cut short in its header");
     b = npy_bytes(9, "{}");
-    refused_npy(*state, &b, "is no .npy file");
+    refused_npy(f, &b, "is no .npy file");
 }
 
 /* --- PLY ----------------------------------------------------------------- */
@@ -165,13 +163,11 @@ typedef struct {
 
 static cloud read_ply(folder *f, bytes *b)
 {
-    saga_error error = { "" };
     cloud c;
 
     write_bytes(f, "p.ply", b);
-    if (!saga_ply_read(folder_file(f, "p.ply"), &c.points, &c.n, &c.dropped,
-                       &error))
-        fail_msg("%s", error.message);
+    assert_done(saga_ply_read(folder_file(f, "p.ply"), &c.points, &c.n,
+                              &c.dropped, &error));
     return c;
 }
 
@@ -216,7 +212,7 @@ TEST_IN_FOLDER(ply_should_be_read_as_text)
              "element face 1\r\nproperty list uchar int vertex_indices\r\n"
              "end_header\r\n20 0.5 1024 -2 200 7 2\r\n20 1.5 1.024e3 -2.0 201 "
              "-7 2\r\n20 nan 0 0 1 1 1\r\n3 0 1 2\r\n");
-    c = read_ply(*state, &b);
+    c = read_ply(f, &b);
     assert_int_equal(c.dropped, 1);
     check_two(&c);
 }
@@ -239,7 +235,7 @@ TEST_IN_FOLDER(ply_should_be_read_as_little_endian_bytes)
         put_le(&b, 2, 1);
         put_le(&b, 0x0a0a0a0a, 4);
     }
-    c = read_ply(*state, &b);
+    c = read_ply(f, &b);
     assert_int_equal(c.dropped, 0);
     check_two(&c);
 }
@@ -251,28 +247,26 @@ TEST_IN_FOLDER(ply_should_be_grey_without_colours_and_may_be_empty)
 
     put_text(&b, "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\n"
              "property float y\nproperty float z\nend_header\n1 2 3");
-    c = read_ply(*state, &b);
+    c = read_ply(f, &b);
     assert_int_equal(c.n, 1);
     assert_int_equal(c.points[0].rgb[2], 128);
     free(c.points);
     put_text(&b, "ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\n"
              "property float y\nproperty float z\nend_header\n");
-    c = read_ply(*state, &b);
+    c = read_ply(f, &b);
     assert_int_equal(c.n, 0);
     free(c.points);
 }
 
 TEST_IN_FOLDER(ply_should_come_back_as_it_was_written)
 {
-    folder *const f = *state;
     saga_point points[3] = { { { 1, 2.5, -3 }, { 0, 128, 255 } },
                              { { -1e9, 0, 1e-9 }, { 1, 2, 3 } },
                              { { NAN, 0, 0 }, { 0, 0, 0 } } };
-    saga_error error = { "" };
     cloud c;
 
-    assert_true(saga_ply_write(folder_file(f, "q.ply"), points, 3, &error));
-    assert_true(saga_ply_read(folder_file(f, "q.ply"), &c.points, &c.n,
+    assert_done(saga_ply_write(folder_file(f, "q.ply"), points, 3, &error));
+    assert_done(saga_ply_read(folder_file(f, "q.ply"), &c.points, &c.n,
                               &c.dropped, &error));
     assert_int_equal(c.n, 2);
     assert_int_equal(c.dropped, 1);
@@ -321,7 +315,7 @@ TEST_IN_FOLDER(ply_should_be_refused_when_it_is_wrong)
         bytes b = { 0 };
 
         put(&b, t[i].text, strlen(t[i].text));
-        refused_ply(*state, &b, t[i].what);
+        refused_ply(f, &b, t[i].what);
     }
 }
 
@@ -382,12 +376,11 @@ static bytes png_bytes(const png_kind *k, const uint8_t *rows,
 static void read_picture(folder *f, const char *name, int w, int h,
                          uint8_t *rgb)
 {
-    saga_error error = { "" };
     int width = 0, height = 0;
 
-    if (!saga_picture_probe(folder_file(f, name), &width, &height, &error) ||
-        !saga_picture_read(folder_file(f, name), w, h, rgb, &error))
-        fail_msg("%s", error.message);
+    assert_done(saga_picture_probe(folder_file(f, name), &width, &height,
+                                   &error));
+    assert_done(saga_picture_read(folder_file(f, name), w, h, rgb, &error));
     assert_int_equal(width, w);
     assert_int_equal(height, h);
 }
@@ -416,13 +409,13 @@ TEST_IN_FOLDER(png_should_be_read_in_colour_and_grey)
     static const uint8_t one_bit[1] = { 0x40 };
     static const uint8_t bits[6] = { 0, 0, 0, 255, 255, 255 };
 
-    check_png(*state, &(png_kind){ 2, 2, 8, RGB, { 0 }, { 0 } }, colour, 6,
+    check_png(f, &(png_kind){ 2, 2, 8, RGB, { 0 }, { 0 } }, colour, 6,
               colour);
-    check_png(*state, &(png_kind){ 1, 2, 8, GREY, { 0 }, { 0 } }, grey, 1,
+    check_png(f, &(png_kind){ 1, 2, 8, GREY, { 0 }, { 0 } }, grey, 1,
               greys);
-    check_png(*state, &(png_kind){ 4, 2, 2, GREY, { 0 }, { 0 } }, two_bits, 1,
+    check_png(f, &(png_kind){ 4, 2, 2, GREY, { 0 }, { 0 } }, two_bits, 1,
               grown);
-    check_png(*state, &(png_kind){ 2, 1, 1, GREY, { 0 }, { 0 } }, one_bit, 1,
+    check_png(f, &(png_kind){ 2, 1, 1, GREY, { 0 }, { 0 } }, one_bit, 1,
               bits);
 }
 
@@ -433,7 +426,7 @@ TEST_IN_FOLDER(png_should_be_rounded_from_16_bits)
                                       0xff, 0x7e, 0xff, 0x7f };
     static const uint8_t rounded[6] = { 0, 1, 255, 128, 254, 255 };
 
-    check_png(*state, &(png_kind){ 2, 1, 16, RGB, { 0 }, { 0 } }, rows, 12,
+    check_png(f, &(png_kind){ 2, 1, 16, RGB, { 0 }, { 0 } }, rows, 12,
               rounded);
 }
 
@@ -456,13 +449,13 @@ TEST_IN_FOLDER(png_should_lie_over_black_where_it_is_transparent)
     for (int with_gamma = 0; with_gamma < 2; with_gamma++) {
         const uint8_t *const g = with_gamma ? linear : NULL;
 
-        check_png(*state, &(png_kind){ 3, 1, 8, RGBA, { g }, { 4 } }, colour,
+        check_png(f, &(png_kind){ 3, 1, 8, RGBA, { g }, { 4 } }, colour,
                   12, mixed);
-        check_png(*state, &(png_kind){ 2, 1, 8, GREY_ALPHA, { g }, { 4 } },
+        check_png(f, &(png_kind){ 2, 1, 8, GREY_ALPHA, { g }, { 4 } },
                   grey, 4, greys);
-        check_png(*state, &(png_kind){ 2, 1, 1, PALETTE, { g, palette, clear },
+        check_png(f, &(png_kind){ 2, 1, 1, PALETTE, { g, palette, clear },
                                        { 4, 6, 2 } }, indices, 1, coloured);
-        check_png(*state, &(png_kind){ 2, 1, 8, GREY, { g, NULL, key },
+        check_png(f, &(png_kind){ 2, 1, 8, GREY, { g, NULL, key },
                                        { 4, 0, 2 } }, keyed_rows, 2, keyed);
     }
 }
@@ -484,7 +477,6 @@ static void refused_picture(folder *f, const char *name, int w, int h,
 
 TEST_IN_FOLDER(png_should_be_refused_when_it_is_damaged)
 {
-    folder *const f = *state;
     static const uint8_t rows[12] = { 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12 };
     const png_kind k = { 2, 2, 8, RGB, { 0 }, { 0 } };
     bytes b = png_bytes(&k, rows, 6), none;
@@ -590,7 +582,6 @@ TEST_IN_FOLDER(exr_should_be_read_as_depth)
     const double depth[6] = { 0.5, 1, 2.25, 1e6, INFINITY, 0 };
     const double mixed[18] = { 9, 9, 9, 0.5, 1, 2.25, 8, 8, 8,
                                9, 9, 9, 1e6, INFINITY, 0, 8, 8, 8 };
-    folder *const f = *state;
 
     for (int way = 0; way < 3; way++) {
         saga_error error = { "" };
@@ -618,24 +609,22 @@ TEST_IN_FOLDER(exr_should_become_srgb)
     uint8_t rgb[12];
     bytes b = exr_bytes(bgr, 3, 0, 0, 4, 1, data);
 
-    write_bytes(*state, "c.exr", &b);
-    read_picture(*state, "c.exr", 4, 1, rgb);
+    write_bytes(f, "c.exr", &b);
+    read_picture(f, "c.exr", 4, 1, rgb);
     assert_memory_equal(rgb, expected, 12);
 }
 
 TEST_IN_FOLDER(exr_should_bring_all_8_bits_back)
 {
     uint8_t rgb[768], back[768];
-    saga_error error = { "" };
 
     for (int i = 0; i < 256; i++) {
         rgb[3 * i] = (uint8_t)i;
         rgb[3 * i + 1] = (uint8_t)(255 - i);
         rgb[3 * i + 2] = (uint8_t)(7 * i);
     }
-    assert_true(saga_exr_write(folder_file(*state, "c.exr"), 16, 16, rgb,
-                               &error));
-    read_picture(*state, "c.exr", 16, 16, back);
+    assert_done(saga_exr_write(folder_file(f, "c.exr"), 16, 16, rgb, &error));
+    read_picture(f, "c.exr", 16, 16, back);
     assert_memory_equal(rgb, back, 768);
 }
 
@@ -644,7 +633,6 @@ TEST_IN_FOLDER(exr_should_bring_all_8_bits_back)
 TEST_IN_FOLDER(exr_should_bring_depth_back_whatever_its_size)
 {
     enum { WIDTH = 24, HEIGHT = 16, N = WIDTH * HEIGHT };
-    folder *const f = *state;
     uint32_t seed = 1;
 
     for (int zeros = 0; zeros < 48; zeros++) {
@@ -668,7 +656,6 @@ TEST_IN_FOLDER(exr_should_be_refused_when_it_is_damaged)
 {
     static const char *const z[] = { "Z" }, *const rg[] = { "G", "R" };
     const double data[12] = { 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12 };
-    folder *const f = *state;
     bytes b = exr_bytes(z, 1, 0, 0, 3, 2, data);
     saga_error error;
     float got[6];

@@ -11,7 +11,6 @@
 
 TEST_IN_FOLDER(colmap_folder_should_be_the_scene)
 {
-    folder *const f = *state;
     FREED_BY(saga_capture_free) saga_capture c;
 
     write_model(f, "sparse/0", camera_alone, 1);
@@ -25,8 +24,6 @@ TEST_IN_FOLDER(colmap_folder_should_be_the_scene)
 
 TEST_IN_FOLDER(colmap_folder_should_be_the_scene_in_bytes)
 {
-    folder *const f = *state;
-
     write_model_bytes(f, "sparse/0", camera_alone);
     write_pictures(f, "images", camera_alone, 0, 1);
     check_same(f->path, "COLMAP, bytes", 1, LOSSLESS);
@@ -34,8 +31,6 @@ TEST_IN_FOLDER(colmap_folder_should_be_the_scene_in_bytes)
 
 TEST_IN_FOLDER(colmap_folder_should_have_frames_by_camera)
 {
-    folder *const f = *state;
-
     /* Every picture is in the model. */
     write_model(f, "sparse/0", camera_and_number, N_FRAMES);
     write_pictures(f, "images", camera_and_number, 0, N_FRAMES);
@@ -55,8 +50,6 @@ TEST_IN_FOLDER(colmap_folder_should_have_frames_by_camera)
 
 TEST_IN_FOLDER(colmap_folder_should_have_frames_by_moment)
 {
-    folder *const f = *state;
-
     write_model(f, "sparse/0", number_and_camera, N_FRAMES);
     write_pictures(f, "images", number_and_camera, 0, N_FRAMES);
     check_same(f->path, "COLMAP, a folder for each moment", N_FRAMES, LOSSLESS);
@@ -64,8 +57,6 @@ TEST_IN_FOLDER(colmap_folder_should_have_frames_by_moment)
 
 TEST_IN_FOLDER(frame_folders_should_be_the_scene)
 {
-    folder *const f = *state;
-
     /* t8 t9 t10: by number, not by letter. One model beside them. */
     write_pictures(f, ".", number_and_camera, 0, N_FRAMES);
     write_model(f, "sparse/0", camera_alone, 1);
@@ -82,7 +73,6 @@ TEST_IN_FOLDER(frame_folders_should_be_the_scene)
 /* Three cameras to train on, one to test; names have no ending. */
 TEST_IN_FOLDER(blender_scene_should_be_the_scene)
 {
-    folder *const f = *state;
     double camera = 0;
     saga_capture c;
 
@@ -148,7 +138,6 @@ static double check_moving(const saga_capture *c, int view, int from, int k,
 TEST_IN_FOLDER(moving_camera_should_have_a_view_for_each_picture)
 {
     static const double time[] = { 0.5, 0, 1, 0.125 };
-    folder *const f = *state;
     saga_capture_options o = saga_capture_defaults();
     saga_capture c;
 
@@ -190,7 +179,6 @@ TEST_IN_FOLDER(moving_camera_should_have_a_view_for_each_picture)
 TEST_IN_FOLDER(moving_camera_should_need_no_memory_for_what_is_missing)
 {
     static const double time[] = { 0, 0.25, 0.5, 1 };
-    folder *const f = *state;
     saga_capture_options o = saga_capture_defaults();
     FREED_BY(saga_capture_free) saga_capture c;
 
@@ -213,7 +201,6 @@ TEST_IN_FOLDER(moving_camera_should_need_no_memory_for_what_is_missing)
 TEST_IN_FOLDER(moving_camera_should_be_refused_when_it_has_too_many_pictures)
 {
     const int n_poses = SAGA_MAX_VIEWS - 10, n = SAGA_MAX_VIEWS + 1;
-    folder *const f = *state;
     bytes b = { 0 };
 
     put_text(&b, "{\"camera_angle_x\": 1, \"frames\": [");
@@ -230,8 +217,6 @@ TEST_IN_FOLDER(moving_camera_should_be_refused_when_it_has_too_many_pictures)
 
 TEST_IN_FOLDER(listed_pictures_should_have_any_ending)
 {
-    folder *const f = *state;
-
     write_json(f, "transforms.json", camera_and_number, 0, N_VIEWS, N_FRAMES,
                "p");
     write_pictures(f, "p", camera_and_number, 0, N_FRAMES);
@@ -258,7 +243,6 @@ TEST_IN_FOLDER(stills_should_be_the_scene_in_every_format)
         { "tif", "", LOSSLESS },
         { "tiff", "-compression_algo lzw -pix_fmt rgb48le", LOSSLESS },
     };
-    folder *const f = *state;
     char name[40];
 
     for (size_t i = 0; i < sizeof t / sizeof *t; i++) {
@@ -274,26 +258,20 @@ TEST_IN_FOLDER(stills_should_be_the_scene_in_every_format)
 /* In linear light, of which 8 bits come back. */
 TEST_IN_FOLDER(exr_stills_should_be_the_scene)
 {
-    folder *const f = *state;
-    saga_error error = { "" };
-
     write_model(f, "sparse/0", camera_alone, 1);
     folder_run(f, "mkdir images && sed -i s/png/exr/ sparse/0/images.txt");
     for (int v = 0; v < N_VIEWS; v++) {
         char name[40];
 
         snprintf(name, sizeof name, "images/cam%02d.exr", v);
-        if (!saga_exr_write(folder_file(f, name), W, H,
-                            saga_capture_frame(&scene, v, 0), &error))
-            fail_msg("%s", error.message);
+        assert_done(saga_exr_write(folder_file(f, name), W, H,
+                                   saga_capture_frame(&scene, v, 0), &error));
     }
     check_same(f->path, "COLMAP, pictures .exr", 1, LOSSLESS);
 }
 
 TEST_IN_FOLDER(jpegs_should_be_refused_when_damaged)
 {
-    folder *const f = *state;
-
     write_model(f, "sparse/0", camera_alone, 1);
     write_pictures(f, "images", camera_alone, 0, 1);
     convert(f, "jpg", "-q:v 2");
@@ -312,7 +290,6 @@ TEST_IN_FOLDER(jpegs_should_be_refused_when_damaged)
 
 TEST_IN_FOLDER(missing_pictures_should_be_left_out)
 {
-    folder *const f = *state;
     saga_capture c;
 
     write_model(f, "sparse/0", camera_and_number, N_FRAMES);
@@ -338,7 +315,6 @@ TEST_IN_FOLDER(missing_pictures_should_be_left_out)
 /* The names' numbers tell which moment is not listed. */
 TEST_IN_FOLDER(unlisted_pictures_should_be_left_out)
 {
-    folder *const f = *state;
     FREED_BY(saga_capture_free) saga_capture c;
 
     write_json(f, "transforms.json", camera_and_number, 0, N_VIEWS, N_FRAMES,
@@ -365,7 +341,6 @@ TEST_IN_FOLDER(unlisted_pictures_should_be_left_out)
 /* Frame k of a camera that runs one late is its picture k + 1. */
 TEST_IN_FOLDER(late_cameras_should_be_shifted)
 {
-    folder *const f = *state;
     saga_capture_options o = saga_capture_defaults();
     saga_capture c;
 
@@ -393,8 +368,6 @@ TEST_IN_FOLDER(late_cameras_should_be_shifted)
 
 TEST_IN_FOLDER(colmap_folder_should_be_refused_when_wrong)
 {
-    folder *const f = *state;
-
     write_model(f, "sparse/0", camera_and_number, N_FRAMES);
     write_pictures(f, "images", camera_and_number, 0, N_FRAMES);
     folder_run(f, "mv images/cam01/f_0020.png images/cam01/g_0010.png");

@@ -79,11 +79,9 @@ static void draw_through(const lens *l, uint8_t *rgb)
 static void write_capture(folder *f, const lens *l, int w, int h,
                           const uint8_t *rgb)
 {
-    saga_error error = { "" };
     bytes b = { 0 };
 
-    if (!saga_png_write(folder_file(f, "a.png"), w, h, rgb, &error))
-        fail_msg("%s", error.message);
+    assert_done(saga_png_write(folder_file(f, "a.png"), w, h, rgb, &error));
     put_text(&b, "{\"fl_x\": %.17g, \"fl_y\": %.17g, \"cx\": %.17g, "
              "\"cy\": %.17g, \"k1\": %.17g, \"k2\": %.17g, \"p1\": %.17g, "
              "\"p2\": %.17g, \"k3\": %.17g, \"camera_model\": \"OPENCV\", "
@@ -180,14 +178,14 @@ TEST(lens_should_give_values_worked_out_by_hand)
 
 TEST_IN_FOLDER(lens_should_be_gone_after_loading)
 {
-    check_pattern(*state, &barrel, 1);
-    check_pattern(*state, &pincushion, 1);
+    check_pattern(f, &barrel, 1);
+    check_pattern(f, &pincushion, 1);
 }
 
 TEST_IN_FOLDER(lens_should_be_gone_when_scaled_down)
 {
-    check_pattern(*state, &barrel, 2);
-    check_pattern(*state, &pincushion, 3);
+    check_pattern(f, &barrel, 2);
+    check_pattern(f, &pincushion, 3);
 }
 
 /* OpenCV's fisheye: radius of an angle from the axis, and back by halving. */
@@ -223,7 +221,6 @@ static double fish_angle(double radius)
 static void write_fisheye(folder *f, double focal, double slow)
 {
     static uint8_t rgb[3 * W * H];
-    saga_error error = { "" };
     bytes b = { 0 };
 
     for (int i = 0; i < W * H; i++) {
@@ -234,8 +231,7 @@ static void write_fisheye(folder *f, double focal, double slow)
         for (int k = 0; k < 3; k++)
             rgb[3 * i + k] = (uint8_t)(pattern(x * part, y * part, k) + 0.5);
     }
-    if (!saga_png_write(folder_file(f, "a.png"), W, H, rgb, &error))
-        fail_msg("%s", error.message);
+    assert_done(saga_png_write(folder_file(f, "a.png"), W, H, rgb, &error));
     put_text(&b, "{\"fl_x\": %g, \"cx\": 81, \"cy\": 58, \"k1\": %g, \"k2\": "
              "%g, \"k3\": %g, \"k4\": %g, \"camera_model\": "
              "\"OPENCV_FISHEYE\", \"frames\": [{\"file_path\": \"a.png\", "
@@ -254,8 +250,8 @@ TEST_IN_FOLDER(fisheye_should_become_a_pinhole)
         FREED_BY(saga_capture_free) saga_capture c;
         const saga_shot *v;
 
-        write_fisheye(*state, focal[t], slow[t]);
-        c = load_scaled(*state, 1);
+        write_fisheye(f, focal[t], slow[t]);
+        c = load_scaled(f, 1);
         v = c.views;
         for (int i = 0; i < 3 * W * H; i++) {
             const double x = (i / 3 % W + 0.5 - v->cx) / v->fx;
@@ -300,8 +296,8 @@ TEST_IN_FOLDER(pinhole_should_be_the_widest_without_invalid_pixels)
         FREED_BY(saga_capture_free) saga_capture c;
         const saga_shot *v;
 
-        write_capture(*state, all[i], W, H, rgb);
-        c = load_scaled(*state, 1);
+        write_capture(f, all[i], W, H, rgb);
+        c = load_scaled(f, 1);
         v = c.views;
         assert_true(v->cx == all[i]->cx && v->cy == all[i]->cy);
         assert_true(v->fx == all[i]->fx * v->focal_scale);
@@ -325,8 +321,8 @@ TEST_IN_FOLDER(scale_should_average_areas_exactly)
         seed = seed * 1664525u + 1013904223u;
         rgb[i] = (uint8_t)(seed >> 24);
     }
-    write_capture(*state, &none, FULL_W, FULL_H, rgb);
-    c = load_scaled(*state, N);
+    write_capture(f, &none, FULL_W, FULL_H, rgb);
+    c = load_scaled(f, N);
     assert_int_equal(c.views[0].width, SMALL);
     assert_int_equal(c.views[0].height, FULL_H / N);
     assert_int_equal(c.views[0].original_width, FULL_W);
@@ -353,19 +349,18 @@ TEST_IN_FOLDER(scale_should_average_areas_exactly)
 TEST(scale_should_take_single_depths)
 {
     saga_remap r;
-    saga_error error = { "" };
     const saga_lens none = { .fx = 9, .fy = 9, .cx = 4, .cy = 3 };
     float full[8 * 6], small[4 * 3];
 
     for (int i = 0; i < 8 * 6; i++)
         full[i] = (float)i;
-    assert_true(saga_remap_plan(&r, &none, 8, 6, 2, "x", &error));
-    assert_true(saga_remap_build(&r, &none, "x", &error));
+    assert_done(saga_remap_plan(&r, &none, 8, 6, 2, "x", &error));
+    assert_done(saga_remap_build(&r, &none, "x", &error));
     saga_remap_depth(&r, full, small);
     for (int i = 0; i < 4 * 3; i++)
         assert_true(small[i] == full[(2 * (i / 4) + 1) * 8 + 2 * (i % 4) + 1]);
     saga_remap_free(&r);
-    assert_true(saga_remap_plan(&r, &none, 8, 6, 3, "x", &error));
+    assert_done(saga_remap_plan(&r, &none, 8, 6, 3, "x", &error));
     saga_remap_depth(&r, full, small);
     for (int i = 0; i < 2 * 2; i++)
         assert_true(small[i] == full[(3 * (i / 2) + 1) * 8 + 3 * (i % 2) + 1]);
@@ -373,7 +368,6 @@ TEST(scale_should_take_single_depths)
 
 TEST_IN_FOLDER(lens_should_be_refused_when_it_folds_or_is_no_lens)
 {
-    folder *const f = *state;
     static uint8_t rgb[3 * W * H];
     lens l = barrel;
 

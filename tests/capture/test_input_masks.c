@@ -19,12 +19,10 @@ static void write_grey(folder *f, const char *name, int w, int h, int left,
                        int right)
 {
     uint8_t rgb[3 * 64 * 64];
-    saga_error error = { "" };
 
     for (int i = 0; i < w * h; i++)
         memset(rgb + 3 * i, i % w < w / 2 ? left : right, 3);
-    if (!saga_png_write(folder_file(f, name), w, h, rgb, &error))
-        fail_msg("%s", error.message);
+    assert_done(saga_png_write(folder_file(f, name), w, h, rgb, &error));
 }
 
 static void write_capture(folder *f, const char *root, const char *also)
@@ -92,7 +90,6 @@ TEST_IN_FOLDER(masks_should_be_found_beside_pictures)
     static const char *const names[] = {
         "masks/cam0/1.png", "masks/cam0/1.png.png"
     };
-    folder *const f = *state;
 
     write_capture(f, "images", "");
     folder_run(f, "mkdir -p masks/cam0");
@@ -115,7 +112,6 @@ TEST_IN_FOLDER(masks_should_be_found_beside_pictures)
 /* Where a pixel never counts, it is black. */
 TEST_IN_FOLDER(mask_should_be_of_all_frames_when_it_is_the_cameras)
 {
-    folder *const f = *state;
     saga_capture_options o = saga_capture_defaults();
     saga_capture c;
     uint8_t rgb[3 * W * H];
@@ -149,7 +145,6 @@ TEST_IN_FOLDER(mask_should_be_of_all_frames_when_it_is_the_cameras)
  * of what is scaled. */
 TEST_IN_FOLDER(masks_should_count_in_the_forecast_of_memory)
 {
-    folder *const f = *state;
     saga_capture_options o = saga_capture_defaults();
     saga_capture c;
 
@@ -169,7 +164,6 @@ TEST_IN_FOLDER(masks_should_count_in_the_forecast_of_memory)
 
 TEST_IN_FOLDER(alpha_should_be_a_mask_when_wanted)
 {
-    folder *const f = *state;
     saga_capture_options o = saga_capture_defaults();
     saga_capture c;
 
@@ -191,8 +185,6 @@ TEST_IN_FOLDER(alpha_should_be_a_mask_when_wanted)
 
 TEST_IN_FOLDER(mask_should_be_refused_when_wrong)
 {
-    folder *const f = *state;
-
     write_capture(f, "images", "");
     folder_run(f, "mkdir -p masks/cam0");
     write_grey(f, "masks/cam0/1.png", W / 2, H, 0, 255);
@@ -223,7 +215,6 @@ TEST_IN_FOLDER(parts_of_a_frame_should_be_kept)
         { "cam1=1", 2, { 0, 1 }, { 0, 0 } },
         { "cam1=0.9999999", 2, { 0, 1 }, { 0, 0 } },
     };
-    folder *const f = *state;
     saga_capture_options o = saga_capture_defaults();
 
     write_capture(f, "images", "");

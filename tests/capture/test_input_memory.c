@@ -83,34 +83,32 @@ static void fail_each(folder *f, const char *name, long least)
 static void write_synth(const char *path, bool exr)
 {
     saga_synth_options o = synth_options(W, H, 3, 2, 20);
-    saga_error error = { "" };
 
     o.depth_every = 2;
     o.exr = exr;
-    if (!saga_synth_write(path, &o, &error))
-        fail_msg("%s", error.message);
+    assert_done(saga_synth_write(path, &o, &error));
 }
 
 TEST_IN_FOLDER(pngs_should_be_refused_when_memory_ends)
 {
-    write_synth(folder_file(*state, "scene"), false);
+    write_synth(folder_file(f, "scene"), false);
     /* The second camera's lens has to be straightened. */
-    folder_run(*state, "sed -i '/{\"file_path\": .*cam01/s/{/{\"k1\": 0.01, /' "
+    folder_run(f, "sed -i '/{\"file_path\": .*cam01/s/{/{\"k1\": 0.01, /' "
                "scene/transforms.json && grep -q k1 scene/transforms.json");
-    fail_each(*state, "scene", 400);
+    fail_each(f, "scene", 400);
 }
 
 TEST_IN_FOLDER(exrs_should_be_refused_when_memory_ends)
 {
-    write_synth(folder_file(*state, "scene"), true);
-    fail_each(*state, "scene", 500);
+    write_synth(folder_file(f, "scene"), true);
+    fail_each(f, "scene", 500);
 }
 
 /* 3 cameras x 2 frames in RGB; a thread has 7 bytes a pixel, and three floats
  * of an EXR. */
 TEST_IN_FOLDER(exrs_should_count_in_the_forecast_of_memory)
 {
-    const char *const path = folder_file(*state, "scene");
+    const char *const path = folder_file(f, "scene");
     saga_capture_options o = saga_capture_defaults();
     saga_capture c;
 
@@ -129,11 +127,11 @@ static void write_model(folder *f, const char *where);
 
 TEST_IN_FOLDER(jpegs_should_be_refused_when_memory_ends)
 {
-    folder_run(*state, "mkdir images && for i in 0 1; do ffmpeg -nostdin "
+    folder_run(f, "mkdir images && for i in 0 1; do ffmpeg -nostdin "
                "-v error -f lavfi -i testsrc=s=%dx%d -frames:v 1 "
                "images/cam0$i.jpg || exit; done", W, H);
-    write_model(*state, "sparse");
-    fail_each(*state, ".", 90);
+    write_model(f, "sparse");
+    fail_each(f, ".", 90);
 }
 
 /* --- Neu3D --------------------------------------------------------------- */
@@ -204,13 +202,13 @@ TEST_IN_FOLDER(videos_should_be_refused_when_memory_ends)
 {
     FREED char *const path = strdup(getenv("PATH"));
 
-    write_synth(folder_file(*state, "scene"), false);
-    folder_run(*state, "mkdir depth && cp scene/depth/cam00/00000.exr "
+    write_synth(folder_file(f, "scene"), false);
+    folder_run(f, "mkdir depth && cp scene/depth/cam00/00000.exr "
                "depth/cam00_f000.exr");
-    write_tools(*state);
-    write_model(*state, "colmap");
-    write_poses(*state);
-    fail_each(*state, ".", 70);
+    write_tools(f);
+    write_model(f, "colmap");
+    write_poses(f);
+    fail_each(f, ".", 70);
     assert_int_equal(setenv("PATH", path, 1), 0);
 }
 
@@ -244,10 +242,10 @@ TEST_IN_FOLDER(pictures_should_leave_no_file_when_memory_ends)
     static const char *const names[] = { "out/a.png", "out/a.exr",
                                          "out/Z.exr" };
 
-    folder_run(*state, "mkdir out");
+    folder_run(f, "mkdir out");
     for (int i = 0; i < 3; i++)
         assert_true(heap_fail_each(write_and_remove, (void *)folder_file(
-                        *state, names[i]), 1) > 10);
+                        f, names[i]), 1) > 10);
 }
 
 /* --- Sizes --------------------------------------------------------------- */

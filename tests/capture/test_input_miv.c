@@ -149,14 +149,13 @@ TEST_IN_FOLDER(depth_should_become_points)
 
     for (int i = 0; i < 3; i++)
         for (int frame = 0; frame < N_FRAMES; frame++) {
-            write_scene(*state, kinds[i], frame ? 10 : 16);
-            check_points(*state, kinds[i], frame);
+            write_scene(f, kinds[i], frame ? 10 : 16);
+            check_points(f, kinds[i], frame);
         }
 }
 
 TEST_IN_FOLDER(far_end_should_be_infinite_when_it_is_a_word)
 {
-    folder *const f = *state;
     FREED_BY(saga_capture_free) saga_capture c;
 
     write_scene(f, PINHOLE, 16);
@@ -177,7 +176,6 @@ TEST_IN_FOLDER(depth_should_be_refused_when_wrong)
           "\"OrthoWidth\": 1, \"OrthoHeight\": 1/' scene.json",
           "names no camera that is a source and no orthographic" },
     };
-    folder *const f = *state;
 
     for (size_t i = 0; i < sizeof t / sizeof *t; i++) {
         write_scene(f, ORTHO, 16);

@@ -138,13 +138,13 @@ TEST_IN_FOLDER(npz_should_be_read_when_stored_or_deflated)
         bytes b = npz_bytes(comments[i]);
         FREED_BY(saga_npz_close) saga_npz npz;
 
-        write_bytes(*state, "a.npz", &b);
-        assert_true(reads(folder_file(*state, "a.npz"), "net.a", &error));
-        assert_true(reads(folder_file(*state, "a.npz"), "net.b", &error));
-        assert_false(reads(folder_file(*state, "a.npz"), "net.c", &error));
+        write_bytes(f, "a.npz", &b);
+        assert_true(reads(folder_file(f, "a.npz"), "net.a", &error));
+        assert_true(reads(folder_file(f, "a.npz"), "net.b", &error));
+        assert_false(reads(folder_file(f, "a.npz"), "net.c", &error));
         assert_says(&error, "net.c");
         error = (saga_error){ "" };
-        assert_true(saga_npz_open(&npz, folder_file(*state, "a.npz"),
+        assert_true(saga_npz_open(&npz, folder_file(f, "a.npz"),
                                   &error));
         assert_true(saga_npz_has(&npz, "net.b"));
         assert_false(saga_npz_has(&npz, "net."));
@@ -168,9 +168,9 @@ TEST_IN_FOLDER(npz_should_be_refused_when_damaged)
             put(&b, whole.data, how == 2 ? at : whole.n);
             if (how < 2)
                 b.data[at] = (uint8_t)(b.data[at] ^ (how ? 0xff : 1));
-            write_bytes(*state, "a.npz", &b);
+            write_bytes(f, "a.npz", &b);
             for (int i = 0; i < 2; i++)
-                n_refused += !reads(folder_file(*state, "a.npz"), names[i],
+                n_refused += !reads(folder_file(f, "a.npz"), names[i],
                                     &error);
         }
     assert_true(n_refused > 3 * (int)whole.n);

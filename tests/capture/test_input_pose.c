@@ -43,11 +43,9 @@ static void check_corner(const saga_shot *v, double fx, double fy, double cx,
 
 static void write_picture(folder *f, const char *name, int w, int h)
 {
-    saga_error error = { "" };
     FREED uint8_t *const rgb = must(calloc((size_t)w * (size_t)h, 3));
 
-    if (!saga_png_write(folder_file(f, name), w, h, rgb, &error))
-        fail_msg("%s", error.message);
+    assert_done(saga_png_write(folder_file(f, name), w, h, rgb, &error));
 }
 
 /* One camera, its matrix's first entry times m. */
@@ -69,7 +67,6 @@ static void write_nerfstudio(folder *f, double m, const char *more)
 
 TEST_IN_FOLDER(nerfstudio_should_be_read_as_opengl)
 {
-    folder *const f = *state;
     FREED_BY(saga_capture_free) saga_capture c;
 
     write_nerfstudio(f, 1, "");
@@ -79,7 +76,6 @@ TEST_IN_FOLDER(nerfstudio_should_be_read_as_opengl)
 
 TEST_IN_FOLDER(pose_should_be_made_a_rotation_when_nearly_one)
 {
-    folder *const f = *state;
     FREED_BY(saga_capture_free) saga_capture c;
 
     write_nerfstudio(f, 1.001, "");
@@ -89,8 +85,6 @@ TEST_IN_FOLDER(pose_should_be_made_a_rotation_when_nearly_one)
 
 TEST_IN_FOLDER(pose_should_be_refused_when_it_is_no_rotation)
 {
-    folder *const f = *state;
-
     write_nerfstudio(f, 2, "");
     refused(f->path, "transforms.json", "no rotation (first row 2 0 0 3)");
     write_nerfstudio(f, -1, "");
@@ -101,7 +95,6 @@ TEST_IN_FOLDER(pose_should_be_refused_when_it_is_no_rotation)
 
 TEST_IN_FOLDER(defaults_should_come_from_the_angle_and_the_centre)
 {
-    folder *const f = *state;
     FREED_BY(saga_capture_free) saga_capture c;
 
     write_picture(f, "a.png", W, H);
@@ -152,7 +145,6 @@ static void write_videos(folder *f)
 
 TEST_IN_FOLDER(neu3d_should_be_read_as_down_right_backwards)
 {
-    folder *const f = *state;
     FREED_BY(saga_capture_free) saga_capture c;
     bytes b = { 0 };
 
@@ -191,7 +183,6 @@ static void refused_row(folder *f, int at, double value, const char *what)
 
 TEST_IN_FOLDER(neu3d_should_be_refused_when_a_row_is_wrong)
 {
-    folder *const f = *state;
     bytes b = { 0 };
 
     write_videos(f);
@@ -286,7 +277,7 @@ static double quantile(double *x, int n, double q)
 TEST_IN_FOLDER(synth_should_be_found_again_by_the_loader)
 {
     const saga_synth_options s = options();
-    FREED_BY(saga_capture_free) saga_capture c = load_synth(*state);
+    FREED_BY(saga_capture_free) saga_capture c = load_synth(f);
 
     assert_int_equal(c.n_views, 5);
     assert_int_equal(c.n_frames, 2);
@@ -311,7 +302,7 @@ TEST_IN_FOLDER(synth_should_be_found_again_by_the_loader)
 TEST_IN_FOLDER(depth_should_be_along_the_axis_of_the_loaded_camera)
 {
     const saga_synth_options s = options();
-    FREED_BY(saga_capture_free) saga_capture c = load_synth(*state);
+    FREED_BY(saga_capture_free) saga_capture c = load_synth(f);
 
     for (int i = 0; i < 5 * 2 * 200; i++) {
         const saga_shot *const v = c.views + i % 5;
@@ -335,7 +326,7 @@ TEST_IN_FOLDER(depth_should_be_along_the_axis_of_the_loaded_camera)
 /* A place seen from one camera looks the same from another that sees it. */
 TEST_IN_FOLDER(views_should_agree_where_they_see_the_same)
 {
-    saga_capture c = load_synth(*state);
+    saga_capture c = load_synth(f);
     static double colour[10000], depth[10000];
     int n = 0, tried = 0;
 
@@ -368,7 +359,7 @@ TEST_IN_FOLDER(views_should_agree_where_they_see_the_same)
 
 TEST_IN_FOLDER(points_should_lie_where_the_pictures_show_them)
 {
-    saga_capture c = load_synth(*state);
+    saga_capture c = load_synth(f);
     static double colour[4000], depth[4000];
     int n = 0, n_shared = 0;
 

@@ -33,8 +33,6 @@ static const char *const in_420 =
 
 TEST_IN_FOLDER(nerfstudio_videos_should_be_the_scene)
 {
-    folder *const f = *state;
-
     write_json(f, "transforms.json", video_alone, 0, N_VIEWS, 1, ".");
     write_videos(f, in_rgb);
     check_same(f->path, "nerfstudio, videos", N_FRAMES, LOSSLESS);
@@ -73,8 +71,6 @@ static void write_bounds(folder *f)
 
 TEST_IN_FOLDER(neu3d_should_be_the_scene)
 {
-    folder *const f = *state;
-
     write_bounds(f);
     write_videos(f, in_rgb);
     check_same(f->path, "Neu3D, poses_bounds.npy", N_FRAMES, LOSSLESS);
@@ -177,7 +173,6 @@ static void write_cloud(folder *f)
 
 TEST_IN_FOLDER(panoptic_sports_should_be_the_scene)
 {
-    folder *const f = *state;
     FREED_BY(saga_capture_free) saga_capture c;
 
     write_meta(f, "train_meta.json", 0, 3);
@@ -210,7 +205,6 @@ TEST_IN_FOLDER(panoptic_sports_should_be_refused_when_wrong)
         { "s/.fn.: ..\"/\"fn\": [[7, \"/", "\"fn\"[0][0]" },
         { "s/..$//", "no valid JSON" },
     };
-    folder *const f = *state;
 
     write_pictures(f, "ims", number_alone, 0, N_FRAMES);
     for (size_t i = 0; i < sizeof t / sizeof *t; i++) {
@@ -277,7 +271,6 @@ static void write_textures(folder *f, const char *pixels)
 
 TEST_IN_FOLDER(miv_should_be_the_scene)
 {
-    folder *const f = *state;
     FREED_BY(saga_capture_free) saga_capture c;
 
     write_pictures(f, "p", camera_and_number, 0, 1);
@@ -380,8 +373,6 @@ static void check_faces(folder *f, int n_faces, int side)
 
 TEST_IN_FOLDER(equirectangular_views_should_become_faces)
 {
-    folder *const f = *state;
-
     write_sphere(f, 256, 128, 360);
     check_faces(f, 6, 81); /* 256 / pi */
     folder_run(f, "rm *.yuv");
@@ -402,7 +393,6 @@ TEST_IN_FOLDER(miv_should_be_refused_when_wrong)
         { "s/.cameras.: .*]/\"cameras\": []/", "names no camera" },
         { "s/]}$//", "no valid JSON" },
     };
-    folder *const f = *state;
 
     for (size_t i = 0; i < sizeof t / sizeof *t; i++) {
         write_sphere(f, 256, 128, 360);

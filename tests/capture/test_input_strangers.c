@@ -17,9 +17,8 @@ enum { W = 32, H = 16 };
 static void write_png(folder *f, const char *name)
 {
     static uint8_t rgb[3 * W * H];
-    saga_error error = { "" };
 
-    assert_true(saga_png_write(folder_file(f, name), W, H, rgb, &error));
+    assert_done(saga_png_write(folder_file(f, name), W, H, rgb, &error));
 }
 
 /* Two cameras side by side, each with a file; `also` goes in front. */
@@ -52,7 +51,6 @@ TEST_IN_FOLDER(playlist_should_not_be_followed)
         "#EXT-X-ENDLIST\n",
         "ffconcat version 1.0\nfile 'secret.mp4'\n"
     };
-    folder *const f = *state;
 
     write_video(f, "secret.mp4");
     write_video(f, "b.mp4");
@@ -72,8 +70,6 @@ TEST_IN_FOLDER(playlist_should_not_be_followed)
 /* Only the part of an mp4 that lists the frames. */
 TEST_IN_FOLDER(video_should_be_refused_when_cut_before_its_frames)
 {
-    folder *const f = *state;
-
     write_video(f, "b.mp4");
     folder_run(f, "head -c $(($(grep -abom1 mdat b.mp4 | cut -d: -f1) + 4)) "
                "b.mp4 >a.mp4");
@@ -84,12 +80,11 @@ TEST_IN_FOLDER(video_should_be_refused_when_cut_before_its_frames)
 TEST(child_should_be_given_up_when_it_hangs)
 {
     static const char *const argv[] = { "sleep", "100", NULL };
-    saga_error error = { "" };
     const time_t start = time(NULL);
     saga_child child;
     char byte;
 
-    assert_true(saga_child_start(&child, argv, &error));
+    assert_done(saga_child_start(&child, argv, &error));
     assert_int_equal(child.patience, SAGA_CHILD_PATIENCE);
     child.patience = 1;
     assert_int_equal(saga_child_read(&child, &byte, 1), 0);
@@ -100,7 +95,6 @@ TEST(child_should_be_given_up_when_it_hangs)
 
 TEST_IN_FOLDER(folder_of_temporary_files_should_be_blamed)
 {
-    folder *const f = *state;
     const char *const old = getenv("TMPDIR");
     FREED char *const before = old ? strdup(old) : NULL;
 
@@ -118,7 +112,6 @@ TEST_IN_FOLDER(folder_of_temporary_files_should_be_blamed)
 
 TEST_IN_FOLDER(pipe_should_not_be_waited_for)
 {
-    folder *const f = *state;
     saga_capture c;
 
     write_png(f, "b.png");
@@ -148,7 +141,6 @@ TEST_IN_FOLDER(focal_length_should_be_refused_when_absurd)
         "\"fl_x\": 30, \"fl_y\": 1e-300", "\"camera_angle_x\": 3.14159",
         "\"camera_angle_x\": 1e-6"
     };
-    folder *const f = *state;
     FREED_BY(saga_capture_free) saga_capture c;
 
     write_png(f, "a.png");
@@ -164,7 +156,6 @@ TEST_IN_FOLDER(focal_length_should_be_refused_when_absurd)
 TEST_IN_FOLDER(frame_rate_should_be_refused_when_absurd)
 {
     static const char *const absurd[] = { "1e-300", "0.05", "1e6", "1e300" };
-    folder *const f = *state;
     FREED_BY(saga_capture_free) saga_capture c;
     char also[80];
 
@@ -183,7 +174,6 @@ TEST_IN_FOLDER(frame_rate_should_be_refused_when_absurd)
 /* The remedy names an option that `saga encode` has. */
 TEST_IN_FOLDER(memory_should_be_asked_for_by_its_option)
 {
-    folder *const f = *state;
     saga_capture_options o = saga_capture_defaults();
 
     write_png(f, "a.png");

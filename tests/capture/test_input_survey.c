@@ -21,11 +21,9 @@ static int make_room(void **state)
 
 static saga_survey survey(const saga_capture *c)
 {
-    saga_error error = { "" };
     saga_survey s;
 
-    if (!saga_survey_make(&s, c, &error))
-        fail_msg("%s", error.message);
+    assert_done(saga_survey_make(&s, c, &error));
     return s;
 }
 

@@ -65,7 +65,6 @@ static void check_frames(const saga_capture *c, int first, int n)
 
 TEST_IN_FOLDER(video_should_give_its_frames_in_order)
 {
-    folder *const f = *state;
     saga_capture_options o = saga_capture_defaults();
     saga_capture c;
 
@@ -93,7 +92,6 @@ TEST_IN_FOLDER(video_should_give_its_frames_in_order)
 
 TEST_IN_FOLDER(video_should_give_the_same_for_any_threads)
 {
-    folder *const f = *state;
     saga_capture_options o = saga_capture_defaults();
     saga_capture a, b;
 
@@ -163,9 +161,9 @@ static void check_colour(folder *f, const char *tags, double kr, double kb,
 
 TEST_IN_FOLDER(colour_should_follow_the_tags)
 {
-    check_colour(*state, "", 0.2126, 0.0722, false);
-    check_colour(*state, "-colorspace smpte170m", 0.299, 0.114, false);
-    check_colour(*state, "-colorspace bt709 -color_range pc", 0.2126, 0.0722,
+    check_colour(f, "", 0.2126, 0.0722, false);
+    check_colour(f, "-colorspace smpte170m", 0.299, 0.114, false);
+    check_colour(f, "-colorspace bt709 -color_range pc", 0.2126, 0.0722,
                  true);
 }
 
@@ -173,7 +171,6 @@ TEST_IN_FOLDER(colour_should_follow_the_tags)
 
 TEST_IN_FOLDER(videos_should_be_refused_when_counts_differ)
 {
-    folder *const f = *state;
     saga_capture_options o = saga_capture_defaults();
     saga_capture c;
 
@@ -192,8 +189,6 @@ TEST_IN_FOLDER(videos_should_be_refused_when_counts_differ)
 
 TEST_IN_FOLDER(videos_should_be_refused_when_rates_differ)
 {
-    folder *const f = *state;
-
     write_video(f, "a.mp4", 4, 25, "");
     write_video(f, "b.mp4", 4, 30, "");
     write_json(f, two, 2);
@@ -240,8 +235,6 @@ TEST(rates_should_differ_by_less_than_half_a_frame_at_the_end)
 
 TEST_IN_FOLDER(video_should_be_refused_when_it_is_missing_or_no_video)
 {
-    folder *const f = *state;
-
     write_video(f, "a.mp4", 4, 25, "");
     write_json(f, two, 2);
     refused(f->path, "b.mp4", "video is missing");
@@ -257,14 +250,12 @@ TEST_IN_FOLDER(video_should_be_refused_when_it_is_missing_or_no_video)
 TEST_IN_FOLDER(video_should_be_refused_when_it_is_damaged)
 {
     const char *const name[] = { "a.mkv" };
-    folder *const f = *state;
-    saga_error error = { "" };
     FREED_BY(saga_bytes_free) saga_bytes all;
     bytes part;
 
     folder_run(f, "ffmpeg -nostdin -v error -f lavfi -i testsrc=s=%dx%d:r=10:"
                "d=1 -c:v libx264 -g 2 -t 1 a.mkv", 8 * W, 8 * H);
-    assert_true(saga_read_file(&all, folder_file(f, "a.mkv"), &error));
+    assert_done(saga_read_file(&all, folder_file(f, "a.mkv"), &error));
     part = (bytes){ all.data, all.nbytes, all.nbytes };
     write_json(f, name, 1);
     write_part(f, "a.mkv", &part, all.nbytes * 3 / 4);
@@ -279,7 +270,6 @@ TEST_IN_FOLDER(video_should_be_refused_when_it_is_damaged)
 TEST_IN_FOLDER(video_should_be_found_whatever_its_name)
 {
     static const char *const odd[] = { "-a;'b $(c).mp4", "concat:d|e.mp4" };
-    folder *const f = *state;
     FREED_BY(saga_capture_free) saga_capture c;
 
     write_video(f, "a.mp4", 3, 25, "");
@@ -301,7 +291,6 @@ static bool stop_at_once(void *user, double done, const char *doing)
 
 TEST_IN_FOLDER(loading_should_stop_when_told)
 {
-    folder *const f = *state;
     saga_capture_options o = saga_capture_defaults();
     saga_error error;
     saga_capture c;
@@ -322,7 +311,6 @@ TEST_IN_FOLDER(loading_should_stop_when_told)
  * depth, 7 bytes per pixel: 40,448; the remedies must be true. */
 TEST_IN_FOLDER(loading_should_be_refused_when_memory_is_short)
 {
-    folder *const f = *state;
     saga_capture_options o = saga_capture_defaults();
     saga_capture c;
 
@@ -349,9 +337,7 @@ TEST_IN_FOLDER(loading_should_be_refused_when_memory_is_short)
  * A look says it of more than may be loaded, whatever the threads need. */
 TEST_IN_FOLDER(frames_that_fit_should_take_half_the_memory)
 {
-    folder *const f = *state;
     saga_capture_options o = saga_capture_defaults();
-    saga_error error = { "" };
     FREED_BY(saga_capture_free) saga_capture c;
 
     write_video(f, "a.mp4", 12, 25, "");
@@ -362,10 +348,10 @@ TEST_IN_FOLDER(frames_that_fit_should_take_half_the_memory)
             const int frame = 3072 / (o.scale * o.scale);
 
             o.memory_nbytes = 2 * 7 * 3072;
-            assert_true(saga_capture_look(&c, f->path, &o, &error));
+            assert_done(saga_capture_look(&c, f->path, &o, &error));
             assert_int_equal(c.n_fitting, 7 * 3072 / frame);
             o.memory_nbytes--;
-            assert_true(saga_capture_look(&c, f->path, &o, &error));
+            assert_done(saga_capture_look(&c, f->path, &o, &error));
             assert_int_equal(c.n_fitting, 7 * 3072 / frame - 1);
         }
     o = saga_capture_defaults();

@@ -85,7 +85,6 @@ static void find(saga_lateness late[N_VIEWS], const films *f, int view,
     saga_shot shots[N_VIEWS];
     saga_capture c = { .n_views = N_VIEWS, .n_frames = N_FRAMES,
                        .views = shots };
-    saga_error error = { "" };
 
     memset(shots, 0, sizeof shots);
     for (int v = 0; v < N_VIEWS; v++) {
@@ -96,7 +95,7 @@ static void find(saga_lateness late[N_VIEWS], const films *f, int view,
         shots[v].height = H;
         shots[v].rgb = film + (AHEAD - (v == view ? whole : 0)) * NBYTES;
     }
-    assert_true(saga_lateness_find(late, &c, &error));
+    assert_done(saga_lateness_find(late, &c, &error));
 }
 
 /* Counts what is told of the planted camera; all that is told is right. */

@@ -43,11 +43,9 @@ static saga_capture make_capture(folder *f, const saga_synth_options *options)
 {
     saga_capture_options load = saga_capture_defaults();
     saga_capture c = { .n_views = 0 };
-    saga_error error = { "" };
 
-    if (!saga_synth_write(folder_file(f, "scene"), options, &error) ||
-        !saga_capture_load(&c, folder_file(f, "scene"), &load, &error))
-        fail_msg("%s", error.message);
+    assert_done(saga_synth_write(folder_file(f, "scene"), options, &error));
+    assert_done(saga_capture_load(&c, folder_file(f, "scene"), &load, &error));
     return c;
 }
 
@@ -70,7 +68,7 @@ static saga_synth_options small(saga_synth_scene scene, int n_cameras)
 TEST_IN_FOLDER(room_should_keep_its_bytes)
 {
     const saga_synth_options o = small(SAGA_SYNTH_ROOM, 3);
-    saga_capture c = make_capture(*state, &o);
+    saga_capture c = make_capture(f, &o);
     uLong crc = crc32(0, NULL, 0);
 
     for (int i = 0; i < c.n_views; i++)
@@ -89,7 +87,7 @@ TEST_IN_FOLDER(ring_should_be_all_round_with_a_view_held_out)
 {
     const saga_synth_options o = small(SAGA_SYNTH_RING, 4);
     const double target[3] = { 0.0, 0.0, 0.92 };
-    saga_capture c = make_capture(*state, &o);
+    saga_capture c = make_capture(f, &o);
     double at[4][3], uv[2] = { 0 }, z;
 
     assert_int_equal(c.n_views, 4);

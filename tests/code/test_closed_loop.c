@@ -49,13 +49,12 @@ static void quantise(gen_stream *g, const saga_encoder *e, const wanted *w)
     saga_decoded decoded = { .feature = w->decoded };
     saga_symbols *const s = &g->segment[0];
     saga_quantise_report report;
-    saga_error error = { "" };
 
     decoded.coarse_x = zeroed(4 * (size_t)s->n.coarse, sizeof(double));
     decoded.fine_x = zeroed(4 * (size_t)s->n.fine, sizeof(double));
     decoded.prim_x = zeroed(4 * (size_t)s->n.prim, sizeof(double));
     decoded.order = zeroed(s->n.prim, sizeof *decoded.order);
-    assert_true(saga_quantise_segment(s, &report, e, &targets, &decoded,
+    assert_done(saga_quantise_segment(s, &report, e, &targets, &decoded,
                                       &error));
     free(decoded.coarse_x);
     free(decoded.fine_x);
@@ -98,7 +97,6 @@ static void check_loop(uint32_t i)
     FREED_BY(saga_net_symbols_free) saga_net_symbols nets;
     FREED_BY(recorder_free_symbols) saga_symbols back;
     saga_encode_sizes sizes;
-    saga_error error = { "" };
     saga_encoder *e;
     uint32_t range[3];
     uint8_t *bytes;
@@ -107,13 +105,12 @@ static void check_loop(uint32_t i)
     size_t n;
 
     gen_stream_make(&g, &o);
-    e = saga_encoder_open(&g.header, g.rig, &g.nets, &error);
-    assert_non_null(e);
+    assert_done(e = saga_encoder_open(&g.header, g.rig, &g.nets, &error));
     make_wanted(&w, &g.segment[0].n, g.header.model.features, &r);
     quantise(&g, e, &w);
     assert_near(&g, &w);
-    assert_true(saga_encoder_segment(e, &g.segment[0], 1, &error));
-    assert_true(saga_encoder_finish(e, &bytes, &n, &sizes, &error));
+    assert_done(saga_encoder_segment(e, &g.segment[0], 1, &error));
+    assert_done(saga_encoder_finish(e, &bytes, &n, &sizes, &error));
     assert_true(recorder_read(&nets, &back, 0, range, bytes, n));
     assert_same(&g.segment[0], &back, g.header.model.features);
     free(bytes);

@@ -83,12 +83,12 @@ static void begin(world *w, const gen_options *o)
     assert_true(saga_encoder_segment(w->encoder, &w->g.segment[0],
                                      w->g.n_frames[0], &error));
     assert_true(saga_encoder_finish(w->encoder, &bytes, &n, &sizes, &error));
-    assert_int_equal(saga_find(&seg, bytes, n, 0, 1), SAGA_OK);
+    assert_ok(saga_find(&seg, bytes, n, 0, 1));
     recorder_scaffold(&w->sc, &w->g.header.model, nets, params,
                       w->g.segment[0].n);
     w->l.coder.adaptive = listen;
     w->l.coder.residual = pass_on;
-    assert_int_equal(saga_head_read(&h, bytes, n), SAGA_OK);
+    assert_ok(saga_head_read(&h, bytes, n));
     at = recorder_segment_chunks(&h, bytes, &seg);
     assert_true(recorder_segment(&layers, &h, &at));
     assert_true(recorder_fill(&w->l.coder, &w->l.inner, &w->sc, range,

@@ -68,9 +68,7 @@ static void check_row(const saga_nets *nets, const uint8_t *block, int net,
 
 static void quantise(saga_layer_symbols *s, const layer *l)
 {
-    saga_error error = { "" };
-
-    assert_true(saga_quantise_layer(s, &l->v, &error));
+    assert_done(saga_quantise_layer(s, &l->v, &error));
 }
 
 static void replace(saga_layer_symbols *s, const layer *l)
@@ -265,7 +263,6 @@ TEST(quantiser_should_meet_8_bits)
 static void check_scales(int mode)
 {
     static layer l;
-    saga_error error = { "" };
     FREED_BY(saga_layer_symbols_free) saga_layer_symbols s = { .finer = NULL };
     double bits = 0, least;
     uint64_t r = 9;
@@ -292,7 +289,7 @@ static void check_scales(int mode)
             bits += saga_cost_residual(s.weight[row * 64 + k], scale);
         }
     bits += SAGA_QUANTISE_LINE_BITS * saga_scale_lines(s.scale_mode, 64, 32);
-    assert_true(saga_quantise_bits(&least, l.weight, 32, 64, 0x1p-8, &error));
+    assert_done(saga_quantise_bits(&least, l.weight, 32, 64, 0x1p-8, &error));
     assert_true(fabs(bits - least) < 1e-6 * bits);
 }
 

@@ -17,10 +17,9 @@ enum { N_SLOTS = 5 };
 
 static saga_bank bank_of(uint32_t n_slots, uint32_t width)
 {
-    saga_bank m;
+    saga_bank m = { 0 };
     uint8_t *block;
 
-    memset(&m, 0, sizeof m);
     m.n_slots = n_slots;
     m.width = width;
     m.hidden = 8;

@@ -86,8 +86,8 @@ static void open_stream(watched *w)
     uint32_t nbytes;
     saga_range_dec range;
 
-    assert_int_equal(saga_head_read(&w->h, w->bytes, w->n), SAGA_OK);
-    assert_int_equal(saga_plan_make(&w->plan, &w->h, 0), SAGA_OK);
+    assert_ok(saga_head_read(&w->h, w->bytes, w->n));
+    assert_ok(saga_plan_make(&w->plan, &w->h, 0));
     w->at = recorder_head(&w->h, w->bytes, w->n);
     next_chunk(w, SAGA_CHUNK_INDEX, &nbytes);
     p = next_chunk(w, SAGA_CHUNK_NETS, &nbytes);
@@ -158,9 +158,8 @@ static void put(input *in, int32_t x, int q)
 
 static input input_of(const watched *w, int net)
 {
-    input in;
+    input in = { 0 };
 
-    memset(&in, 0, sizeof in);
     in.q = w->h.model.q_in[net];
     return in;
 }
@@ -470,9 +469,8 @@ static void check_bank(const bank *k, const watched *w)
 
 static gen_options options_of(uint32_t i)
 {
-    gen_options o;
+    gen_options o = { 0 };
 
-    memset(&o, 0, sizeof o);
     o.seed = testing_seed(1) + i;
     o.level = (int)(i % 8 == 7 ? 3 : i & 1u);
     o.bank = 1 + (int)(i & 1u);

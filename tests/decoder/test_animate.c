@@ -178,10 +178,9 @@ TEST(position_should_saturate_at_the_limit)
 TEST(position_should_be_exact_where_it_can_be)
 {
     const saga_prim_format f = { .motion_order = 1, .q_motion = { 14 } };
-    saga_primitive p;
+    saga_primitive p = { 0 };
     saga_animated a;
 
-    memset(&p, 0, sizeof p);
     p.t_centre = 32768;
     p.support[0] = p.support[1] = p.support[2] = 1 << 14;
     p.motion[0] = 4096;
@@ -327,10 +326,9 @@ TEST(every_width_should_fade)
 {
     static const int32_t distance[] = { 0, 1, 2, 255, 256, 8191, 65535, 98303 };
     const saga_prim_format f = { .q_opacity = 12, .has_width = 1 };
-    saga_primitive p;
+    saga_primitive p = { 0 };
     saga_animated a;
 
-    memset(&p, 0, sizeof p);
     for (int32_t w = -32768; w <= 32767; w++)
         for (int i = 0; i < 8; i++) {
             const int32_t t = distance[i] < 65535 ? distance[i] : 65535;
@@ -348,10 +346,9 @@ TEST(every_width_should_fade)
 TEST(fade_should_saturate)
 {
     const saga_prim_format f = { .has_width = 1 };
-    saga_primitive p;
+    saga_primitive p = { 0 };
     saga_animated a;
 
-    memset(&p, 0, sizeof p);
     p.log2_width_q10 = -32768;
     p.opacity = 32767;
     saga_animate(&a, &p, &f, 1);

@@ -79,13 +79,12 @@ static played play(gen_stream *g)
 {
     static uint8_t pixels[3 * N_PIXELS];
     uint8_t *bytes;
-    played p;
+    played p = { 0 };
 
-    memset(&p, 0, sizeof p);
     gen_stream_encode(g, &bytes, &p.nbytes);
-    assert_int_equal(saga_probe(&p.info, bytes, p.nbytes), SAGA_OK);
-    assert_int_equal(saga_stages_of(&p.stages, bytes, p.nbytes, 0, 40000, 0,
-                                    pixels, sizeof pixels), SAGA_OK);
+    assert_ok(saga_probe(&p.info, bytes, p.nbytes));
+    assert_ok(saga_stages_of(&p.stages, bytes, p.nbytes, 0, 40000, 0, pixels,
+                             sizeof pixels));
     free(bytes);
     return p;
 }

@@ -679,7 +679,7 @@ TEST(results_should_be_bounded_for_every_valid_input)
     for (int i = 0; i < ROUNDS; i++) {
         valid_camera(&t.cam, &r);
         valid_animated(&t.a, &r, &t.cam);
-        assert_int_equal(saga_camera_check(&t.cam), SAGA_OK);
+        assert_ok(saga_camera_check(&t.cam));
         assert_true(is_in_front(&t) || !saga_project(&t.s, &t.a, &t.cam, 0));
         if (!saga_project(&t.s, &t.a, &t.cam, 0))
             continue;

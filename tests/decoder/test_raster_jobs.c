@@ -220,7 +220,7 @@ TEST(finished_job_should_write_nothing)
     finish_job(&job, &p.pic, &s, UINT32_MAX);
     memset(p.block, CANARY, p.nbytes);
     d = drawing_of(&s);
-    assert_int_equal(saga_raster(&job, &p.pic, &d, 1), SAGA_OK);
+    assert_ok(saga_raster(&job, &p.pic, &d, 1));
     assert_int_equal(value_at(&p, 0, 0, 0), CANARY);
     assert_int_equal(value_at(&p, 19, 19, 2), CANARY);
     free(job.scratch);

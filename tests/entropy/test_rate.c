@@ -77,10 +77,9 @@ static void foretell(rate_scene *f)
 
 static void decide(rate_scene *f)
 {
-    saga_error error = { "" };
     const saga_rate_input x = { &f->s, &f->w, f->s.coarse_feature };
 
-    assert_true(saga_rate_decide(&f->r, &f->s, &x, &error));
+    assert_done(saga_rate_decide(&f->r, &f->s, &x, &error));
     assert_int_equal(f->r.decision.decided, 1);
 }
 
@@ -97,11 +96,10 @@ static void make_scene(rate_scene *f, uint32_t depth, uint32_t tools)
 
 static void should_have_no_memory(rate_scene *f)
 {
-    saga_error error = { "" };
     const saga_rate_input x = { &f->s, &f->w, f->s.coarse_feature };
     FREED_BY(saga_rate_choice_free) saga_rate_choice c;
 
-    assert_true(saga_rate_choice_init(&c, &f->r, &x, &error));
+    assert_done(saga_rate_choice_init(&c, &f->r, &x, &error));
     assert_true(f->r.decision.bank_net >= 0);
     assert_int_equal(c.scene.model.tools, SAGA_TOOLS_PICTURE);
     for (int net = SAGA_NET_QUERY; net < SAGA_N_NETS; net++)
@@ -165,7 +163,6 @@ static void learn(rate_scene *f, int n)
     FREED real *const m = calloc(2 * n_params, sizeof *m);
     saga_adam_tensor t = { "networks", f->s.params, f->d.params, m,
                            m + n_params, n_params, 0.005f };
-    saga_error error = { "" };
     double bits[SAGA_N_STEPS];
 
     assert_non_null(m);
@@ -173,7 +170,7 @@ static void learn(rate_scene *f, int n)
     for (int i = 1; i <= n; i++) {
         memset(f->d.reals, 0, f->d.n_reals * sizeof *f->d.reals);
         saga_rate_add(bits, &f->r, &f->d, &x, &f->o);
-        assert_true(saga_adam_update(&adam, &t, 1, (uint64_t)i, &error));
+        assert_done(saga_adam_update(&adam, &t, 1, (uint64_t)i, &error));
     }
 }
 
@@ -249,7 +246,6 @@ TEST(memory_should_be_causal)
  * the same parameters and so the same code. */
 static void should_code_alike(uint32_t tools, const uint8_t keep[SAGA_N_KINDS])
 {
-    saga_error error = { "" };
     FREED_BY(rate_scene_free) rate_scene f;
     FREED_BY(saga_rate_choice_free) saga_rate_choice c;
     double bits[SAGA_N_STEPS] = { 0 };
@@ -272,7 +268,7 @@ static void should_code_alike(uint32_t tools, const uint8_t keep[SAGA_N_KINDS])
     {
         const saga_rate_input x = { &f.s, &f.w, feature };
 
-        assert_true(saga_rate_choice_init(&c, &f.r, &x, &error));
+        assert_done(saga_rate_choice_init(&c, &f.r, &x, &error));
         memcpy(feature, f.s.coarse_feature, n * sizeof *feature);
         saga_rate_choice_code(&c, &f.r, &x, SAGA_KIND_COARSE,
                                                SAGA_KIND_PRIM);

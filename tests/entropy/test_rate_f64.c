@@ -92,13 +92,12 @@ static double rms(const real *x, size_t n)
 static void check_range(rate_scene *f, const char *what, real *x, const real *g,
                         size_t n)
 {
-    saga_error error = { "" };
     const double h = 1e-6, unit = fmin(1, rms(g, n));
     saga_scene probe;
     const size_t every = testing_sanitized() ? 7 : 1;
     size_t wrong = 0, alive = 0;
 
-    assert_true(saga_scene_init(&probe, &f->s.model, f->s.n, 1, 0, &error));
+    assert_done(saga_scene_init(&probe, &f->s.model, f->s.n, 1, 0, &error));
     for (size_t i = 0; i < n; i += every) {
         const double keep = x[i];
         double up, down, want;

@@ -351,7 +351,6 @@ static void round_plainly(double *x, size_t n, double step)
 
 static void round_both(double *plain, double *ours, const double *x)
 {
-    saga_error error = { "" };
     double w0[IN * OUT], b0[OUT], w[IN * OUT], b[OUT];
     const saga_weight_round_input in = {
         x, POINTS, IN, IN, OUT, 0.25, 0.125, 0
@@ -365,7 +364,7 @@ static void round_both(double *plain, double *ours, const double *x)
     *plain = output_error(x, w, b, w0, b0);
     memcpy(w, w0, sizeof w);
     memcpy(b, b0, sizeof b);
-    assert_true(saga_weight_round(w, b, &in, &error));
+    assert_done(saga_weight_round(w, b, &in, &error));
     for (size_t i = 0; i < IN * OUT; i++)
         assert_true(fabs(w[i] / 0.25 - rint(w[i] / 0.25)) < 1e-12);
     for (size_t i = 0; i < OUT; i++)
@@ -394,7 +393,6 @@ TEST(rounding_should_hide_errors_where_no_input_goes)
  * columns): no error can make up for another, so nothing but rounding. */
 TEST(rounding_should_be_plain_for_orthogonal_inputs)
 {
-    saga_error error = { "" };
     double x[16 * IN], w[IN * OUT], b[OUT], w0[IN * OUT], b0[OUT];
     const saga_weight_round_input in = { x, 16, IN, IN, OUT, 0.25, 0.125, 0 };
 
@@ -409,7 +407,7 @@ TEST(rounding_should_be_plain_for_orthogonal_inputs)
     make_weights(w, b);
     memcpy(w0, w, sizeof w);
     memcpy(b0, b, sizeof b);
-    assert_true(saga_weight_round(w, b, &in, &error));
+    assert_done(saga_weight_round(w, b, &in, &error));
     round_plainly(w0, IN * OUT, 0.25);
     round_plainly(b0, OUT, 0.125);
     assert_memory_equal(w, w0, sizeof w);
@@ -421,7 +419,6 @@ TEST(rounding_should_be_plain_for_orthogonal_inputs)
  * moves a thousandth of their sum elsewhere. */
 TEST(rounding_should_end_with_the_bias)
 {
-    saga_error error = { "" };
     static double x[POINTS * IN];
     double w[IN * OUT], b[OUT], w0[IN * OUT], b0[OUT];
     const saga_weight_round_input in = {
@@ -433,7 +430,7 @@ TEST(rounding_should_end_with_the_bias)
     make_weights(w, b);
     memcpy(w0, w, sizeof w);
     memcpy(b0, b, sizeof b);
-    assert_true(saga_weight_round(w, b, &in, &error));
+    assert_done(saga_weight_round(w, b, &in, &error));
     for (size_t o = 0; o < OUT; o++) {
         double e = b[o] - b0[o];
 
@@ -456,7 +453,6 @@ static int is_multiple(const double *w, double b, double times)
  * as large, its bias too; the others keep theirs. */
 TEST(rounding_should_double_the_steps_of_large_rows)
 {
-    saga_error error = { "" };
     static double x[POINTS * IN];
     double w[IN * OUT], b[OUT], w0[IN * OUT], b0[OUT];
     const saga_weight_round_input all = {
@@ -469,9 +465,9 @@ TEST(rounding_should_double_the_steps_of_large_rows)
     w0[IN + 5] = 25;
     memcpy(w, w0, sizeof w);
     memcpy(b, b0, sizeof b);
-    assert_true(saga_weight_round(w, b, &all, &error));
+    assert_done(saga_weight_round(w, b, &all, &error));
     limited.most = 30;
-    assert_true(saga_weight_round(w0, b0, &limited, &error));
+    assert_done(saga_weight_round(w0, b0, &limited, &error));
     for (size_t o = 0; o < OUT; o++) {
         for (size_t c = 0; c < IN; c++)
             assert_true(fabs(w0[o * IN + c]) <= 30 * 0.25 * (o == 1 ? 4 : 1));

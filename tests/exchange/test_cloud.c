@@ -145,20 +145,19 @@ static void check_cloud(const char *name)
     assert_true(saga_film_cloud(&cloud, &colours, &film, 7, how, &error));
     assert_int_equal(cloud.degree, 0);
     assert_true(saga_film_seek(&film, 7, 1, &t, &error));
-    assert_int_equal(saga_tell(&report, film.dec), SAGA_OK);
+    assert_ok(saga_tell(&report, film.dec));
     for (uint32_t i = 0; i < report.n_primitives; i++) {
         saga_animated a;
         saga_camera c;
         uint16_t colour[3];
         uint32_t number;
 
-        assert_int_equal(saga_primitive_at(&a, film.dec, i, t), SAGA_OK);
+        assert_ok(saga_primitive_at(&a, film.dec, i, t));
         if (a.q0_q20 >= 11 << 20)
             continue;
         check_splat(&cloud, n, &film, &a);
         assert_true(saga_film_rig(&film, 1, &c, &number, &error));
-        assert_int_equal(saga_colour_at(colour, film.dec, i, c.centre),
-                         SAGA_OK);
+        assert_ok(saga_colour_at(colour, film.dec, i, c.centre));
         for (size_t k = 0; k < 3; k++)
             near(0.5 + 0.28209479177387814 * (double)cloud.colour[3 * n + k],
                  colour[k] / 32768.0, 1e-6);

@@ -147,7 +147,7 @@ TEST(quaternion_should_pass_through_zero)
     see_one(&v, &g, SAGA_TOOL_SLOPE, &c, 32768);
     g.p.slope[0] = -(1 << GIVEN_Q_QUAT);
     see_one(&w, &g, SAGA_TOOL_SLOPE, &c, 32768);
-    assert_int_equal(saga_primitive_at(&a, w.dec, 0, 32768), SAGA_OK);
+    assert_ok(saga_primitive_at(&a, w.dec, 0, 32768));
     assert_int_equal(a.quat[0] | a.quat[1] | a.quat[2] | a.quat[3], 0);
     expect_same(&v, &w);
     given_close(&v);
@@ -329,7 +329,7 @@ TEST(motion_should_leave_the_cube)
     for (size_t i = 0; i < sizeof times / sizeof *times; i++) {
         c.centre[0] = times[i] << 11;
         see(&v, &c, times[i]);
-        assert_int_equal(saga_primitive_at(&a, v.dec, 0, times[i]), SAGA_OK);
+        assert_ok(saga_primitive_at(&a, v.dec, 0, times[i]));
         assert_int_equal(a.x[0], times[i] << 11);
         expect(&v, MIDDLE, MIDDLE, 1);
     }
@@ -353,7 +353,7 @@ TEST(motion_should_end_where_cameras_end)
     c.centre[1] = -(1 << 29);
     c.centre[2] = -DEPTH;
     see(&v, &c, 65535);
-    assert_int_equal(saga_primitive_at(&a, v.dec, 0, 65535), SAGA_OK);
+    assert_ok(saga_primitive_at(&a, v.dec, 0, 65535));
     assert_int_equal(a.x[0], 1 << 29);
     assert_int_equal(a.x[1], -(1 << 29));
     expect(&v, MIDDLE, MIDDLE, 1);
@@ -445,7 +445,7 @@ TEST(coincident_splats_should_be_drawn_by_number)
     assert_true(given_verify(&v, SAGA_VERIFY_SYMBOLS).max <= 1);
     assert_int_equal(v.report.n_splats, 2048);
     for (uint32_t i = 0; i < 2048; i++) {
-        assert_int_equal(saga_splat_at(&s, v.dec, i), SAGA_OK);
+        assert_ok(saga_splat_at(&s, v.dec, i));
         assert_int_equal(s.depth, DEPTH);
         assert_int_equal(s.colour_q15[0], v.p[i / 256].colour_q15[0]);
     }
@@ -534,7 +534,7 @@ TEST(times_outside_should_be_refused)
         assert_int_equal(saga_view(v.dec, &c, times[i]), SAGA_ERR_ARG);
         assert_int_equal(saga_primitive_at(&a, v.dec, 0, times[i]),
                          SAGA_ERR_ARG);
-        assert_int_equal(saga_splat_at(&s, v.dec, 0), SAGA_OK);
+        assert_ok(saga_splat_at(&s, v.dec, 0));
         assert_int_equal(s.depth, DEPTH);
     }
 }
@@ -557,12 +557,12 @@ TEST(one_of_everything_should_be_enough)
     assert_int_equal(v.report.n_fine, 1);
     assert_int_equal(v.report.n_primitives, 1);
     expect(&v, 0, 0, 1);
-    assert_int_equal(saga_probe(&info, v.bytes, v.nbytes), SAGA_OK);
+    assert_ok(saga_probe(&info, v.bytes, v.nbytes));
     assert_int_equal(info.n_frames, 1);
-    assert_int_equal(saga_find(&seg, v.bytes, v.nbytes, 999, 1000), SAGA_OK);
+    assert_ok(saga_find(&seg, v.bytes, v.nbytes, 999, 1000));
     assert_int_equal(seg.t, 65470);  /* floor(65536 * 0.999) */
     assert_int_equal(saga_find(&seg, v.bytes, v.nbytes, 1, 1), SAGA_ERR_ARG);
-    assert_int_equal(saga_rig(&rig, &number, v.bytes, v.nbytes, 0), SAGA_OK);
+    assert_ok(saga_rig(&rig, &number, v.bytes, v.nbytes, 0));
     assert_int_equal(saga_rig(&rig, &number, v.bytes, v.nbytes, 1),
                      SAGA_ERR_ARG);
 }

@@ -197,7 +197,7 @@ TEST(zero_symbols_should_be_one_grey_ball)
         assert_int_equal(d.prim[0].log2_width_q10,
                          m->tools & SAGA_TOOL_OPACITY_T ? 15 << 10 : 0);
         assert_true(see(&v, d.prim[0].t_centre, SAGA_VERIFY_SYMBOLS) >= 62);
-        assert_int_equal(saga_splat_at(&s, v.dec, 0), SAGA_OK);
+        assert_ok(saga_splat_at(&s, v.dec, 0));
         assert_int_equal(s.q0_q20, 3323907); /* log2(1 + 2^3) */
         for (int k = 0; k < 3; k++)
             assert_int_equal(s.colour_q15[k], 16384);

@@ -76,19 +76,17 @@ static trained train(const saga_capture *c)
 /* Draws every camera's first picture; the mean colour of all is left. */
 static void draw_all(double mean[3], const trained *r)
 {
-    saga_error error = { "" };
     uint8_t rgb[3 * WIDTH * HEIGHT];
     FREED_BY(saga_film_close) saga_film film;
 
     mean[0] = mean[1] = mean[2] = 0;
-    if (!saga_film_open(&film, "x", r->bytes, r->n, 1, &error))
-        fail_msg("%s", error.message);
+    assert_done(saga_film_open(&film, "x", r->bytes, r->n, 1, &error));
     for (uint32_t v = 0; v < film.info.n_cameras; v++) {
         saga_camera camera;
         uint32_t number;
 
-        assert_true(saga_film_rig(&film, v, &camera, &number, &error));
-        assert_true(saga_film_draw(&film, &camera, 0, 1, rgb, &error));
+        assert_done(saga_film_rig(&film, v, &camera, &number, &error));
+        assert_done(saga_film_draw(&film, &camera, 0, 1, rgb, &error));
         for (int i = 0; i < 3 * WIDTH * HEIGHT; i++)
             mean[i % 3] += rgb[i] / (double)(WIDTH * HEIGHT) /
                            film.info.n_cameras;

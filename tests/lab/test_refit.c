@@ -85,9 +85,8 @@ static void encode_again(uint8_t **bytes, size_t *n, const ref_file *f,
     saga_encoder_free(e);
 }
 
-TEST(file_should_come_back_from_its_values)
+TEST_OF(const fixture, file_should_come_back_from_its_values)
 {
-    const fixture *const f = *state;
     double networks[SAGA_N_COMPONENTS], sum = 0;
     uint8_t *bytes;
     size_t n;
@@ -102,9 +101,8 @@ TEST(file_should_come_back_from_its_values)
     assert_true(fabs(sum - networks[SAGA_COMPONENT_NETWORKS]) < 1e-6);
 }
 
-TEST(broken_file_should_be_refused)
+TEST_OF(fixture, broken_file_should_be_refused)
 {
-    fixture *const f = *state;
     ref_file g;
 
     f->bytes[f->n - 1] ^= 1;
@@ -177,9 +175,8 @@ static void what_is_kept_should_be_the_same(const ref_file *a,
 }
 
 /* With what the trainer had, and no more than 1 % dearer. */
-TEST(refit_should_give_the_same_scene)
+TEST_OF(const fixture, refit_should_give_the_same_scene)
 {
-    const fixture *const f = *state;
     const saga_ablation all = { .groups = 0 };
     refit_report r;
     FREED_BY(ref_file_free) ref_file g;
@@ -240,9 +237,8 @@ static void features_should_have_constants(const constants *c)
     }
 }
 
-TEST(refit_without_anything_should_have_constants)
+TEST_OF(const fixture, refit_without_anything_should_have_constants)
 {
-    const fixture *const f = *state;
     const saga_ablation none = {
         .no_hyper = 1, .no_parent = 1, .no_bank = 1, .groups = 1
     };
@@ -265,9 +261,8 @@ TEST(refit_without_anything_should_have_constants)
 /* Features that lie 12 steps to either side of 0, by the side of the cube they
  * are on: constants need log2(12 sqrt(2 pi e)) = 5.6 bits for each, whoever
  * knows the side 2. */
-TEST(refit_should_find_a_source_that_tells)
+TEST_OF(const fixture, refit_should_find_a_source_that_tells)
 {
-    const fixture *const f = *state;
     const saga_ablation all = { .groups = 0 };
     const uint32_t features = f->f.h.model.features;
     const size_t n = (size_t)f->f.s.n.coarse * features;
@@ -346,9 +341,8 @@ TEST(refit_should_take_a_scene_of_coarse_anchors_alone)
     }
 }
 
-TEST(refit_should_not_depend_on_threads)
+TEST_OF(const fixture, refit_should_not_depend_on_threads)
 {
-    const fixture *const f = *state;
     refit_options o = refit_defaults();
     uint8_t *bytes[2] = { NULL, NULL };
     refit_report r;
@@ -392,9 +386,8 @@ TEST(order0_should_be_the_sum_by_hand)
 }
 
 /* It counts all symbols, and no order-0 coder is below the entropy. */
-TEST(order0_should_count_every_symbol)
+TEST_OF(const fixture, order0_should_count_every_symbol)
 {
-    const fixture *const f = *state;
     order0_row row[SAGA_N_COMPONENTS];
 
     order0_file(row, &f->f);

@@ -43,7 +43,7 @@ static void decode(decoded *d, const gen_stream *g, const saga_nets *nets,
                    const uint8_t *params, const uint8_t *bytes, size_t n,
                    uint32_t frame)
 {
-    saga_net_symbols net_symbols;
+    saga_net_symbols net_symbols = { 0 };
     saga_segment_header layers;
     recorder_chunks at;
     saga_header h;
@@ -51,8 +51,7 @@ static void decode(decoded *d, const gen_stream *g, const saga_nets *nets,
     saga_segment seg;
     recorder r;
 
-    memset(&net_symbols, 0, sizeof net_symbols);
-    assert_int_equal(saga_find(&seg, bytes, n, frame, 1), SAGA_OK);
+    assert_ok(saga_find(&seg, bytes, n, frame, 1));
     assert_true(recorder_read(&net_symbols, &d->s, seg.number, final_range,
                               bytes, n));
     saga_net_symbols_free(&net_symbols);
@@ -63,7 +62,7 @@ static void decode(decoded *d, const gen_stream *g, const saga_nets *nets,
     r.features = g->header.model.features;
     recorder_alloc_symbols(&d->s, d->s.n, r.features, r.cap_nodes);
     recorder_scaffold(&d->sc, &g->header.model, nets, params, d->s.n);
-    assert_int_equal(saga_head_read(&h, bytes, n), SAGA_OK);
+    assert_ok(saga_head_read(&h, bytes, n));
     at = recorder_segment_chunks(&h, bytes, &seg);
     assert_true(recorder_segment(&layers, &h, &at));
     assert_true(recorder_fill(&r.coder, &r.inner, &d->sc, final_range,

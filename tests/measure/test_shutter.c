@@ -51,13 +51,11 @@ static void look(saga_shutter *to, camera c, int noise, int n_frames)
 static saga_shutter_found *find(const camera *c, int noise, int n_frames)
 {
     saga_shutter of[CAMERAS];
-    saga_error error = { "" };
     saga_shutter_found *found;
 
     for (int i = 0; i < CAMERAS; i++)
         look(&of[i], c[i], noise, n_frames);
-    found = saga_shutter_find(of, CAMERAS, &error);
-    assert_non_null(found);
+    assert_done(found = saga_shutter_find(of, CAMERAS, &error));
     return found;
 }
 

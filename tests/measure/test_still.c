@@ -47,14 +47,11 @@ static const saga_capture *make_part(part *p, int number)
 
 static void add_parts(saga_still *s)
 {
-    saga_error error = { "" };
-
     memset(s, 0, sizeof *s);
     for (int i = 0; i < PARTS; i++) {
         part p;
 
-        assert_true(saga_still_add(s, make_part(&p, i), i * PART, ALL,
-                                   &error));
+        assert_done(saga_still_add(s, make_part(&p, i), i * PART, ALL, &error));
     }
 }
 
@@ -66,13 +63,12 @@ static int compare(const void *a, const void *b)
 /* Fifteen of 60 frames: 2, 6, 10, ..., the middles of fifteenths. */
 TEST(still_should_be_the_median_over_all_parts)
 {
-    saga_error error = { "" };
     FREED_BY(saga_capture_free) saga_capture c;
     saga_still s;
     uint8_t seen[SAGA_STILL_PICTURES];
 
     add_parts(&s);
-    assert_true(saga_still_finish(&c, &s, &error));
+    assert_done(saga_still_finish(&c, &s, &error));
     assert_null(s.capture.views);
     for (int i = 0; i < SAGA_STILL_PICTURES; i++)
         seen[i] = value_at(4 * i + 2);
@@ -89,7 +85,6 @@ TEST(still_should_be_the_median_over_all_parts)
 TEST(still_should_count_what_is_steady)
 {
     enum { N = SAGA_STILL_PICTURES };
-    saga_error error = { "" };
 
     for (int others = 0; others < 8; others++)
         for (int level = 8; level < 10; level++) {
@@ -103,8 +98,8 @@ TEST(still_should_count_what_is_steady)
             memset(rgb, 90, sizeof rgb);
             for (int f = 0; f < others; f++)
                 rgb[2 * f][3 * (PIXELS - 1) + 1] = (uint8_t)(90 - level);
-            assert_true(saga_still_add(&s, &whole, 0, N, &error));
-            assert_true(saga_still_finish(&c, &s, &error));
+            assert_done(saga_still_add(&s, &whole, 0, N, &error));
+            assert_done(saga_still_finish(&c, &s, &error));
             assert_int_equal(c.views[0].mask != NULL, level > 8 && others > 3);
             if (c.views[0].mask) {
                 assert_int_equal(c.views[0].mask[0], 1);
@@ -116,12 +111,11 @@ TEST(still_should_count_what_is_steady)
 TEST(still_should_know_what_nobody_saw)
 {
     static const uint8_t counts[PIXELS] = { 0, 1, 1, 1, 1, 0 };
-    saga_error error = { "" };
     FREED_BY(saga_capture_free) saga_capture c;
     saga_still s;
 
     add_parts(&s);
-    assert_true(saga_still_finish(&c, &s, &error));
+    assert_done(saga_still_finish(&c, &s, &error));
     assert_memory_equal(c.views[0].mask, counts, sizeof counts);
     assert_true(saga_capture_has(&c, 0, 0));
     assert_false(saga_capture_has(&c, 1, 0));

@@ -25,13 +25,11 @@ TEST(verdict_should_part_what_moves)
     saga_shot view = { .width = PIXELS, .height = 1, .rgb = rgb };
     const saga_capture c = { .n_views = 1, .n_frames = FRAMES,
                              .views = &view };
-    saga_error error = { "" };
     saga_verdict v = { 0 };
     uint8_t *median;
 
     frames(rgb);
-    median = saga_verdict_median(&c, 0, &error);
-    assert_non_null(median);
+    assert_done(median = saga_verdict_median(&c, 0, &error));
     for (int i = 0; i < 3 * PIXELS; i++)
         assert_int_equal(median[i], 100);
     /* Off by 10 where it stands still, by 20 where it moves. */

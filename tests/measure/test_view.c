@@ -617,14 +617,13 @@ TEST(montage_should_place_pictures_on_grey)
     };
     enum { W = 2 + SAGA_MONTAGE_GAP + 2, H = 3 + SAGA_MONTAGE_GAP + 3 };
     char path[] = "/tmp/saga-montage-XXXXXX";
-    saga_error error = { "" };
     uint8_t rgb[3 * W * H];
     const int fd = mkstemp(path);
 
     assert_true(fd >= 0);
     close(fd);
-    assert_true(saga_montage_write(path, stills, 3, 2, &error));
-    assert_true(saga_picture_read(path, W, H, rgb, &error));
+    assert_done(saga_montage_write(path, stills, 3, 2, &error));
+    assert_done(saga_picture_read(path, W, H, rgb, &error));
     assert_memory_equal(rgb, one, 6);
     assert_int_equal(rgb[3 * 2], 128);
     assert_memory_equal(rgb + 3 * (2 + SAGA_MONTAGE_GAP), two, 3);

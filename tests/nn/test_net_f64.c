@@ -90,11 +90,10 @@ static void check(saga_net net, size_t m)
     real *const dw = w + n, *const x = dw + n, *const dx = x + n_x;
     real *const y = dx + n_x, *const dy = y + n_y;
     saga_net d = net;
-    saga_error error = { "" };
     FREED_BY(saga_net_free) saga_net_work work;
     double sum = 0, e_w, e_x;
 
-    assert_true(saga_net_reserve(&work, &net, m, &error));
+    assert_done(saga_net_reserve(&work, &net, m, &error));
     saga_net_bind(&net, w);
     saga_net_bind(&d, dw);
     saga_net_init(&net, 3);

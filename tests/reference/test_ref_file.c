@@ -91,7 +91,7 @@ static void check_good(const char *name, const uint8_t *bytes, size_t n)
 {
     saga_info info;
 
-    assert_int_equal(saga_probe(&info, bytes, n), SAGA_OK);
+    assert_ok(saga_probe(&info, bytes, n));
     if (!record(bytes, n) ||
         (zero(bytes, n) == NULL) !=
             (info.base_coarse == 0 && info.n_layers == 1))
@@ -117,11 +117,10 @@ TEST(bad_vectors_should_be_refused)
 
 static uint8_t *make_base(uint64_t number, size_t *n)
 {
-    gen_options o;
+    gen_options o = { 0 };
     FREED_BY(gen_stream_free) gen_stream g;
     uint8_t *bytes;
 
-    memset(&o, 0, sizeof o);
     o.seed = number;
     o.n_coarse = 1 + (uint32_t)(number % 5);
     o.bank = (int)(number % 3);

@@ -13,15 +13,13 @@
 static void verify(saga_verify *v, const char *path, uint32_t frame)
 {
     saga_verify_view view = { .frame_num = frame, .frame_den = 1 };
-    saga_error error = { "" };
     FREED_BY(saga_bytes_free) saga_bytes file;
     uint32_t number;
 
-    assert_true(saga_read_file(&file, path, &error));
-    assert_int_equal(saga_rig(&view.camera, &number, file.data, file.nbytes,
-                              0), SAGA_OK);
-    if (!saga_verify_file(v, path, file.data, file.nbytes, &view, &error))
-        fail_msg("%s", error.message);
+    assert_done(saga_read_file(&file, path, &error));
+    assert_ok(saga_rig(&view.camera, &number, file.data, file.nbytes, 0));
+    assert_done(saga_verify_file(v, path, file.data, file.nbytes, &view,
+                                 &error));
 }
 
 static const saga_verify_row *row_of(const saga_verify *v, int stage,

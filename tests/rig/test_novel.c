@@ -36,7 +36,6 @@ typedef struct {
 static fixture *make(double step)
 {
     fixture *const f = zeroed(1, sizeof *f);
-    saga_error error = { "" };
 
     f->capture = (saga_capture){ .n_views = VIEWS, .n_frames = FRAMES,
                                  .fps = 25, .views = f->views };
@@ -52,8 +51,7 @@ static fixture *make(double step)
                           .rgb = f->rgb };
         look(s, step * v);
     }
-    if (!saga_pictures_init(&f->pictures, &f->capture, &error))
-        fail_msg("%s", error.message);
+    assert_done(saga_pictures_init(&f->pictures, &f->capture, &error));
     return f;
 }
 
@@ -65,11 +63,9 @@ static void drop(fixture *f)
 
 static saga_novel placed(const fixture *f)
 {
-    saga_error error = { "" };
     saga_novel o;
 
-    if (!saga_novel_init(&o, &f->pictures, &error))
-        fail_msg("%s", error.message);
+    assert_done(saga_novel_init(&o, &f->pictures, &error));
     return o;
 }
 
@@ -195,9 +191,7 @@ TEST(cameras_should_stand_where_views_are_far_apart)
 /* A ball before the cameras that fills their pictures, of one colour. */
 static void ball(saga_splat_params *p, real red)
 {
-    saga_error error = { "" };
-
-    assert_true(saga_params_alloc(p, SAGA_ATTR_BIT(SAGA_ATTR_SUPPORT) - 1, 1,
+    assert_done(saga_params_alloc(p, SAGA_ATTR_BIT(SAGA_ATTR_SUPPORT) - 1, 1,
                                   &error));
     p->quat[0] = 1;
     p->opacity[0] = 12;
@@ -209,11 +203,10 @@ static void ball(saga_splat_params *p, real red)
 
 static void teach(saga_novel *o, real red)
 {
-    saga_error error = { "" };
     FREED_BY(saga_params_free) saga_splat_params p;
 
     ball(&p, red);
-    assert_true(saga_novel_teach(o, &p, 1, &error));
+    assert_done(saga_novel_teach(o, &p, 1, &error));
 }
 
 /* Three in ten, and the others as if there were no such pictures. */
@@ -252,12 +245,11 @@ TEST(truth_should_be_the_mean_of_the_teachers)
 {
     fixture *const f = make(0.22);
     const size_t middle = W * (H / 2) + W / 2, plane = W * H;
-    saga_error error = { "" };
     FREED_BY(saga_novel_free) saga_novel o = placed(f);
     FREED_BY(saga_canvas_free) saga_canvas canvas;
     real red[3];
 
-    assert_true(saga_pictures_canvas(&canvas, &f->pictures, &error));
+    assert_done(saga_pictures_canvas(&canvas, &f->pictures, &error));
     f->pictures.novel = &o;
     for (int k = 0; k < 3; k++) {
         /* One teacher, the other alone, then both. */
@@ -269,8 +261,10 @@ TEST(truth_should_be_the_mean_of_the_teachers)
             teach(&o, R(0.25));
         if (k != 0)
             teach(&o, R(0.75));
-        assert_true(saga_novel_show(&canvas, &f->pictures,
-                                    (saga_sample){ VIEWS, 1, 0 }, &error));
+        assert_done(saga_novel_show(&canvas, &f->pictures, (saga_sample){ VIEWS,
+                                                                          1,
+                                                                         0 },
+                                    &error));
         assert_int_equal(canvas.n_unseen, 0);
         red[k] = canvas.truth[middle];
         assert_true(canvas.truth[middle + plane] > R(0.4));
@@ -291,16 +285,15 @@ static double distance_of(const fixture *f, saga_flat *flat,
 {
     const saga_splat_params p = saga_flat_params(flat);
     saga_pictures pictures = f->pictures;
-    saga_error error = { "" };
     FREED_BY(saga_canvas_free) saga_canvas canvas;
     double mse;
 
     pictures.novel = (saga_novel *)(uintptr_t)o;
-    assert_true(saga_pictures_canvas(&canvas, &pictures, &error));
-    assert_true(saga_novel_show(&canvas, &pictures,
-                                (saga_sample){ VIEWS, 0, 0 }, &error));
-    assert_true(saga_splat_forward(&canvas, &p, saga_flat_count(flat),
-                                   &error));
+    assert_done(saga_pictures_canvas(&canvas, &pictures, &error));
+    assert_done(saga_novel_show(&canvas, &pictures, (saga_sample){ VIEWS, 0,
+                                                                   0 },
+                                &error));
+    assert_done(saga_splat_forward(&canvas, &p, saga_flat_count(flat), &error));
     mse = saga_canvas_mse(&canvas);
     return mse;
 }
@@ -311,7 +304,6 @@ TEST(warm_up_should_learn_from_teachers)
 {
     saga_flat_options options = saga_flat_defaults();
     fixture *const f = make(0.22);
-    saga_error error = { "" };
     FREED_BY(saga_novel_free) saga_novel o = placed(f);
     double away[2], mse;
     int n_novel = 0;
@@ -324,11 +316,9 @@ TEST(warm_up_should_learn_from_teachers)
         saga_flat *flat;
 
         f->pictures.novel = k ? &o : NULL;
-        flat = saga_flat_new(&f->pictures, &options, &error);
-        assert_non_null(flat);
+        assert_done(flat = saga_flat_new(&f->pictures, &options, &error));
         for (int i = 0; i < options.n_iterations; i++) {
-            if (!saga_flat_iterate(flat, &mse, &error))
-                fail_msg("%s", error.message);
+            assert_done(saga_flat_iterate(flat, &mse, &error));
             n_novel += !(mse > 0);
         }
         away[k] = distance_of(f, flat, &o);

@@ -32,13 +32,11 @@ static double uniform(uint64_t *seed)
 /* Uniform in the cube and in time, narrow in time. */
 static flat flat_make(uint32_t n, uint64_t seed)
 {
-    saga_error error = { "" };
-    flat f;
+    flat f = { 0 };
 
-    memset(&f, 0, sizeof f);
     f.n = n;
     f.seed = seed;
-    assert_true(saga_params_alloc(&f.p, SAGA_ATTRS_ALL, n, &error));
+    assert_done(saga_params_alloc(&f.p, SAGA_ATTRS_ALL, n, &error));
     f.score = must(calloc(n + 1u, sizeof *f.score));
     for (uint32_t i = 0; i < n; i++) {
         for (uint32_t k = 0; k < 3; k++) {
@@ -220,12 +218,11 @@ static void check_coarse(const saga_coarse *a, const saga_coarse *b)
 /* The decoder's walk over the scene's symbols finds the scene. */
 static void check_walk(const saga_scene *s, const saga_symbols *symbols)
 {
-    lookup c;
+    lookup c = { 0 };
     saga_nets nets;
     FREED_BY(saga_scaffold_free) saga_scaffold sc;
     uint8_t *params;
 
-    memset(&c, 0, sizeof c);
     c.coder.residual = zero_residual;
     c.coder.adaptive = look_up;
     c.s = symbols;
@@ -260,18 +257,16 @@ static void check_symbols(const saga_symbols *a, const saga_symbols *b)
 /* Encoded with constant networks, decoded, the symbols are the same. */
 static void check_bytes(const saga_scene *s, const saga_symbols *symbols)
 {
-    saga_header h;
+    saga_header h = { 0 };
     saga_nets shapes;
     saga_net_symbols nets, nets_read;
     FREED_BY(recorder_free_symbols) saga_symbols read;
     saga_encode_sizes sizes;
     saga_encoder *e;
-    saga_error error = { "" };
     uint32_t final_range[3];
     uint8_t *bytes;
     size_t n;
 
-    memset(&h, 0, sizeof h);
     h.model = s->model;
     h.level = 3;
     h.fps_num = 30;
@@ -282,10 +277,9 @@ static void check_bytes(const saga_scene *s, const saga_symbols *symbols)
     for (int net = 0; net < SAGA_N_NETS; net++)
         for (int i = 0; i < shapes.shape[net].n_layers; i++)
             nets.layer[net][i].step_q16 = 1;
-    e = saga_encoder_open(&h, NULL, &nets, &error);
-    assert_non_null(e);
-    assert_true(saga_encoder_segment(e, symbols, 1, &error));
-    assert_true(saga_encoder_finish(e, &bytes, &n, &sizes, &error));
+    assert_done(e = saga_encoder_open(&h, NULL, &nets, &error));
+    assert_done(saga_encoder_segment(e, symbols, 1, &error));
+    assert_done(saga_encoder_finish(e, &bytes, &n, &sizes, &error));
     assert_true(recorder_read(&nets_read, &read, 0, final_range, bytes, n));
     check_symbols(symbols, &read);
     saga_encoder_free(e);
@@ -435,10 +429,8 @@ static bool try_build(uint32_t *source, saga_error *why)
 static void build(void)
 {
     FREED uint32_t *const source = zeroed(f.n, sizeof *source);
-    saga_error error;
 
-    if (!try_build(source, &error))
-        fail_msg("%s", error.message);
+    assert_done(try_build(source, &error));
     check_scene(&s, source, &f, &u.o);
 }
 
@@ -595,11 +587,10 @@ static uint32_t n_split(const uint32_t *source, int still)
 TEST(hierarchy_should_split_time_only_where_it_varies)
 {
     uint32_t source[800];
-    saga_error error;
 
     limit(ALL_TOOLS, 100, 400);
     given_moving(1);
-    assert_true(try_build(source, &error));
+    assert_done(try_build(source, &error));
     check_scene(&s, source, &f, &u.o);
     assert_true(n_split(source, 0) > 360);
     assert_int_equal(n_split(source, 1), 0);
@@ -835,16 +826,15 @@ static void check_same(const saga_scene *a, const saga_scene *b)
 TEST(hierarchy_should_be_the_same_when_built_again)
 {
     uint32_t source[2][2000];
-    saga_error error;
     FREED_BY(saga_scene_free) saga_scene first;
 
     given(2000, 12);
     flat_cluster(&f);
     limit(ALL_TOOLS, 300, 1000);
-    assert_true(try_build(source[0], &error));
+    assert_done(try_build(source[0], &error));
     first = s;
     memset(&s, 0, sizeof s);
-    assert_true(try_build(source[1], &error));
+    assert_done(try_build(source[1], &error));
     check_same(&first, &s);
     assert_memory_equal(source[0], source[1], sizeof source[0]);
 }

@@ -43,14 +43,13 @@ static void make_model(saga_model *m, uint32_t tools, uint32_t no_fuse)
 /* Two cells of a split root, five fine anchors, eleven primitives. */
 static void make_scene(saga_scene *s, uint32_t tools, uint32_t no_fuse)
 {
-    saga_error error = { "" };
     const saga_counts n = { 2, N_FINE, N_PRIM };
     const saga_rng r = saga_rng_stream(5, 0);
     saga_model m;
     uint64_t k = 0;
 
     make_model(&m, tools, no_fuse);
-    assert_true(saga_scene_init(s, &m, n, 3, 77, &error));
+    assert_done(saga_scene_init(s, &m, n, 3, 77, &error));
     for (uint32_t i = 0; i < 2; i++) {
         s->coarse[i].depth_x = 1;
         s->coarse[i].cell[0] = (uint16_t)i;
@@ -216,16 +215,15 @@ static void check_range(saga_twin *w, saga_scene *s, const saga_scene *d,
 
 static void run_gradient(uint32_t tools, uint32_t no_fuse, bool still)
 {
-    saga_error error = { "" };
     saga_scene s, d;
     FREED_BY(saga_twin_free) saga_twin w;
 
     make_scene(&s, tools, no_fuse);
     s.still = still;
-    assert_true(saga_scene_init(&d, &s.model, s.n, 3, 0, &error));
+    assert_done(saga_scene_init(&d, &s.model, s.n, 3, 0, &error));
     memset(d.reals, 0, d.n_reals * sizeof *d.reals);
-    assert_true(saga_twin_init(&w, &s, &error));
-    assert_true(saga_twin_refresh(&w, &s, s.coarse_feature, &error));
+    assert_done(saga_twin_init(&w, &s, &error));
+    assert_done(saga_twin_refresh(&w, &s, s.coarse_feature, &error));
     assert_int_equal(!w.attr.motion && !w.attr.slope && !w.attr.t_centre &&
                      !w.attr.log2_width, still || !tools);
     gradient(&w, &d, &s);
@@ -258,20 +256,19 @@ TEST(motion_should_end_where_its_format_does)
 {
     const int last = 2;
     saga_rows rows[SAGA_N_OUTS];
-    saga_error error = { "" };
     saga_scene s, d;
     FREED_BY(saga_twin_free) saga_twin w;
 
     make_scene(&s, SAGA_TOOLS_PICTURE, 0);
-    assert_true(saga_scene_init(&d, &s.model, s.n, 3, 0, &error));
-    assert_true(saga_twin_init(&w, &s, &error));
+    assert_done(saga_scene_init(&d, &s.model, s.n, 3, 0, &error));
+    assert_done(saga_twin_init(&w, &s, &error));
     saga_model_rows(rows, &s.model);
     for (int sign = -1; sign <= 1; sign += 2) {
         const uint32_t row = rows[SAGA_OUT_MOTION1].first + 1u;
         const real *const d_out = w.batch[SAGA_NET_GEO].d_out;
 
         s.net[SAGA_NET_GEO].b[last][row] = 300 * sign;
-        assert_true(saga_twin_refresh(&w, &s, s.coarse_feature, &error));
+        assert_done(saga_twin_refresh(&w, &s, s.coarse_feature, &error));
         saga_twin_geometry(&w, &s, s.coarse_feature);
         assert_true(w.attr.motion[1] == sign * 32767 / 256.0);
         saga_twin_clear(&w, &s);

@@ -151,7 +151,7 @@ static double compare(uint32_t n, int width, int height, uint64_t seed,
     }
     /* The decoder's picture of the rounded primitives. */
     camera = round_camera(&cam);
-    assert_int_equal(saga_camera_check(&camera), SAGA_OK);
+    assert_ok(saga_camera_check(&camera));
     draw_integers(rgb, prim, &p, n, &camera,
                   is_steep ? SAGA_TOOL_STEEP : 0);
     /* The trainer's picture, and how far off it is. */

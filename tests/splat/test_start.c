@@ -96,11 +96,10 @@ static saga_splat_params make_primitives(void)
 {
     const uint32_t attrs = saga_attrs_of_tools(SAGA_TOOL_SLOPE, false);
     const saga_rng r = saga_rng_stream(5, 5);
-    saga_error error = { "" };
     saga_splat_params p;
     uint64_t at = 0;
 
-    assert_true(saga_params_alloc(&p, attrs, N, &error));
+    assert_done(saga_params_alloc(&p, attrs, N, &error));
     for (size_t i = 0; i < N; i++) {
         for (size_t k = 0; k < 4; k++) {
             p.quat[4 * i + k] = (real)(3 * saga_rng_normal(r, at++));
@@ -119,8 +118,6 @@ static saga_splat_params make_primitives(void)
 
 static void draw(real *image, saga_canvas *c, const saga_splat_params *p)
 {
-    saga_error error = { "" };
-
     c->camera = (saga_splat_camera){
         .rotation = { 1, 0, 0, 0, 1, 0, 0, 0, 1 }, .centre = { 0, 0, -2 },
         .focal = { SIDE, SIDE }, .principal = { SIDE / 2, SIDE / 2 },
@@ -128,7 +125,7 @@ static void draw(real *image, saga_canvas *c, const saga_splat_params *p)
     };
     c->rules.cut = 30;           /* nothing jumps across it */
     c->t = R(0.4);
-    assert_true(saga_splat_forward(c, p, N, &error));
+    assert_done(saga_splat_forward(c, p, N, &error));
     memcpy(image, c->image, 3 * SIDE * SIDE * sizeof *image);
 }
 
@@ -137,10 +134,9 @@ TEST(canonical_form_should_draw_the_same)
     static real before[3 * SIDE * SIDE], after[3 * SIDE * SIDE];
     FREED_BY(saga_params_free) saga_splat_params p = make_primitives();
     double bright = 0;
-    saga_error error = { "" };
     FREED_BY(saga_canvas_free) saga_canvas c;
 
-    assert_true(saga_canvas_init(&c, SIDE * SIDE, &error));
+    assert_done(saga_canvas_init(&c, SIDE * SIDE, &error));
     draw(before, &c, &p);
     saga_splat_canonical(&p, N);
     draw(after, &c, &p);

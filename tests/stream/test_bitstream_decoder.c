@@ -26,7 +26,7 @@ TEST(examples_of_names_should_have_their_statuses)
     saga_info info;
     int n_ok = 0;
 
-    assert_int_equal(saga_probe(&info, f->p, f->n), SAGA_OK);
+    assert_ok(saga_probe(&info, f->p, f->n));
     assert_int_equal(info.n_cameras, 3);
     for (int i = 0; i < n_examples; i++) {
         const example *const e = &examples[i];
@@ -61,7 +61,7 @@ TEST(probe_should_report_the_same_values)
         const uint8_t *const p = files[i].p;
         saga_info a;
 
-        assert_int_equal(saga_probe(&a, p, files[i].n), SAGA_OK);
+        assert_ok(saga_probe(&a, p, files[i].n));
         assert_int_equal(get(HEADER, p, "version", 0), a.version);
         assert_int_equal(get(HEADER, p, "level", 0), a.level);
         assert_int_equal(get(HEADER, p, "n_segments", 0), a.n_segments);
@@ -182,7 +182,7 @@ TEST(networks_should_have_the_same_number_of_weights)
     for (int i = 0; i < n_files; i++) {
         saga_info info;
 
-        assert_int_equal(saga_probe(&info, files[i].p, files[i].n), SAGA_OK);
+        assert_ok(saga_probe(&info, files[i].p, files[i].n));
         assert_int_equal(weights_of(files[i].p), info.n_weights);
     }
 }
@@ -229,10 +229,9 @@ TEST(rig_should_hold_the_same_values)
         for (uint32_t c = 0; c < n; c++) {
             const uint32_t at = rig + c * tables[CAMERA].nbytes;
 
-            assert_int_equal(saga_rig(&cam, &number, f->p, f->n, c), SAGA_OK);
+            assert_ok(saga_rig(&cam, &number, f->p, f->n, c));
             check_camera(f->p + at, &cam, number);
-            assert_int_equal(saga_rig(&cam, &number, copy, end + 4, c),
-                             SAGA_OK);
+            assert_ok(saga_rig(&cam, &number, copy, end + 4, c));
             check_camera(copy + at, &cam, number);
         }
     }
@@ -244,10 +243,10 @@ static saga_decoder *open_file(saga_info *info, const file *f)
     saga_decoder *dec;
     void *work;
 
-    assert_int_equal(saga_probe(info, f->p, f->n), SAGA_OK);
+    assert_ok(saga_probe(info, f->p, f->n));
     work = must(aligned_alloc(SAGA_WORK_ALIGN, info->work_nbytes));
-    assert_int_equal(saga_open(&dec, work, info->work_nbytes, f->p,
-                               info->head_nbytes, NULL), SAGA_OK);
+    assert_ok(saga_open(&dec, work, info->work_nbytes, f->p, info->head_nbytes,
+                        NULL));
     assert_ptr_equal(dec, work);
     return dec;
 }
@@ -266,15 +265,14 @@ static void check_found(saga_decoder *dec, file *f, const uint8_t *entry,
     saga_segment found;
     saga_report report;
 
-    assert_int_equal(saga_find(&found, f->p, f->n, first_frame, 1), SAGA_OK);
+    assert_ok(saga_find(&found, f->p, f->n, first_frame, 1));
     assert_int_equal(found.offset, offset);
     assert_int_equal(get(ENTRY, entry, "nbytes", 0), found.nbytes);
     assert_int_equal(get(SEGMENT, seg, "number", 0), found.number);
     assert_int_equal(get(SEGMENT, seg, "first_frame", 0), found.first_frame);
     assert_int_equal(get(SEGMENT, seg, "n_frames", 0), found.n_frames);
-    assert_int_equal(saga_decode(dec, &found, f->p + offset,
-                                 found.nbytes, NULL), SAGA_OK);
-    assert_int_equal(saga_tell(&report, dec), SAGA_OK);
+    assert_ok(saga_decode(dec, &found, f->p + offset, found.nbytes, NULL));
+    assert_ok(saga_tell(&report, dec));
     assert_int_equal(report.n_layers, n_layers_of(f));
     assert_int_equal(sum_of(f, seg, "n_coarse"), report.n_coarse);
     assert_int_equal(sum_of(f, seg, "n_fine"), report.n_fine);
@@ -297,7 +295,7 @@ static uint32_t layers_in(saga_decoder *dec, const saga_segment *seg,
     free(copy);
     assert_true(s == SAGA_OK || s == SAGA_ERR_TRUNCATED);
     if (s == SAGA_OK)
-        assert_int_equal(saga_tell(&report, dec), SAGA_OK);
+        assert_ok(saga_tell(&report, dec));
     return report.n_layers;
 }
 
@@ -314,8 +312,7 @@ static void check_cuts(saga_decoder *dec, file *f, const saga_segment *seg)
         end += (size_t)get(LAYER, layer_at(f->p + seg->offset +
                                            tables[CHUNK].nbytes, i),
                            "nbytes", 0);
-        assert_int_equal(saga_find_layer(&layer, dec, seg, p, begin, i),
-                         SAGA_OK);
+        assert_ok(saga_find_layer(&layer, dec, seg, p, begin, i));
         assert_int_equal(layer.end, end);
         assert_int_equal(layers_in(dec, seg, p, end - 1), i);
         assert_int_equal(layers_in(dec, seg, p, begin + (end - begin) / 2), i);
@@ -335,7 +332,7 @@ TEST(segments_should_be_cut_where_layers_end)
         assert_int_equal(info.n_layers, n_layers_of(f));
         for (uint32_t frame = 0; info.n_layers > 1 && frame < info.n_frames;
              frame += seg.n_frames) {
-            assert_int_equal(saga_find(&seg, f->p, f->n, frame, 1), SAGA_OK);
+            assert_ok(saga_find(&seg, f->p, f->n, frame, 1));
             check_cuts(dec, f, &seg);
         }
     }
@@ -412,7 +409,7 @@ static void try_value(trial *r, const field *f, uint8_t *p, int64_t v)
     r->n_tried++;
     /* A value that fits a level fits the highest. */
     if (strcmp(f->name, "level") == 0 && v == hi)
-        assert_int_equal(s, SAGA_OK);
+        assert_ok(s);
     if (inside ? s != SAGA_OK && s != SAGA_ERR_LEVEL
                : s != SAGA_ERR_DATA && s != SAGA_ERR_VERSION &&
                  s != SAGA_ERR_LEVEL)
@@ -505,7 +502,7 @@ static saga_status status_of_view(saga_decoder *dec, uint8_t *header,
     memset(p + r->offset, 0, r->nbytes);
     store(p + f->offset + i * size, size, (uint64_t)v);
     store(header + end, 4, crc_of(0, header, end));
-    assert_int_equal(saga_rig(&c, &number, header, end + 4, 0), SAGA_OK);
+    assert_ok(saga_rig(&c, &number, header, end + 4, 0));
     memcpy(p, old, tables[CAMERA].nbytes);
     return saga_view(dec, &c, 0);
 }
@@ -539,10 +536,8 @@ TEST(view_should_refuse_cameras_outside_the_ranges)
     assert_non_null(header);
     memcpy(header, f->p, n);
     assert_true(get(HEADER, header, "n_cameras", 0) >= 1);
-    assert_int_equal(saga_find(&seg, f->p, f->n, 0, 1), SAGA_OK);
-    assert_int_equal(saga_decode(dec, &seg, f->p + seg.offset, seg.nbytes,
-                                 NULL),
-                     SAGA_OK);
+    assert_ok(saga_find(&seg, f->p, f->n, 0, 1));
+    assert_ok(saga_decode(dec, &seg, f->p + seg.offset, seg.nbytes, NULL));
     for (int k = 0; k < tables[CAMERA].n; k++) {
         const field *const c = &tables[CAMERA].f[k];
 

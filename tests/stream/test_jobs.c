@@ -16,15 +16,15 @@ enum { N_STREAMS = 4, LARGE = 4 << 20, CANARY = 0xa5 };
 /* Decodes what was found, and looks at it. */
 static void show(player *s)
 {
-    assert_int_equal(saga_decode(s->dec, &s->seg, s->bytes + s->seg.offset,
-                                 s->seg.nbytes, NULL), SAGA_OK);
-    assert_int_equal(saga_view(s->dec, &s->camera, s->seg.t), SAGA_OK);
+    assert_ok(saga_decode(s->dec, &s->seg, s->bytes + s->seg.offset,
+                          s->seg.nbytes, NULL));
+    assert_ok(saga_view(s->dec, &s->camera, s->seg.t));
 }
 
 static void make_scene(player *s, const gen_options *o)
 {
     player_make(s, o);
-    assert_int_equal(saga_find(&s->seg, s->bytes, s->n, 1, 3), SAGA_OK);
+    assert_ok(saga_find(&s->seg, s->bytes, s->n, 1, 3));
     show(s);
 }
 
@@ -62,10 +62,9 @@ static void draw_rect(const player *s, const division *d, int32_t x0,
                       int32_t y0, int32_t x1, int32_t y1,
                       const saga_picture *picture)
 {
-    saga_job job;
+    saga_job job = { 0 };
     saga_status status;
 
-    memset(&job, 0, sizeof job);
     job.x0 = x0;
     job.y0 = y0;
     job.x1 = x1;
@@ -289,8 +288,8 @@ TEST(picture_should_not_depend_on_the_block)
         make_scene(&exact, &o);
         large = exact;
         large.work = must(aligned_alloc(SAGA_WORK_ALIGN, LARGE));
-        assert_int_equal(saga_open(&large.dec, large.work, LARGE, large.bytes,
-                                   large.n, NULL), SAGA_OK);
+        assert_ok(saga_open(&large.dec, large.work, LARGE, large.bytes, large.n,
+                            NULL));
         show(&large);
         crc = crc_of(&exact, &plain);
         assert_int_equal(crc_of(&large, &plain), crc);
@@ -299,8 +298,8 @@ TEST(picture_should_not_depend_on_the_block)
         memcpy(level_0, exact.work, exact.info.work_nbytes);
         fixed.dec = (saga_decoder *)(void *)level_0;
         assert_int_equal(crc_of(&fixed, &plain), crc);
-        assert_int_equal(saga_open(&fixed.dec, level_0, sizeof level_0,
-                                   exact.bytes, exact.n, NULL), SAGA_OK);
+        assert_ok(saga_open(&fixed.dec, level_0, sizeof level_0, exact.bytes,
+                            exact.n, NULL));
         free(large.work);
         player_close(&exact);
     }
@@ -458,8 +457,7 @@ TEST(jobs_that_cannot_be_should_be_refused)
 #undef REFUSED
     for (n *= 2; n > 0; n--)
         assert_int_equal(p[n - 1], CANARY);
-    assert_int_equal(saga_draw(s.dec, &good.job, &good.picture, 1u << 30),
-                     SAGA_OK);
+    assert_ok(saga_draw(s.dec, &good.job, &good.picture, 1u << 30));
     free(scratch);
     free(p);
     player_close(&s);

@@ -260,9 +260,8 @@ static saga_layer_report layer_of(player *p, uint32_t layer)
 {
     saga_layer_report r;
 
-    assert_int_equal(saga_find_layer(&r, p->dec, &p->seg, p->bytes +
-                                     p->seg.offset, SAGA_LAYERS_NBYTES,
-                                     layer), SAGA_OK);
+    assert_ok(saga_find_layer(&r, p->dec, &p->seg, p->bytes + p->seg.offset,
+                              SAGA_LAYERS_NBYTES, layer));
     return r;
 }
 
@@ -288,7 +287,7 @@ TEST(cut_segment_should_have_the_layers_that_are_whole)
             assert_int_equal(decode_bytes(&cut, r.end - 1),
                              k ? SAGA_OK : SAGA_ERR_TRUNCATED);
             assert_true(k == 0 || cut.report.n_layers == k);
-            assert_int_equal(decode_bytes(&cut, r.end), SAGA_OK);
+            assert_ok(decode_bytes(&cut, r.end));
             assert_int_equal(cut.report.n_layers, k + 1);
             assert_int_equal(cut.report.n_primitives, n_prim);
             for (uint32_t m = 0; m < n_prim; m++)
@@ -316,9 +315,9 @@ TEST(damage_should_count_in_whole_layers_only)
     assert_int_equal(decode_bytes(&p, p.seg.nbytes), SAGA_ERR_DATA);
     assert_int_equal(decode_bytes(&p, end_of_2), SAGA_ERR_DATA);
     p.bytes[p.seg.offset + end_of_1] ^= 1;
-    assert_int_equal(decode_bytes(&p, end_of_2 - 1), SAGA_OK);
+    assert_ok(decode_bytes(&p, end_of_2 - 1));
     assert_int_equal(p.report.n_layers, 1);
-    assert_int_equal(decode_bytes(&p, end_of_1), SAGA_OK);
+    assert_ok(decode_bytes(&p, end_of_1));
 }
 
 TEST(cut_file_should_be_what_the_encoder_makes_of_fewer)

@@ -69,7 +69,7 @@ static void begin_drawn(player *p, painter *b)
 {
     begin(p);
     prepare(b);
-    assert_int_equal(finish(p, b), SAGA_OK);
+    assert_ok(finish(p, b));
 }
 
 /* A job that has been begun and is far from its end. */
@@ -90,7 +90,7 @@ static void assert_refused(const player *p, painter *a)
     assert_int_equal(finish(p, a), SAGA_ERR_STATE);
     assert_memory_equal(a->rgb, before, sizeof before);
     memset(a->job.cursor, 0, sizeof a->job.cursor);
-    assert_int_equal(finish(p, a), SAGA_OK);
+    assert_ok(finish(p, a));
 }
 
 /* --- Jobs ---------------------------------------------------------------- */
@@ -152,8 +152,8 @@ TEST(job_should_be_refused_when_finished_for_another_view)
 
     begin(&p);
     prepare(&a);
-    assert_int_equal(finish(&p, &a), SAGA_OK);
-    assert_int_equal(finish(&p, &a), SAGA_OK);
+    assert_ok(finish(&p, &a));
+    assert_ok(finish(&p, &a));
     view(&p, 1, 0);
     assert_refused(&p, &a);
 }
@@ -203,7 +203,7 @@ TEST(job_should_be_refused_when_its_fields_are_others)
         a.job = before.job;
         a.picture.bits = 8;
         a.picture.stride_nbytes = 3 * SIDE;
-        assert_int_equal(finish(&p, &a), SAGA_OK);
+        assert_ok(finish(&p, &a));
         assert_memory_equal(a.rgb, b.rgb, sizeof a.rgb);
         (void)change_field(&a, i);
         assert_int_equal(go_on(&p, &a, FEW), SAGA_ERR_STATE);
@@ -222,7 +222,7 @@ TEST(job_should_go_on_in_another_picture)
     memcpy(b.rgb + sizeof b.rgb / 2, a.rgb, sizeof b.rgb / 2);
     a.picture.rgb = b.rgb + sizeof b.rgb / 2;
     a.picture.nbytes = sizeof b.rgb / 2;
-    assert_int_equal(finish(&p, &a), SAGA_OK);
+    assert_ok(finish(&p, &a));
     assert_memory_equal(b.rgb + sizeof b.rgb / 2, b.rgb, 3 * SIDE * SIDE);
 }
 
@@ -236,11 +236,11 @@ TEST(job_should_go_on_when_a_view_was_refused)
 
     begin_drawn(&p, &b);
     begin_job(&p, &a);
-    assert_int_equal(saga_rig(&c, &number, p.bytes, p.n, 0), SAGA_OK);
+    assert_ok(saga_rig(&c, &number, p.bytes, p.n, 0));
     assert_int_equal(saga_view(p.dec, &c, -1), SAGA_ERR_ARG);
     c.near_plane = 0;
     assert_int_equal(saga_view(p.dec, &c, 0), SAGA_ERR_ARG);
-    assert_int_equal(finish(&p, &a), SAGA_OK);
+    assert_ok(finish(&p, &a));
     assert_memory_equal(a.rgb, b.rgb, sizeof a.rgb);
 }
 
@@ -256,7 +256,7 @@ TEST(job_should_go_on_when_the_decoder_was_moved)
     memcpy(q.work, p.work, p.info.work_nbytes);
     memset(p.work, 0, p.info.work_nbytes);
     q.dec = (saga_decoder *)(void *)q.work;
-    assert_int_equal(finish(&q, &a), SAGA_OK);
+    assert_ok(finish(&q, &a));
     assert_memory_equal(a.rgb, b.rgb, sizeof a.rgb);
     free(q.work);
     player_close(&p);
@@ -272,7 +272,7 @@ TEST(budget_should_be_refused_when_0)
     assert_int_equal(go_on(&p, &a, 0), SAGA_ERR_ARG);
     assert_int_equal(go_on(&p, &a, FEW), SAGA_AGAIN);
     assert_int_equal(go_on(&p, &a, 0), SAGA_ERR_ARG);
-    assert_int_equal(finish(&p, &a), SAGA_OK);
+    assert_ok(finish(&p, &a));
 }
 
 /* --- Segments ------------------------------------------------------------ */

@@ -41,11 +41,10 @@ static void find_segments(base *b)
 {
     uint32_t frame = 0;
 
-    assert_int_equal(saga_probe(&b->info, b->bytes, b->n), SAGA_OK);
+    assert_ok(saga_probe(&b->info, b->bytes, b->n));
     assert_true(b->info.n_segments <= GEN_MAX_SEGMENTS);
     for (uint32_t i = 0; i < b->info.n_segments; i++) {
-        assert_int_equal(saga_find(&b->segment[i], b->bytes, b->n, frame, 1),
-                         SAGA_OK);
+        assert_ok(saga_find(&b->segment[i], b->bytes, b->n, frame, 1));
         frame += b->segment[i].n_frames;
     }
 }
@@ -69,10 +68,9 @@ static int is_too_large(const gen_stream *g)
 /* A small stream of many kinds: pictures, anything, outputs at the limits. */
 static void make_base(base *b, uint64_t number)
 {
-    gen_options o;
+    gen_options o = { 0 };
     uint64_t r = number;
 
-    memset(&o, 0, sizeof o);
     o.level = (int)(number & 1);
     o.n_coarse = 1 + (uint32_t)(number % 7);
     o.n_segments = number % 5 ? 1 : 2 + (uint32_t)(number % 2);
@@ -249,11 +247,9 @@ TEST(damaged_streams_should_only_give_a_status)
     const uint64_t seed = testing_seed(0);
     const uint32_t n = testing_count(1200, 10000);
     const int verbose = getenv("SAGA_TEST_VERBOSE") != NULL;
-    table t;
-    base b;
+    table t = { 0 };
+    base b = { 0 };
 
-    memset(&t, 0, sizeof t);
-    memset(&b, 0, sizeof b);
     printf("streams from %" PRIu64 ", %" PRIu32 " of them\n", seed, n);
     for (uint32_t i = 0; i < n; i++) {
         keep_base(&b, (seed + i) / PER_BASE);

@@ -25,7 +25,7 @@ static file make_with(int named, int base)
     gen_stream_make(&g, &o);
     gen_stream_encode(&g, &f.p, &f.n);
     gen_stream_free(&g);
-    assert_int_equal(saga_probe(&f.info, f.p, f.n), SAGA_OK);
+    assert_ok(saga_probe(&f.info, f.p, f.n));
     return f;
 }
 
@@ -60,7 +60,7 @@ TEST(names_should_come_back)
 
     for (uint32_t i = 0; i < GEN_MAX_CAMERAS; i++) {
         gen_stream_name(&want, i);
-        assert_int_equal(saga_name_camera(&got, f.p, f.n, i), SAGA_OK);
+        assert_ok(saga_name_camera(&got, f.p, f.n, i));
         assert_string_equal(got.name, want.name);
         assert_int_equal(got.metre_mantissa, want.metre_mantissa);
         assert_int_equal(got.metre_exponent, want.metre_exponent);
@@ -88,11 +88,11 @@ TEST(names_should_stand_behind_a_base)
     f.p[head - 1] ^= 0x01;
     for (uint32_t i = 0; i < GEN_MAX_CAMERAS; i++) {
         gen_stream_name(&want, i);
-        assert_int_equal(saga_name_camera(&got, f.p, f.n, i), SAGA_OK);
+        assert_ok(saga_name_camera(&got, f.p, f.n, i));
         assert_string_equal(got.name, want.name);
     }
     assert_int_equal(saga_name_camera(&got, f.p, head, 0), SAGA_ERR_TRUNCATED);
-    assert_int_equal(saga_find(&s, f.p, f.n, 0, 1), SAGA_OK);
+    assert_ok(saga_find(&s, f.p, f.n, 0, 1));
     assert_int_equal(s.offset - head, f.n - without.n);
     free(f.p);
     free(without.p);
@@ -105,8 +105,8 @@ TEST(names_should_cost_nothing_when_there_are_none)
     saga_segment a, b;
 
     assert_int_equal(with.info.head_nbytes, without.info.head_nbytes);
-    assert_int_equal(saga_find(&a, with.p, with.n, 0, 1), SAGA_OK);
-    assert_int_equal(saga_find(&b, without.p, without.n, 0, 1), SAGA_OK);
+    assert_ok(saga_find(&a, with.p, with.n, 0, 1));
+    assert_ok(saga_find(&b, without.p, without.n, 0, 1));
     assert_int_equal(b.offset, without.info.head_nbytes);
     assert_int_equal(a.offset - b.offset, with.n - without.n);
     /* 8 bytes of the unit, two counts a name, and "c\303\241m 0", "9", "". */

@@ -53,7 +53,7 @@ static void fill_block(player *p)
 static void prepare(player *p)
 {
     gen_stream_encode(&p->g, &p->bytes, &p->n);
-    assert_int_equal(saga_probe(&p->info, p->bytes, p->n), SAGA_OK);
+    assert_ok(saga_probe(&p->info, p->bytes, p->n));
     assert_int_equal(p->info.work_nbytes % SAGA_WORK_ALIGN, 0);
     p->work = must(aligned_alloc(SAGA_WORK_ALIGN,
                                  p->info.work_nbytes + N_CANARIES));
@@ -65,8 +65,8 @@ static void begin(player *p, const gen_options *o)
     memset(p, 0, sizeof *p);
     gen_stream_make(&p->g, o);
     prepare(p);
-    assert_int_equal(saga_open(&p->dec, p->work, p->info.work_nbytes,
-                               p->bytes, p->info.head_nbytes, NULL), SAGA_OK);
+    assert_ok(saga_open(&p->dec, p->work, p->info.work_nbytes, p->bytes,
+                        p->info.head_nbytes, NULL));
 }
 
 static void end(player *p)
@@ -89,7 +89,7 @@ static saga_status decode(player *p, saga_decoder *dec, uint32_t number)
 
     for (uint32_t i = 0; i < number; i++)
         frame += p->g.n_frames[i];
-    assert_int_equal(saga_find(&seg, p->bytes, p->n, frame, 1), SAGA_OK);
+    assert_ok(saga_find(&seg, p->bytes, p->n, frame, 1));
     assert_int_equal(seg.number, number);
     return saga_decode(dec, &seg, p->bytes + seg.offset, seg.nbytes, NULL);
 }
@@ -99,7 +99,7 @@ static saga_camera rig(const player *p, uint32_t index)
     saga_camera c;
     uint32_t number;
 
-    assert_int_equal(saga_rig(&c, &number, p->bytes, p->n, index), SAGA_OK);
+    assert_ok(saga_rig(&c, &number, p->bytes, p->n, index));
     return c;
 }
 
@@ -122,7 +122,7 @@ static uint32_t draw(const saga_decoder *dec, const saga_camera *c)
     do
         s = saga_draw(dec, &job, &picture, 10000);
     while (s == SAGA_AGAIN);
-    assert_int_equal(s, SAGA_OK);
+    assert_ok(s);
     crc = saga_crc32c(0, pixels, nbytes);
     free(job.scratch);
     return crc;
@@ -130,9 +130,8 @@ static uint32_t draw(const saga_decoder *dec, const saga_camera *c)
 
 static gen_options options_of(uint64_t seed, uint32_t i)
 {
-    gen_options o;
+    gen_options o = { 0 };
 
-    memset(&o, 0, sizeof o);
     o.seed = seed + i;
     o.level = (int)(i % 16 == 15 ? 3 : i % 16 == 7 ? 2 : i & 1);
     o.tools_fixed = 1;
@@ -225,11 +224,11 @@ static void check_canaries(const gen_options *o)
 
     begin(&p, o);
     for (uint32_t i = 0; i < p.g.n_segments; i++) {
-        assert_int_equal(decode(&p, p.dec, i), SAGA_OK);
+        assert_ok(decode(&p, p.dec, i));
         assert_canaries(&p);
         for (uint32_t k = 0; k < 3; k++) {
             c = rig(&p, k);
-            assert_int_equal(saga_view(p.dec, &c, times[k]), SAGA_OK);
+            assert_ok(saga_view(p.dec, &c, times[k]));
             assert_canaries(&p);
         }
         (void)draw(p.dec, &c);
@@ -306,7 +305,7 @@ TEST(block_should_be_as_large_as_the_document_says)
         FREED_BY(end) player p;
 
         begin(&p, &o);
-        assert_int_equal(saga_head_read(&h, p.bytes, p.n), SAGA_OK);
+        assert_ok(saga_head_read(&h, p.bytes, p.n));
         assert_int_equal(p.info.work_nbytes, work_of_document(&h));
         n_plain += !(h.model.tools & SAGA_TOOL_VIEW);
     }
@@ -325,8 +324,8 @@ TEST(vectors_should_be_empty_when_opened)
 
         o.base = 0;
         begin(&p, &o);
-        assert_int_equal(saga_head_read(&h, p.bytes, p.n), SAGA_OK);
-        assert_int_equal(saga_plan_make(&plan, &h, DECODER_NBYTES), SAGA_OK);
+        assert_ok(saga_head_read(&h, p.bytes, p.n));
+        assert_ok(saga_plan_make(&plan, &h, DECODER_NBYTES));
         for (size_t k = 0; k < sizeof(saga_vectors); k++)
             assert_int_equal(p.work[plan.vectors_at + k], 0);
     }
@@ -338,11 +337,10 @@ TEST(block_should_be_used_up_to_its_end)
 {
     for (uint32_t i = 0; i < 32; i++) {
         gen_options o = options_of(testing_seed(1), i);
-        FREED_BY(end) player p;
+        FREED_BY(end) player p = { 0 };
         saga_symbols *s;
         size_t last;
 
-        memset(&p, 0, sizeof p);
         o.base = 0;
         o.n_layers = 1;
         gen_stream_make(&p.g, &o);
@@ -350,9 +348,9 @@ TEST(block_should_be_used_up_to_its_end)
         memset(s->n_prim, 0, s->n.fine);
         s->n.prim = 0;
         prepare(&p);
-        assert_int_equal(saga_open(&p.dec, p.work, p.info.work_nbytes,
-                                   p.bytes, p.n, NULL), SAGA_OK);
-        assert_int_equal(decode(&p, p.dec, 0), SAGA_OK);
+        assert_ok(saga_open(&p.dec, p.work, p.info.work_nbytes, p.bytes, p.n,
+                            NULL));
+        assert_ok(decode(&p, p.dec, 0));
         /* A zero byte among features looks touched; a canary may be real. */
         for (last = p.info.work_nbytes; p.work[last - 1] == CANARY; last--)
             ;
@@ -373,8 +371,8 @@ TEST(tools_should_cost_nothing_when_off)
         FREED_BY(end) player p;
 
         begin(&p, &o);
-        assert_int_equal(saga_head_read(&h, p.bytes, p.n), SAGA_OK);
-        assert_int_equal(saga_plan_make(&plan, &h, DECODER_NBYTES), SAGA_OK);
+        assert_ok(saga_head_read(&h, p.bytes, p.n));
+        assert_ok(saga_plan_make(&plan, &h, DECODER_NBYTES));
         assert_int_equal(h.header_nbytes, 178 + (o.bank ? 15 : 0) +
                          (o.base ? 16 : 0) +
                          GEN_MAX_CAMERAS * SAGA_CAMERA_NBYTES);
@@ -419,8 +417,8 @@ static uint32_t rounds_of_tier(const player *p, uint32_t number, int level)
     const saga_coarse *coarse;
     uint32_t steps;
 
-    assert_int_equal(saga_head_read(&h, p->bytes, p->n), SAGA_OK);
-    assert_int_equal(saga_plan_make(&plan, &h, DECODER_NBYTES), SAGA_OK);
+    assert_ok(saga_head_read(&h, p->bytes, p->n));
+    assert_ok(saga_plan_make(&plan, &h, DECODER_NBYTES));
     coarse = (const saga_coarse *)(const void *)(p->work + plan.coarse_at);
     for (uint32_t i = 0; i < n; i++)
         group[i] = level == SAGA_TIER_COARSE ? coarse[i].group
@@ -487,9 +485,8 @@ TEST(most_steps_should_be_reached_and_never_passed)
     for (uint32_t i = 0; i < 20000; i++) {
         const uint32_t n = (uint32_t)gen_range(&r, 0, i & 1 ? 200 : 1 << 22);
         uint32_t group[200] = { 0 };
-        saga_model m;
+        saga_model m = { 0 };
 
-        memset(&m, 0, sizeof m);
         m.tier[0].n_groups = (uint8_t)gen_range(&r, 1, SAGA_MAX_GROUPS);
         m.bank_blocks = (uint16_t)gen_range(&r, 1, i & 2 ? 20 : 65535);
         assert_int_equal(saga_plan_rounds(&m, 0, n),
@@ -512,7 +509,7 @@ static void check_macs(const gen_options *o)
     begin(&p, o);
     for (uint32_t i = 0; i < p.g.n_segments; i++) {
         n_macs = 0;
-        assert_int_equal(decode(&p, p.dec, i), SAGA_OK);
+        assert_ok(decode(&p, p.dec, i));
         assert_true(n_macs <= p.info.decode_macs);
         /* The groups of layers but the last are gone. */
         if (p.info.n_layers == 1)
@@ -523,8 +520,8 @@ static void check_macs(const gen_options *o)
             assert_true(n_macs == p.info.decode_macs);
         c = rig(&p, i % p.info.n_cameras);
         n_macs = 0;
-        assert_int_equal(saga_view(p.dec, &c, 40000), SAGA_OK);
-        assert_int_equal(saga_tell(&report, p.dec), SAGA_OK);
+        assert_ok(saga_view(p.dec, &c, 40000));
+        assert_ok(saga_tell(&report, p.dec));
         assert_true(n_macs == (uint64_t)p.info.view_macs * report.n_splats);
         n_macs = 0;
         (void)draw(p.dec, &c);
@@ -632,22 +629,22 @@ TEST(decoder_should_be_movable_at_any_time)
 
     begin(&p, &picture_options);
     c = rig(&p, 1);
-    assert_int_equal(decode(&p, p.dec, 0), SAGA_OK);
-    assert_int_equal(saga_view(p.dec, &c, 20000), SAGA_OK);
+    assert_ok(decode(&p, p.dec, 0));
+    assert_ok(saga_view(p.dec, &c, 20000));
     crc = draw(p.dec, &c);
     for (int when = 0; when < 3; when++) {
-        assert_int_equal(saga_open(&p.dec, p.work, p.info.work_nbytes,
-                                   p.bytes, p.n, NULL), SAGA_OK);
+        assert_ok(saga_open(&p.dec, p.work, p.info.work_nbytes, p.bytes, p.n,
+                            NULL));
         if (when > 0)
-            assert_int_equal(decode(&p, p.dec, 0), SAGA_OK);
+            assert_ok(decode(&p, p.dec, 0));
         if (when > 1)
-            assert_int_equal(saga_view(p.dec, &c, 20000), SAGA_OK);
+            assert_ok(saga_view(p.dec, &c, 20000));
         at = decoder_copy(&p, &block);
         fill_block(&p);      /* moved: nothing is left where it was */
         if (when < 1)
-            assert_int_equal(decode(&p, at, 0), SAGA_OK);
+            assert_ok(decode(&p, at, 0));
         if (when < 2)
-            assert_int_equal(saga_view(at, &c, 20000), SAGA_OK);
+            assert_ok(saga_view(at, &c, 20000));
         assert_int_equal(draw(at, &c), crc);
         free(block);
     }
@@ -663,16 +660,16 @@ TEST(copy_should_not_follow_its_original)
 
     begin(&p, &picture_options);
     c = rig(&p, 0);
-    assert_int_equal(decode(&p, p.dec, 0), SAGA_OK);
-    assert_int_equal(saga_view(p.dec, &c, 0), SAGA_OK);
+    assert_ok(decode(&p, p.dec, 0));
+    assert_ok(saga_view(p.dec, &c, 0));
     crc = draw(p.dec, &c);
     copy = decoder_copy(&p, &block);
-    assert_int_equal(decode(&p, p.dec, 1), SAGA_OK);
-    assert_int_equal(saga_view(p.dec, &c, 0), SAGA_OK);
+    assert_ok(decode(&p, p.dec, 1));
+    assert_ok(saga_view(p.dec, &c, 0));
     other = draw(p.dec, &c);
     assert_int_not_equal(other, crc);
     assert_int_equal(draw(copy, &c), crc);
-    assert_int_equal(saga_view(copy, &c, 0), SAGA_OK);
+    assert_ok(saga_view(copy, &c, 0));
     assert_int_equal(draw(copy, &c), crc);
     assert_int_equal(draw(p.dec, &c), other);
     free(block);
@@ -689,10 +686,10 @@ TEST(picture_should_not_depend_on_what_the_block_held)
     c = rig(&p, 2);
     for (int i = 0; i < 2; i++) {
         memset(p.work, i ? 0xff : 0, p.info.work_nbytes);
-        assert_int_equal(saga_open(&p.dec, p.work, p.info.work_nbytes,
-                                   p.bytes, p.n, NULL), SAGA_OK);
-        assert_int_equal(decode(&p, p.dec, 1), SAGA_OK);
-        assert_int_equal(saga_view(p.dec, &c, 65535), SAGA_OK);
+        assert_ok(saga_open(&p.dec, p.work, p.info.work_nbytes, p.bytes, p.n,
+                            NULL));
+        assert_ok(decode(&p, p.dec, 1));
+        assert_ok(saga_view(p.dec, &c, 65535));
         crc[i] = draw(p.dec, &c);
     }
     assert_int_equal(crc[0], crc[1]);
@@ -721,9 +718,9 @@ static uint32_t see_all(seen *list, const player *p, const saga_camera *c,
     saga_splat s;
     uint32_t n = 0;
 
-    assert_int_equal(saga_tell(&report, p->dec), SAGA_OK);
+    assert_ok(saga_tell(&report, p->dec));
     for (uint32_t i = 0; i < report.n_primitives; i++) {
-        assert_int_equal(saga_primitive_at(&a, p->dec, i, t), SAGA_OK);
+        assert_ok(saga_primitive_at(&a, p->dec, i, t));
         if (saga_project(&s, &a, c, 0))
             list[n++] = (seen){ s.depth, i };
     }
@@ -745,8 +742,8 @@ static void check_colours(uint32_t tools)
     begin(&p, &o);
     c = rig(&p, 1);
     list = must(malloc(p.info.max_primitives * sizeof *list));
-    assert_int_equal(decode(&p, p.dec, 0), SAGA_OK);
-    assert_int_equal(saga_view(p.dec, &c, t), SAGA_OK);
+    assert_ok(decode(&p, p.dec, 0));
+    assert_ok(saga_view(p.dec, &c, t));
     crc = draw(p.dec, &c);
     n = see_all(list, &p, &c, t);
     assert_true(n > 5);
@@ -754,9 +751,8 @@ static void check_colours(uint32_t tools)
         uint16_t colour[3];
         saga_splat s;
 
-        assert_int_equal(saga_colour_at(colour, p.dec, list[i].index,
-                                        c.centre), SAGA_OK);
-        assert_int_equal(saga_splat_at(&s, p.dec, i), SAGA_OK);
+        assert_ok(saga_colour_at(colour, p.dec, list[i].index, c.centre));
+        assert_ok(saga_splat_at(&s, p.dec, i));
         assert_memory_equal(colour, s.colour_q15, sizeof colour);
     }
     assert_int_equal(draw(p.dec, &c), crc);
@@ -779,9 +775,9 @@ TEST(colour_of_what_is_not_there_should_be_refused)
 
     begin(&p, &picture_options);
     assert_int_equal(saga_colour_at(colour, p.dec, 0, edge), SAGA_ERR_STATE);
-    assert_int_equal(decode(&p, p.dec, 0), SAGA_OK);
-    assert_int_equal(saga_tell(&report, p.dec), SAGA_OK);
-    assert_int_equal(saga_colour_at(colour, p.dec, 0, edge), SAGA_OK);
+    assert_ok(decode(&p, p.dec, 0));
+    assert_ok(saga_tell(&report, p.dec));
+    assert_ok(saga_colour_at(colour, p.dec, 0, edge));
     assert_int_equal(saga_colour_at(colour, p.dec, report.n_primitives, edge),
                      SAGA_ERR_ARG);
     assert_int_equal(saga_colour_at(colour, p.dec, 0, beyond), SAGA_ERR_ARG);
@@ -826,7 +822,7 @@ static void assert_no_view(const saga_decoder *dec, const saga_camera *c)
     saga_report report;
     saga_splat s;
 
-    assert_int_equal(saga_tell(&report, dec), SAGA_OK);
+    assert_ok(saga_tell(&report, dec));
     assert_int_equal(report.n_splats, 0);
     assert_int_equal(saga_splat_at(&s, dec, 0), SAGA_ERR_STATE);
     assert_int_equal(try_draw(dec, c), SAGA_ERR_STATE);
@@ -842,20 +838,20 @@ TEST(calls_out_of_order_should_be_refused)
     begin(&p, &picture_options);
     c = rig(&p, 0);
     assert_nothing_decoded(p.dec, &c);
-    assert_int_equal(decode(&p, p.dec, 0), SAGA_OK);
+    assert_ok(decode(&p, p.dec, 0));
     assert_no_view(p.dec, &c);
-    assert_int_equal(saga_view(p.dec, &c, 0), SAGA_OK);
-    assert_int_equal(saga_tell(&report, p.dec), SAGA_OK);
+    assert_ok(saga_view(p.dec, &c, 0));
+    assert_ok(saga_tell(&report, p.dec));
     assert_int_not_equal(report.n_splats, 0);
-    assert_int_equal(try_draw(p.dec, &c), SAGA_OK);
-    assert_int_equal(decode(&p, p.dec, 0), SAGA_OK);
+    assert_ok(try_draw(p.dec, &c));
+    assert_ok(decode(&p, p.dec, 0));
     assert_no_view(p.dec, &c);
-    assert_int_equal(saga_view(p.dec, &c, 0), SAGA_OK);
-    assert_int_equal(saga_find(&seg, p.bytes, p.n, 0, 1), SAGA_OK);
+    assert_ok(saga_view(p.dec, &c, 0));
+    assert_ok(saga_find(&seg, p.bytes, p.n, 0, 1));
     assert_int_equal(saga_decode(p.dec, &seg, p.bytes + seg.offset, 1, NULL),
                      SAGA_ERR_TRUNCATED);
     assert_nothing_decoded(p.dec, &c);
-    assert_int_equal(decode(&p, p.dec, 1), SAGA_OK);
+    assert_ok(decode(&p, p.dec, 1));
     p.bytes[p.n - 1] ^= 1;
     assert_int_equal(decode(&p, p.dec, 1), SAGA_ERR_DATA);
     assert_nothing_decoded(p.dec, &c);
@@ -870,7 +866,7 @@ TEST(cut_segment_should_be_refused)
     saga_segment seg;
 
     begin(&p, &o);
-    assert_int_equal(saga_find(&seg, p.bytes, p.n, 0, 1), SAGA_OK);
+    assert_ok(saga_find(&seg, p.bytes, p.n, 0, 1));
     for (size_t n = 0; n < seg.nbytes; n++) {
         FREED uint8_t *const copy = must(malloc(n ? n : 1));
 

@@ -101,7 +101,7 @@ static uint8_t *make(const gen_options *o, size_t *n, size_t *head)
     gen_stream_make(&g, o);
     gen_stream_encode(&g, &bytes, n);
     gen_stream_free(&g);
-    assert_int_equal(saga_probe(&info, bytes, *n), SAGA_OK);
+    assert_ok(saga_probe(&info, bytes, *n));
     *head = info.head_nbytes;
     return bytes;
 }
@@ -273,8 +273,7 @@ static void check_segment(saga_decoder *dec, const saga_segment *seg,
     for (size_t k = seg->nbytes; k <= n; k += k < seg->nbytes + 40 ? 1 : 499) {
         assert_int_equal(saga_decode(dec, seg, bytes, k, NULL), want);
         if (want == SAGA_OK)
-            assert_int_equal(saga_find_layer(&layer, dec, seg, bytes, k, 0),
-                             SAGA_OK);
+            assert_ok(saga_find_layer(&layer, dec, seg, bytes, k, 0));
     }
 }
 
@@ -293,7 +292,7 @@ TEST(segments_should_end_where_the_index_says)
 
         assert_non_null(dec);
         memcpy(more, bytes, n);
-        assert_int_equal(saga_find(&seg, bytes, n, 0, 1), SAGA_OK);
+        assert_ok(saga_find(&seg, bytes, n, 0, 1));
         p = more + seg.offset;
         check_segment(dec, &seg, p, n + MORE - seg.offset, SAGA_OK);
         cut = seg;

@@ -88,11 +88,9 @@ static void check_layer(const gen_stream *g, const saga_symbols *want,
                         uint32_t number, uint32_t range[3],
                         const uint8_t *bytes, size_t n)
 {
-    FREED_BY(saga_net_symbols_free) saga_net_symbols nets;
-    FREED_BY(recorder_free_symbols) saga_symbols s;
+    FREED_BY(saga_net_symbols_free) saga_net_symbols nets = { 0 };
+    FREED_BY(recorder_free_symbols) saga_symbols s = { 0 };
 
-    memset(&nets, 0, sizeof nets);
-    memset(&s, 0, sizeof s);
     assert_true(recorder_read(&nets, &s, number, range, bytes, n));
     assert_same_nets(&nets, &g->nets, &g->header.model);
     assert_same_symbols(&s, want, g->header.model.features);
@@ -104,8 +102,7 @@ static void decode_copy(player *p, const gen_stream *g, uint32_t number)
     const saga_segment seg = segment_of(p, g, number);
     FREED uint8_t *const copy = copy_of(p->bytes + seg.offset, seg.nbytes);
 
-    assert_int_equal(saga_decode(p->dec, &seg, copy, seg.nbytes, NULL),
-                     SAGA_OK);
+    assert_ok(saga_decode(p->dec, &seg, copy, seg.nbytes, NULL));
 }
 
 static void check_segment(player *p, const gen_stream *g, uint32_t number)
@@ -125,7 +122,7 @@ static void check_segment(player *p, const gen_stream *g, uint32_t number)
         sum.prim += want->n.prim;
     }
     decode_copy(p, g, number);
-    assert_int_equal(saga_tell(&report, p->dec), SAGA_OK);
+    assert_ok(saga_tell(&report, p->dec));
     assert_int_equal(report.n_layers, n_layers);
     assert_int_equal(report.n_coarse, sum.coarse);
     assert_int_equal(report.n_fine, sum.fine);
@@ -136,14 +133,13 @@ static void check_segment(player *p, const gen_stream *g, uint32_t number)
 
 static void check_base(const player *p, const gen_stream *g)
 {
-    saga_net_symbols nets;
+    saga_net_symbols nets = { 0 };
     saga_symbols s;
     uint32_t range[3];
 
     assert_int_equal(p->info.base_coarse, g->base.n.coarse);
     if (!g->has_base)
         return;
-    memset(&nets, 0, sizeof nets);
     assert_true(recorder_read(&nets, &s, RECORDER_BASE, range,
                               p->bytes, p->n));
     assert_same_symbols(&s, &g->base, g->header.model.features);
@@ -291,9 +287,8 @@ static void assert_covered(const coverage *c, uint32_t n)
 /* Mostly level 0 and 1: the others have larger networks, nothing else. */
 static gen_options options_of(uint64_t seed, uint32_t i)
 {
-    gen_options o;
+    gen_options o = { 0 };
 
-    memset(&o, 0, sizeof o);
     o.seed = seed;
     o.level = i % 64 == 63 ? 3 : i % 32 == 31 ? 2 : i / 32 % 2;
     o.n_coarse = i % 10 == 9 ? 40 : 0;
@@ -310,9 +305,8 @@ TEST(stream_should_decode_to_the_symbols_it_was_made_from)
 {
     const uint64_t seed = testing_seed(1);
     const uint32_t n = testing_count(600, 100000);
-    coverage c;
+    coverage c = { 0 };
 
-    memset(&c, 0, sizeof c);
     printf("seeds from %" PRIu64 ", %" PRIu32 " streams\n", seed, n);
     for (uint32_t i = 0; i < n; i++) {
         const gen_options o = options_of(seed + i, i);
@@ -334,9 +328,8 @@ TEST(stream_should_decode_to_the_symbols_it_was_made_from)
 static void make_full(gen_stream *g)
 {
     const saga_level_caps *const cap = &saga_caps[0];
-    gen_options o;
+    gen_options o = { 0 };
 
-    memset(&o, 0, sizeof o);
     o.full = 1;
     o.tools_fixed = 1;
     o.tools = SAGA_TOOLS_PICTURE;
@@ -546,9 +539,8 @@ static void no_frames(gen_stream *g) { g->n_frames[0] = 0; }
 /* A stream in which every spoiler above finds what it changes. */
 static void make_rich(gen_stream *g)
 {
-    gen_options o;
+    gen_options o = { 0 };
 
-    memset(&o, 0, sizeof o);
     o.level = 1;
     o.n_coarse = 24;
     for (o.seed = 100 + testing_seed(1);; o.seed++) {

@@ -47,8 +47,8 @@ typedef struct {
 static void load(film *f, gen_stream *g)
 {
     gen_stream_encode(g, &f->bytes, &f->n);
-    assert_int_equal(saga_probe(&f->info, f->bytes, f->n), SAGA_OK);
-    assert_int_equal(saga_find(&f->seg, f->bytes, f->n, 0, 1), SAGA_OK);
+    assert_ok(saga_probe(&f->info, f->bytes, f->n));
+    assert_ok(saga_find(&f->seg, f->bytes, f->n, 0, 1));
     f->work = must(aligned_alloc(SAGA_WORK_ALIGN, f->info.work_nbytes));
     f->dec = NULL;
 }
@@ -93,7 +93,7 @@ TEST(slowest_should_be_the_last_that_is_valid)
             max = g.header.max;
             load(&f, &g);
             gen_slow_set_max(f.bytes, max.coarse, max.fine);
-            assert_int_equal(saga_probe(&f.info, f.bytes, f.n), SAGA_OK);
+            assert_ok(saga_probe(&f.info, f.bytes, f.n));
             assert_int_equal(f.info.level, level);
             assert_true(f.info.work <= cap->work &&
                         anchors_of(&f.info) <= cap->n_anchors);
@@ -118,9 +118,9 @@ TEST(slowest_should_decode)
 
             gen_slow_make(&g, level, kind, share);
             load(&f, &g);
-            assert_int_equal(open_film(&f, NULL), SAGA_OK);
+            assert_ok(open_film(&f, NULL));
             begin = cpu_seconds();
-            assert_int_equal(decode(&f, NULL), SAGA_OK);
+            assert_ok(decode(&f, NULL));
             print_message("  level %d, kind %d: %zu bytes, 1/%u in %.3f s\n",
                           level, kind, f.n, share, cpu_seconds() - begin);
         }
@@ -253,7 +253,7 @@ TEST(work_should_be_as_the_formula_says)
 
         gen_stream_make(&g, &o);
         gen_stream_encode(&g, &bytes, &n);
-        assert_int_equal(saga_probe(&info, bytes, n), SAGA_OK);
+        assert_ok(saga_probe(&info, bytes, n));
         work = scaffold_of(&g.header.model, info.max_coarse, info.max_fine,
                            info.max_primitives) +
                (info.n_layers - 1) * scaffold_of(&g.header.model,
@@ -287,14 +287,14 @@ static uint32_t digest(const film *f)
     saga_report r;
     uint32_t crc;
 
-    assert_int_equal(saga_tell(&r, f->dec), SAGA_OK);
+    assert_ok(saga_tell(&r, f->dec));
     crc = saga_crc32c(0, (const uint8_t *)&r, sizeof r);
     for (uint32_t i = 0; i < r.n_primitives; i++) {
         saga_animated a;
         uint16_t colour[3];
 
-        assert_int_equal(saga_primitive_at(&a, f->dec, i, 20000), SAGA_OK);
-        assert_int_equal(saga_colour_at(colour, f->dec, i, from), SAGA_OK);
+        assert_ok(saga_primitive_at(&a, f->dec, i, 20000));
+        assert_ok(saga_colour_at(colour, f->dec, i, from));
         crc = saga_crc32c(crc, (const uint8_t *)&a, sizeof a);
         crc = saga_crc32c(crc, (const uint8_t *)colour, sizeof colour);
     }
@@ -312,7 +312,7 @@ static void stop_decoding(film *f, uint32_t at, uint32_t expected)
     assert_int_equal(decode(f, &watch), SAGA_ERR_STOPPED);
     assert_int_equal(p.n_asked, at);
     assert_int_equal(saga_tell(&r, f->dec), SAGA_ERR_STATE);
-    assert_int_equal(decode(f, NULL), SAGA_OK);
+    assert_ok(decode(f, NULL));
     assert_int_equal(p.n_asked, at);
     assert_int_equal(digest(f), expected);
 }
@@ -325,8 +325,8 @@ static void stop_opening(film *f, uint32_t at, uint32_t expected)
     assert_int_equal(open_film(f, &watch), SAGA_ERR_STOPPED);
     assert_null(f->dec);
     assert_int_equal(p.n_asked, at);
-    assert_int_equal(open_film(f, NULL), SAGA_OK);
-    assert_int_equal(decode(f, NULL), SAGA_OK);
+    assert_ok(open_film(f, NULL));
+    assert_ok(decode(f, NULL));
     assert_int_equal(digest(f), expected);
 }
 
@@ -341,8 +341,8 @@ static void stop_everywhere(gen_stream *g, uint64_t seed)
     FREED_BY(unload) film f;
 
     load(&f, g);
-    assert_int_equal(open_film(&f, &opening), SAGA_OK);
-    assert_int_equal(decode(&f, &decoding), SAGA_OK);
+    assert_ok(open_film(&f, &opening));
+    assert_ok(decode(&f, &decoding));
     assert_true(opened.n_asked > 0 && decoded.n_asked > 0);
     expected = digest(&f);
     for (uint32_t i = 1; i <= EARLY + 1 + AT_RANDOM; i++) {
@@ -393,9 +393,9 @@ TEST(opening_should_stop_within_the_base)
     g.base = g.segment[7];
     g.header.more_layers = 6;
     load(&f, &g);
-    assert_int_equal(open_film(&f, &watch), SAGA_OK);
+    assert_ok(open_film(&f, &watch));
     assert_true(p.n_asked > 20);
-    assert_int_equal(decode(&f, NULL), SAGA_OK);
+    assert_ok(decode(&f, NULL));
     stop_opening(&f, p.n_asked / 2, digest(&f));
 }
 
@@ -418,7 +418,7 @@ TEST(deadline_should_be_kept)
 
             gen_slow_make(&g, level, kind, level == 2 ? 1 : 8);
             load(&f, &g);
-            assert_int_equal(open_film(&f, NULL), SAGA_OK);
+            assert_ok(open_film(&f, NULL));
             deadline = cpu_seconds() + 0.05;
             assert_int_equal(decode(&f, &watch), SAGA_ERR_STOPPED);
             late = cpu_seconds() - deadline;
@@ -456,9 +456,9 @@ static void see_wall(film *f, saga_camera *c, int level, uint32_t n)
     gen_slow_wall(&g, level, n);
     load(f, &g);
     assert_int_equal(f->info.level, level);
-    assert_int_equal(open_film(f, NULL), SAGA_OK);
-    assert_int_equal(decode(f, NULL), SAGA_OK);
-    assert_int_equal(saga_rig(c, &number, f->bytes, f->n, 0), SAGA_OK);
+    assert_ok(open_film(f, NULL));
+    assert_ok(decode(f, NULL));
+    assert_ok(saga_rig(c, &number, f->bytes, f->n, 0));
     assert_int_equal(c->width, SIDE);
 }
 
@@ -472,16 +472,16 @@ TEST(view_should_cost_what_the_level_allows)
         film f;
 
         see_wall(&f, &c, level, most);
-        assert_int_equal(saga_tell(&r, f.dec), SAGA_OK);
+        assert_ok(saga_tell(&r, f.dec));
         assert_int_equal(r.box_pixels, 0);
-        assert_int_equal(saga_view(f.dec, &c, 0), SAGA_OK);
-        assert_int_equal(saga_tell(&r, f.dec), SAGA_OK);
+        assert_ok(saga_view(f.dec, &c, 0));
+        assert_ok(saga_tell(&r, f.dec));
         assert_int_equal(r.n_splats, most);
         assert_int_equal(r.box_pixels, (uint64_t)most * SIDE * SIDE);
         unload(&f);
         see_wall(&f, &c, level, most + 1);
         assert_int_equal(saga_view(f.dec, &c, 0), SAGA_ERR_LEVEL);
-        assert_int_equal(saga_tell(&r, f.dec), SAGA_OK);
+        assert_ok(saga_tell(&r, f.dec));
         assert_int_equal(r.n_splats, 0);
         assert_int_equal(r.box_pixels, (most + 1ull) * SIDE * SIDE);
         assert_int_equal(draw(&f, &c), SAGA_ERR_STATE);
@@ -499,14 +499,14 @@ TEST(refused_view_should_leave_none)
 
     see_wall(&f, &c, 0, SAGA_COVER_MAX(0) + 1);
     c.height--;
-    assert_int_equal(saga_view(f.dec, &c, 0), SAGA_OK);
-    assert_int_equal(draw(&f, &c), SAGA_OK);
+    assert_ok(saga_view(f.dec, &c, 0));
+    assert_ok(draw(&f, &c));
     c.height++;
     assert_int_equal(saga_view(f.dec, &c, 0), SAGA_ERR_LEVEL);
     assert_int_equal(draw(&f, &c), SAGA_ERR_STATE);
     c.height /= 2;
-    assert_int_equal(saga_view(f.dec, &c, 0), SAGA_OK);
-    assert_int_equal(saga_tell(&r, f.dec), SAGA_OK);
+    assert_ok(saga_view(f.dec, &c, 0));
+    assert_ok(saga_tell(&r, f.dec));
     assert_int_equal(r.box_pixels, (uint64_t)r.n_splats * SIDE * SIDE / 2);
-    assert_int_equal(draw(&f, &c), SAGA_OK);
+    assert_ok(draw(&f, &c));
 }

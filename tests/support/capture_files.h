@@ -7,7 +7,6 @@
 #define CAPTURE_FILES_H
 
 #include "capture_load.h"
-#include "error.h"
 #include "file.h"
 #include "testing.h"
 
@@ -46,8 +45,9 @@ static inline int folder_remove(void **state)
     return 0;
 }
 
-/* A test with a folder of its own, which is its *state. */
-#define TEST_IN_FOLDER(test) TEST_WITH(test, folder_make, folder_remove)
+/* A test with a folder `f` of its own. */
+#define TEST_IN_FOLDER(test) \
+    TEST_OF_WITH(folder, test, folder_make, folder_remove)
 
 /* The path of a file in it; good until the fourth call after this. */
 static inline const char *folder_file(folder *f, const char *name)
@@ -175,10 +175,8 @@ static inline saga_capture load_with(const char *path,
                                      const saga_capture_options *o)
 {
     saga_capture c;
-    saga_error error;
 
-    if (!saga_capture_load(&c, path, o, &error))
-        fail_msg("%s", error.message);
+    assert_done(saga_capture_load(&c, path, o, &error));
     return c;
 }
 

@@ -26,9 +26,7 @@ static void assert_given(const given_view *v)
         for (uint32_t k = 0; k < n_copies(&v->p[i]); k++, index++)
             for (int j = 0; j < 3; j++) {
                 saga_animate(&want, &v->p[i].p, &f, times[j]);
-                assert_int_equal(saga_primitive_at(&got, v->dec, index,
-                                                   times[j]),
-                                 SAGA_OK);
+                assert_ok(saga_primitive_at(&got, v->dec, index, times[j]));
                 assert_memory_equal(&got, &want, sizeof got);
             }
     assert_int_equal(v->report.n_primitives, index);
@@ -41,15 +39,15 @@ void given_open_stream(given_view *v, gen_stream *g)
 
     memset(v, 0, sizeof *v);
     gen_stream_encode(g, &v->bytes, &v->nbytes);
-    assert_int_equal(saga_probe(&info, v->bytes, v->nbytes), SAGA_OK);
+    assert_ok(saga_probe(&info, v->bytes, v->nbytes));
     v->work = must(aligned_alloc(SAGA_WORK_ALIGN,
                                  (info.work_nbytes + 15) & ~(size_t)15));
-    assert_int_equal(saga_open(&v->dec, v->work, info.work_nbytes, v->bytes,
-                               v->nbytes, NULL), SAGA_OK);
-    assert_int_equal(saga_find(&seg, v->bytes, v->nbytes, 0, 1), SAGA_OK);
-    assert_int_equal(saga_decode(v->dec, &seg, v->bytes + seg.offset,
-                                 seg.nbytes, NULL), SAGA_OK);
-    assert_int_equal(saga_tell(&v->report, v->dec), SAGA_OK);
+    assert_ok(saga_open(&v->dec, v->work, info.work_nbytes, v->bytes, v->nbytes,
+                        NULL));
+    assert_ok(saga_find(&seg, v->bytes, v->nbytes, 0, 1));
+    assert_ok(saga_decode(v->dec, &seg, v->bytes + seg.offset, seg.nbytes,
+                          NULL));
+    assert_ok(saga_tell(&v->report, v->dec));
 }
 
 void given_open(given_view *v, const gen_given *p, uint32_t n,
@@ -90,9 +88,9 @@ void given_draw(given_view *v, const saga_camera *cam, int32_t t)
     v->cam = *cam;
     v->t = t;
     job.scratch = must(malloc(scratch));
-    assert_int_equal(saga_view(v->dec, cam, t), SAGA_OK);
-    assert_int_equal(saga_draw(v->dec, &job, &pic, UINT32_MAX), SAGA_OK);
-    assert_int_equal(saga_tell(&v->report, v->dec), SAGA_OK);
+    assert_ok(saga_view(v->dec, cam, t));
+    assert_ok(saga_draw(v->dec, &job, &pic, UINT32_MAX));
+    assert_ok(saga_tell(&v->report, v->dec));
     free(job.scratch);
 }
 
@@ -107,12 +105,10 @@ saga_verify_picture given_verify(const given_view *v, int stage)
     const saga_verify_view view = { v->cam, (uint32_t)v->t, 65536, NULL,
                                     NULL };
     FREED saga_verify *const report = must(malloc(sizeof *report));
-    saga_error error = { "" };
     saga_verify_picture picture;
 
-    if (!saga_verify_file(report, "the file", v->bytes, v->nbytes, &view,
-                          &error))
-        fail_msg("%s", error.message);
+    assert_done(saga_verify_file(report, "the file", v->bytes, v->nbytes, &view,
+                                 &error));
     picture = report->picture[stage];
     return picture;
 }

@@ -13,12 +13,11 @@ void player_open(player *p, const gen_stream *g)
 
     memset(p, 0, sizeof *p);
     gen_stream_encode(&copy, &p->bytes, &p->n);
-    assert_int_equal(saga_probe(&p->info, p->bytes, p->n), SAGA_OK);
+    assert_ok(saga_probe(&p->info, p->bytes, p->n));
     p->work = must(aligned_alloc(SAGA_WORK_ALIGN, p->info.work_nbytes));
-    assert_int_equal(saga_open(&p->dec, p->work, p->info.work_nbytes, p->bytes,
-                               p->info.head_nbytes, NULL), SAGA_OK);
-    assert_int_equal(saga_rig(&p->camera, &number, p->bytes, p->n, 0),
-                     SAGA_OK);
+    assert_ok(saga_open(&p->dec, p->work, p->info.work_nbytes, p->bytes,
+                        p->info.head_nbytes, NULL));
+    assert_ok(saga_rig(&p->camera, &number, p->bytes, p->n, 0));
 }
 
 void player_make(player *p, const gen_options *o)
@@ -40,8 +39,7 @@ saga_segment player_find(player *p, uint32_t number)
     uint32_t frame = 0;
 
     do {
-        assert_int_equal(saga_find(&p->seg, p->bytes, p->n, frame, 1),
-                         SAGA_OK);
+        assert_ok(saga_find(&p->seg, p->bytes, p->n, frame, 1));
         frame += p->seg.n_frames;
     } while (p->seg.number != number);
     return p->seg;
@@ -51,26 +49,25 @@ void player_decode(player *p, uint32_t number)
 {
     const saga_segment seg = player_find(p, number);
 
-    assert_int_equal(saga_decode(p->dec, &seg, p->bytes + seg.offset,
-                                 seg.nbytes, NULL), SAGA_OK);
-    assert_int_equal(saga_tell(&p->report, p->dec), SAGA_OK);
+    assert_ok(saga_decode(p->dec, &seg, p->bytes + seg.offset, seg.nbytes,
+                          NULL));
+    assert_ok(saga_tell(&p->report, p->dec));
 }
 
 void player_view(player *p, uint32_t camera, int32_t t)
 {
     uint32_t number;
 
-    assert_int_equal(saga_rig(&p->camera, &number, p->bytes, p->n, camera),
-                     SAGA_OK);
-    assert_int_equal(saga_view(p->dec, &p->camera, t), SAGA_OK);
-    assert_int_equal(saga_tell(&p->report, p->dec), SAGA_OK);
+    assert_ok(saga_rig(&p->camera, &number, p->bytes, p->n, camera));
+    assert_ok(saga_view(p->dec, &p->camera, t));
+    assert_ok(saga_tell(&p->report, p->dec));
 }
 
 saga_animated player_primitive(const player *p, uint32_t index, int32_t t)
 {
     saga_animated a;
 
-    assert_int_equal(saga_primitive_at(&a, p->dec, index, t), SAGA_OK);
+    assert_ok(saga_primitive_at(&a, p->dec, index, t));
     return a;
 }
 
@@ -78,6 +75,6 @@ saga_splat player_splat(const player *p, uint32_t order)
 {
     saga_splat s;
 
-    assert_int_equal(saga_splat_at(&s, p->dec, order), SAGA_OK);
+    assert_ok(saga_splat_at(&s, p->dec, order));
     return s;
 }

@@ -212,7 +212,7 @@ static inline uint32_t finish_job(saga_job *job, const saga_picture *pic,
 
     while (saga_raster(job, pic, &d, budget) == SAGA_AGAIN)
         calls++;
-    assert_int_equal(saga_raster(job, pic, &d, budget), SAGA_OK);
+    assert_ok(saga_raster(job, pic, &d, budget));
     return calls;
 }
 

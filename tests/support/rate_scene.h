@@ -113,15 +113,14 @@ static inline void rate_scene_fine(saga_scene *s, saga_rng r)
 static inline void rate_scene_make(rate_scene *f, const saga_model *m,
                                    uint32_t depth)
 {
-    saga_error error = { "" };
     const uint32_t n = 1u << (3 * depth);
     const saga_counts counts = { n, 3 * n, 15 * n / 2 };
     const saga_rng r = saga_rng_stream(5, 0);
     saga_scene *const s = &f->s;
 
     memset(f, 0, sizeof *f);
-    assert_true(saga_scene_init(s, m, counts, 1, 77, &error));
-    assert_true(saga_scene_init(&f->d, m, counts, 1, 0, &error));
+    assert_done(saga_scene_init(s, m, counts, 1, 77, &error));
+    assert_done(saga_scene_init(&f->d, m, counts, 1, 0, &error));
     memset(f->d.reals, 0, f->d.n_reals * sizeof *f->d.reals);
     rate_scene_coarse(s, depth, saga_rng_stream(5, 1));
     rate_scene_fine(s, saga_rng_stream(5, 2));
@@ -131,10 +130,10 @@ static inline void rate_scene_make(rate_scene *f, const saga_model *m,
     for (size_t i = 0; i < s->n_reals - (size_t)(s->params - s->reals); i++)
         s->params[i] = R(0.5) * s->params[i] +
                        R(0.05 * saga_rng_normal(r, 100000 + i));
-    assert_true(saga_twin_init(&f->w, s, &error));
-    assert_true(saga_rate_init(&f->r, s, &error));
-    assert_true(saga_twin_refresh(&f->w, s, s->coarse_feature, &error));
-    assert_true(saga_rate_refresh(&f->r, s, &error));
+    assert_done(saga_twin_init(&f->w, s, &error));
+    assert_done(saga_rate_init(&f->r, s, &error));
+    assert_done(saga_twin_refresh(&f->w, s, s->coarse_feature, &error));
+    assert_done(saga_rate_refresh(&f->r, s, &error));
     saga_twin_clear(&f->w, s);
     f->o.every = 1;
     f->o.seed = 3;

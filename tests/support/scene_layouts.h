@@ -65,11 +65,9 @@ static inline void quaternion_of(const double r[9], double q[4])
 static inline void write_picture(folder *f, const char *name, int view,
                                  int frame)
 {
-    saga_error error = { "" };
-
-    if (!saga_png_write(folder_file(f, name), W, H,
-                        saga_capture_frame(&scene, view, frame), &error))
-        fail_msg("%s", error.message);
+    assert_done(saga_png_write(folder_file(f, name), W, H,
+                               saga_capture_frame(&scene, view, frame),
+                               &error));
 }
 
 /* Calls a file of a view and a frame, numbers from 0. */

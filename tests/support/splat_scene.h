@@ -16,10 +16,8 @@
 static inline saga_splat_params scene_alloc(size_t n)
 {
     saga_splat_params p;
-    saga_error error;
 
-    if (!saga_params_alloc(&p, SAGA_ATTRS_ALL, n, &error))
-        fail_msg("%s", error.message);
+    assert_done(saga_params_alloc(&p, SAGA_ATTRS_ALL, n, &error));
     return p;
 }
 

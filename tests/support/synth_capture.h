@@ -32,13 +32,11 @@ static inline saga_capture synth_capture(const char *path,
                                          const saga_synth_options *s)
 {
     saga_capture_options o = saga_capture_defaults();
-    saga_error error = { "" };
     saga_capture c = { 0 };
 
     o.want_depth = s->depth_every > 0;
-    if (!saga_synth_write(path, s, &error) ||
-        !saga_capture_load(&c, path, &o, &error))
-        fail_msg("%s", error.message);
+    assert_done(saga_synth_write(path, s, &error));
+    assert_done(saga_capture_load(&c, path, &o, &error));
     return c;
 }
 

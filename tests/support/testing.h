@@ -21,6 +21,8 @@
 
 #include <cmocka.h>
 
+#include "error.h"
+
 void testing_add(const char *name, CMUnitTestFunction test,
                  CMFixtureFunction enter, CMFixtureFunction leave);
 /* Set what runs before the first test, whose *state it sets, and after the
@@ -43,6 +45,16 @@ int testing_run(void);
         testing_add(#name, name, enter, leave); \
     } \
     static void name(void **state __attribute__((unused)))
+
+/* The same, whose *state is seen as `type *f`. */
+#define TEST_OF_WITH(type, name, enter, leave) \
+    static void name##_of(type *f); \
+    TEST_WITH(name, enter, leave) \
+    { \
+        name##_of(*state); \
+    } \
+    static void name##_of(type *f __attribute__((unused)))
+#define TEST_OF(type, name) TEST_OF_WITH(type, name, NULL, NULL)
 
 /* One fixture for all tests of the program. */
 #define TEST_GROUP(enter, leave) \
@@ -67,6 +79,16 @@ bool testing_sanitized(void);
 #define FREED FREED_BY(testing_free)
 /* at: where the pointer is. */
 void testing_free(const void *at);
+
+/* A call of the decoder. */
+#define assert_ok(call) assert_int_equal(call, SAGA_OK)
+/* A call that gets `&error`, of which the test then tells. */
+#define assert_done(call) \
+    do { \
+        saga_error error = { "" }; \
+        if (!(call)) \
+            fail_msg("%s: %s", #call, error.message); \
+    } while (0)
 
 /* p, which fails the test if it is NULL. */
 void *must(void *p);

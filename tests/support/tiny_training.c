@@ -96,12 +96,10 @@ saga_train *tiny_resume(const saga_capture *c, const saga_train_options *o)
 
 trained tiny_finish(saga_train *t)
 {
-    saga_error error = { "" };
     const uint8_t *bytes;
     trained r;
 
-    if (saga_train_run(t, &error) != SAGA_DONE)
-        fail_msg("%s", error.message);
+    assert_done(saga_train_run(t, &error) == SAGA_DONE);
     bytes = saga_train_bytes(t, &r.n);
     assert_non_null(bytes);
     r.bytes = copy_of(bytes, r.n);
@@ -154,11 +152,10 @@ void tiny_stop_at(saga_train_options *o, tiny_stop *stop)
 saga_train *tiny_train_until(const saga_capture *c, saga_train_options *o,
                              tiny_stop *stop)
 {
-    saga_error error = { "" };
     saga_train *t;
 
     tiny_stop_at(o, stop);
     t = tiny_begin(c, o);
-    assert_int_equal(saga_train_run(t, &error), SAGA_STOPPED);
+    assert_done(saga_train_run(t, &error) == SAGA_STOPPED);
     return t;
 }

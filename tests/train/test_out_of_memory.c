@@ -79,7 +79,7 @@ TEST_IN_FOLDER(training_should_be_refused_when_memory_ends)
     session s;
     long n;
 
-    begin(&s, *state);
+    begin(&s, f);
     n = heap_fail_each(begin_training, &s, stride());
     s.train = saga_train_new(&s.capture, &s.options, &error);
     assert_non_null(s.train);
@@ -109,8 +109,8 @@ TEST_IN_FOLDER(resuming_should_be_refused_when_memory_ends)
     saga_error error = { "" };
     session s;
 
-    begin(&s, *state);
-    s.options.checkpoint = folder_file(*state, "checkpoint");
+    begin(&s, f);
+    s.options.checkpoint = folder_file(f, "checkpoint");
     s.train = saga_train_new(&s.capture, &s.options, &error);
     assert_non_null(s.train);
     for (int i = 0; i < s.options.n_warm + 1; i++)
@@ -170,13 +170,13 @@ TEST_IN_FOLDER(evaluation_should_be_refused_when_memory_ends)
     saga_error error = { "" };
     session s;
 
-    begin(&s, *state);
+    begin(&s, f);
     s.options.progress = NULL;
     s.train = saga_train_new(&s.capture, &s.options, &error);
     assert_non_null(s.train);
     assert_int_equal(saga_train_run(s.train, &error), SAGA_DONE);
-    s.pictures = folder_file(*state, "out");
-    folder_run(*state, "mkdir out");
+    s.pictures = folder_file(f, "out");
+    folder_run(f, "mkdir out");
     assert_true(heap_fail_each(evaluate, &s, stride()) > 90);
     saga_train_free(s.train);
     saga_capture_free(&s.capture);

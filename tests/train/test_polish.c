@@ -29,9 +29,8 @@ static saga_train *rendered(tiny *room, int render)
 static saga_fit_polished polish(saga_train *t)
 {
     saga_fit_polished p;
-    saga_error error = { "" };
 
-    assert_true(saga_fit_polish(t->fit, &p, &error));
+    assert_done(saga_fit_polish(t->fit, &p, &error));
     return p;
 }
 

@@ -32,9 +32,8 @@ static void add(saga_quality *q, saga_shot *views, double psnr)
 {
     const saga_capture capture = { .n_views = 2, .n_frames = FRAMES,
                                    .views = views };
-    saga_error error = { "" };
 
-    assert_true(saga_quality_add(q, &capture, psnr_of, &psnr, &error));
+    assert_done(saga_quality_add(q, &capture, psnr_of, &psnr, &error));
 }
 
 TEST(quality_should_be_the_mean_of_all_segments_pictures)

@@ -282,11 +282,10 @@ static uint8_t *peek_at(saga_train_options o, tiny_stop place, size_t *n,
 static double psnr_of(const uint8_t *bytes, size_t n)
 {
     uint8_t rgb[3 * 64 * 36];
-    saga_error error = { "" };
     double sum = 0, count = 0;
     FREED_BY(saga_film_close) saga_film film;
 
-    assert_true(saga_film_open(&film, "x", bytes, n, 1, &error));
+    assert_done(saga_film_open(&film, "x", bytes, n, 1, &error));
     assert_int_equal(film.info.n_frames, 5);
     assert_int_equal(film.info.n_cameras, 4);
     for (uint32_t v = 0; v < 4; v++)
@@ -296,7 +295,7 @@ static double psnr_of(const uint8_t *bytes, size_t n)
             saga_camera camera;
             uint32_t number;
 
-            assert_true(saga_film_rig(&film, v, &camera, &number, &error) &&
+            assert_done(saga_film_rig(&film, v, &camera, &number, &error) &&
                         saga_film_draw(&film, &camera, k, 1, rgb, &error));
             for (size_t i = 0; i < sizeof rgb; i++)
                 sum += (rgb[i] - truth[i]) * (rgb[i] - truth[i]);
@@ -416,10 +415,9 @@ TEST(train_should_refuse_a_damaged_checkpoint)
 {
     const saga_train_options o = stop_in_rendering();
     const saga_rng r = saga_rng_stream(1, 1);
-    saga_error error = { "" };
     saga_bytes b;
 
-    assert_true(saga_read_file(&b, room.checkpoint, &error));
+    assert_done(saga_read_file(&b, room.checkpoint, &error));
     assert_true(b.nbytes > 1000);
     for (size_t at = 0; at < HEAD_END; at++) {
         write_damaged(&b, b.nbytes, at);

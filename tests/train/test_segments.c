@@ -106,13 +106,12 @@ static saga_outcome run(saga_train *t, const fixture *f, slice *s)
 static void find_still(fixture *f)
 {
     saga_still still = { .n = 0 };
-    saga_error error = { "" };
     slice s;
 
     for (int i = 0; i < N; i++)
-        assert_true(saga_still_add(&still, slice_of(&s, f, i), i * FRAMES,
+        assert_done(saga_still_add(&still, slice_of(&s, f, i), i * FRAMES,
                                    N * FRAMES, &error));
-    assert_true(saga_still_finish(&f->still, &still, &error));
+    assert_done(saga_still_finish(&f->still, &still, &error));
 }
 
 static int set_up_fixture(void **state, bool has_base)
@@ -165,21 +164,19 @@ static saga_segment find(const fixture *f, uint32_t num, uint32_t den)
 {
     saga_segment seg;
 
-    assert_int_equal(saga_find(&seg, f->bytes, f->n, num, den), SAGA_OK);
+    assert_ok(saga_find(&seg, f->bytes, f->n, num, den));
     return seg;
 }
 
 static void draw(uint8_t *rgb, const uint8_t *bytes, size_t n, uint32_t frame)
 {
-    saga_error error = { "" };
     saga_camera camera;
     FREED_BY(saga_film_close) saga_film film;
     uint32_t number;
 
-    if (!saga_film_open(&film, "x", bytes, n, 1, &error) ||
-        !saga_film_rig(&film, 0, &camera, &number, &error) ||
-        !saga_film_draw(&film, &camera, frame, 1, rgb, &error))
-        fail_msg("%s", error.message);
+    assert_done(saga_film_open(&film, "x", bytes, n, 1, &error));
+    assert_done(saga_film_rig(&film, 0, &camera, &number, &error));
+    assert_done(saga_film_draw(&film, &camera, frame, 1, rgb, &error));
 }
 
 static void segment_should_play_from_its_own_bytes(void **state)
@@ -258,7 +255,6 @@ static void first_should_make_the_networks(void **state)
                                        SAGA_CHUNK_PRIM };
     const fixture *const f = *state;
     saga_train_options o = small(f);
-    saga_error error = { "" };
     saga_info info;
     saga_segment seg;
     saga_train *t;
@@ -267,18 +263,17 @@ static void first_should_make_the_networks(void **state)
 
     o.n_segments = 1;
     o.first = 0;
-    t = saga_train_new(slice_of(&s, f, FIRST), &o, &error);
-    assert_non_null(t);
+    assert_done(t = saga_train_new(slice_of(&s, f, FIRST), &o, &error));
     t->room = 2; /* for further segments, as f's networks have it */
     tint(t);
-    assert_int_equal(saga_train_run(t, &error), SAGA_DONE);
-    assert_int_equal(saga_probe(&info, f->bytes, f->n), SAGA_OK);
+    assert_done(saga_train_run(t, &error) == SAGA_DONE);
+    assert_ok(saga_probe(&info, f->bytes, f->n));
     assert_int_equal(info.n_segments, N);
     assert_int_equal(info.n_frames, N * FRAMES);
     index = t->report.sizes.header;
     assert_int_equal(f->report.sizes.header, index);
     payload_should_equal(f, t->bytes, SAGA_CHUNK_NETS, index, index);
-    assert_int_equal(saga_find(&seg, t->bytes, t->nbytes, 0, 1), SAGA_OK);
+    assert_ok(saga_find(&seg, t->bytes, t->nbytes, 0, 1));
     for (size_t i = 0; i < sizeof layers / sizeof layers[0]; i++)
         payload_should_equal(f, t->bytes, layers[i],
                              find(f, FIRST * FRAMES, 1).offset, seg.offset);
@@ -314,7 +309,7 @@ static void base_should_be_in_the_head(void **state)
     saga_info info;
     size_t sum = 0;
 
-    assert_int_equal(saga_probe(&info, f->bytes, f->n), SAGA_OK);
+    assert_ok(saga_probe(&info, f->bytes, f->n));
     assert_int_equal(info.base_primitives, b->n_prim);
     assert_int_equal(info.max_primitives, b->n_kept);
     assert_int_equal(b->n_looked_at, 150);
@@ -335,11 +330,10 @@ static double near_decoder(saga_train *t)
 {
     uint8_t rgb[PICTURE];
     float image[PICTURE];
-    saga_error error = { "" };
     double sum = 0;
 
     for (int frame = 0; frame < FRAMES; frame++) {
-        assert_true(saga_train_draw(t, image, 0, frame, &error));
+        assert_done(saga_train_draw(t, image, 0, frame, &error));
         draw(rgb, t->bytes, t->nbytes, (uint32_t)((N - 1) * FRAMES + frame));
         for (size_t i = 0; i < PICTURE; i++) {
             const double x = (double)image[i % 3 * (PICTURE / 3) + i / 3];
@@ -396,21 +390,19 @@ static void networks_should_stay_what_they_are(void **state)
 static double near_target(saga_train *t)
 {
     saga_twin *const w = &t->fit->twin;
-    saga_error error = { "" };
     FREED_BY(saga_canvas_free) saga_canvas c;
     double sum = 0;
 
-    assert_true(saga_pictures_canvas(&c, &t->pictures, &error));
+    assert_done(saga_pictures_canvas(&c, &t->pictures, &error));
     for (int v = 0; v < t->capture->n_views; v++) {
         const saga_sample p = { .view = v, .frame = 1 };
 
         saga_pictures_aim(&c, &t->pictures, p);
-        assert_true(saga_splat_forward(&c, &t->target, t->scene.n.prim,
+        assert_done(saga_splat_forward(&c, &t->target, t->scene.n.prim,
                                        &error));
         memcpy(c.truth, c.image, PICTURE * sizeof *c.truth);
         saga_twin_colour(w, &t->fit->used, c.camera.centre);
-        assert_true(saga_splat_forward(&c, &w->attr, t->scene.n.prim,
-                                       &error));
+        assert_done(saga_splat_forward(&c, &w->attr, t->scene.n.prim, &error));
         sum += saga_canvas_mse(&c) / t->capture->n_views;
     }
     return -10 * log10(sum);
@@ -425,7 +417,6 @@ static void fit_should_begin_near_the_warm_up(void **state)
     stop start = { 0, SAGA_TRAIN_RENDER, 1 };
     saga_scene *scene;
     double begun, mean;
-    saga_error error = { "" };
     saga_train *t;
     slice s;
 
@@ -437,8 +428,8 @@ static void fit_should_begin_near_the_warm_up(void **state)
     saga_fit_free(t->fit);
     saga_params_free(&t->target);
     saga_scene_free(&t->scene);
-    assert_true(saga_train_begin_fit(t, &error));
-    assert_true(saga_fit_start(t->fit, &t->target, &error));
+    assert_done(saga_train_begin_fit(t, &error));
+    assert_done(saga_fit_start(t->fit, &t->target, &error));
     begun = near_target(t);
     scene = t->fit->scene;
     for (size_t i = 0; i < (size_t)scene->n.coarse * scene->model.features;
@@ -471,7 +462,7 @@ static void peek_should_show(const fixture *f, int n_segments, bool end)
     }
     if (!saga_train_peek(&bytes, &n, f->room.checkpoint, &error))
         fail_msg("%s", error.message);
-    assert_int_equal(saga_probe(&info, bytes, n), SAGA_OK);
+    assert_ok(saga_probe(&info, bytes, n));
     assert_int_equal(info.n_segments, n_segments);
     assert_int_equal(info.n_frames, n_segments * FRAMES);
     for (uint32_t k = 0; k < info.n_frames; k++)
@@ -488,14 +479,12 @@ static void peek_should_show(const fixture *f, int n_segments, bool end)
 static void first_should_stand(const fixture *f, int k)
 {
     const uint32_t place = k < FIRST;
-    saga_error error = { "" };
     saga_segment seg, own;
     uint8_t *bytes;
     size_t n;
 
-    if (!saga_train_peek(&bytes, &n, f->room.checkpoint, &error))
-        fail_msg("%s", error.message);
-    assert_int_equal(saga_find(&seg, bytes, n, place * FRAMES, 1), SAGA_OK);
+    assert_done(saga_train_peek(&bytes, &n, f->room.checkpoint, &error));
+    assert_ok(saga_find(&seg, bytes, n, place * FRAMES, 1));
     own = find(f, FIRST * FRAMES, 1);
     assert_int_equal(seg.nbytes, own.nbytes);
     free(bytes);
@@ -558,13 +547,12 @@ static void train_should_resume_to_the_same_file(void **state)
 /* Returns what a bit costs once the first segment has steered the size. */
 static double steered_price(const fixture *f, const saga_train_options *o)
 {
-    saga_error error = { "" };
     double lambda;
     saga_train *t;
     slice s;
 
     t = begin(f, &s, o);
-    assert_int_equal(saga_train_run(t, &error), SAGA_DONE);
+    assert_done(saga_train_run(t, &error) == SAGA_DONE);
     lambda = t->lambda;
     saga_train_free(t);
     return lambda;
@@ -593,7 +581,6 @@ static void base_should_leave_room_to_fill_the_size(void **state)
     const saga_train_base *const by_law = &f->report.base;
     stop place = { FIRST, SAGA_TRAIN_WARM, 7 };
     saga_train_options o = small(f);
-    saga_error error = { "" };
     uint8_t *bytes;
     double times;
     saga_train *t;
@@ -619,8 +606,7 @@ static void base_should_leave_room_to_fill_the_size(void **state)
     assert_int_equal(run(t, f, &s), SAGA_STOPPED);
     saga_train_free(t);
     o.progress = NULL;
-    t = saga_train_resume(slice_of(&s, f, FIRST), &o, &error);
-    assert_non_null(t);
+    assert_done(t = saga_train_resume(slice_of(&s, f, FIRST), &o, &error));
     tint(t);
     assert_int_equal(run(t, f, &s), SAGA_DONE);
     assert_memory_equal(t->bytes, bytes, t->nbytes);
@@ -634,7 +620,6 @@ static saga_train *train_alone(const fixture *f, int k, const char *networks)
 {
     saga_train_options o = small(f);
     stop place = { k, SAGA_TRAIN_RENDER, 30 };
-    saga_error error = { "" };
     saga_train *t;
     slice s;
 
@@ -644,23 +629,19 @@ static saga_train *train_alone(const fixture *f, int k, const char *networks)
     o.checkpoint = f->room.checkpoint;
     o.progress = stop_there;
     o.progress_user = &place;
-    t = saga_train_new(slice_of(&s, f, k), &o, &error);
-    if (!t)
-        fail_msg("%s", error.message);
+    assert_done(t = saga_train_new(slice_of(&s, f, k), &o, &error));
     assert_int_equal(saga_train_first(t), FIRST);
     if (k != FIRST || f->has_base) {
-        assert_int_equal(saga_train_run(t, &error), SAGA_STOPPED);
+        assert_done(saga_train_run(t, &error) == SAGA_STOPPED);
         if (f->has_base)
             peek_should_show(f, 1, false);
         else
             first_should_stand(f, k);
         saga_train_free(t);
         o.progress = NULL;
-        t = saga_train_resume(slice_of(&s, f, k), &o, &error);
-        assert_non_null(t);
+        assert_done(t = saga_train_resume(slice_of(&s, f, k), &o, &error));
     }
-    if (saga_train_run(t, &error) != SAGA_DONE)
-        fail_msg("%s", error.message);
+    assert_done(saga_train_run(t, &error) == SAGA_DONE);
     assert_int_equal(saga_train_segment(t), k);
     assert_int_equal(saga_train_upcoming(t), -1);
     return t;
@@ -692,9 +673,8 @@ static void segment_should_be_trained_alone(void **state)
         t = train_alone(f, k, networks);
         /* It lies behind the first one, or before it, or is it; or with a base
          * alone. */
-        assert_int_equal(saga_find(&seg, t->bytes, t->nbytes,
-                                   k > FIRST && !f->has_base ? FRAMES : 0, 1),
-                         SAGA_OK);
+        assert_ok(saga_find(&seg, t->bytes, t->nbytes, k > FIRST &&
+                            !f->has_base ? FRAMES : 0, 1));
         for (size_t i = 0; i < sizeof layers / sizeof layers[0]; i++)
             payload_should_equal(f, t->bytes, layers[i],
                                  find(f, (uint32_t)k * FRAMES, 1).offset,

@@ -56,14 +56,13 @@ static saga_train *train_until(saga_train_options *o, saga_train_stage stage)
 TEST(train_should_make_a_file_that_decodes)
 {
     const trained *const r = &unstopped;
-    saga_error error = { "" };
     FREED_BY(saga_pictures_free) saga_pictures pictures;
     saga_splat_camera drawn;
     FREED_BY(saga_film_close) saga_film film;
     uint8_t rgb[3 * 64 * 36];
 
-    assert_true(saga_pictures_init(&pictures, &room.capture, &error));
-    assert_true(saga_film_open(&film, "x", r->bytes, r->n, 1, &error));
+    assert_done(saga_pictures_init(&pictures, &room.capture, &error));
+    assert_done(saga_film_open(&film, "x", r->bytes, r->n, 1, &error));
     assert_int_equal(film.info.n_frames, 5);
     assert_int_equal(film.info.n_cameras, 4);
     assert_int_equal(film.info.max_primitives, 150);
@@ -72,7 +71,7 @@ TEST(train_should_make_a_file_that_decodes)
         saga_camera camera;
         uint32_t number;
 
-        assert_true(saga_film_rig(&film, v, &camera, &number, &error));
+        assert_done(saga_film_rig(&film, v, &camera, &number, &error));
         assert_int_equal(number, v);
         assert_int_equal(camera.width, 64);
         /* Both trainings drew what the file's rig lets decoders draw. */
@@ -82,7 +81,7 @@ TEST(train_should_make_a_file_that_decodes)
                          camera.near_plane * film.metric.unit) <=
                     film.metric.unit);
         for (uint32_t k = 0; k < 5; k++)
-            assert_true(saga_film_draw(&film, &camera, k, 1, rgb, &error));
+            assert_done(saga_film_draw(&film, &camera, k, 1, rgb, &error));
     }
     assert_true(r->report.model.training > 10);
     assert_int_equal(r->report.model.n_training, 3 * 5);
@@ -256,12 +255,11 @@ static void compare(void *user, const saga_scaffold *sc, saga_at at,
 
 static void predict_decoded(near_integers *t, saga_twin *w)
 {
-    saga_error error = { "" };
     const saga_rate_input x = { t->s, w, t->s->coarse_feature };
     double bits[SAGA_N_STEPS] = { 0 };
 
-    assert_true(saga_rate_init(&t->rate, t->s, &error));
-    assert_true(saga_rate_refresh(&t->rate, t->s, &error));
+    assert_done(saga_rate_init(&t->rate, t->s, &error));
+    assert_done(saga_rate_refresh(&t->rate, t->s, &error));
     saga_rate_context_begin(&t->rate.context, t->s);
     for (int kind = 0; kind < SAGA_N_KINDS; kind++) {
         assert_true(t->s->model.sources[kind] != 0);
@@ -281,8 +279,7 @@ static void write_plainly(saga_train *t)
 
 static void should_be_near(saga_train *t, bool plain)
 {
-    saga_error error = { "" };
-    near_integers near;
+    near_integers near = { 0 };
     const uint8_t *bytes;
     size_t n;
 
@@ -291,9 +288,8 @@ static void should_be_near(saga_train *t, bool plain)
         write_plainly(t);
     for (int net = 0; net < SAGA_N_NETS; net++)
         t->fit->rate.decision.step[net] = ldexp(1, -13);
-    assert_int_equal(saga_train_run(t, &error), SAGA_DONE);
+    assert_done(saga_train_run(t, &error) == SAGA_DONE);
     bytes = saga_train_bytes(t, &n);
-    memset(&near, 0, sizeof near);
     near.s = &t->decoded;
     assert_int_equal(!(near.s->model.tools & SAGA_TOOL_PLAIN_WRITE), !plain);
     predict_decoded(&near, &t->decoded_twin);
@@ -358,21 +354,20 @@ static double start_error(saga_train *t)
 {
     FREED_BY(saga_canvas_free) saga_canvas c;
     saga_twin *const w = &t->fit->twin;
-    saga_error error = { "" };
     double sum = 0;
     int n = 0;
 
-    assert_true(saga_pictures_canvas(&c, &t->pictures, &error));
+    assert_done(saga_pictures_canvas(&c, &t->pictures, &error));
     for (int view = 0; view < t->capture->n_views; view++)
         for (int frame = 0; frame < t->capture->n_frames; frame++, n++) {
             const saga_sample p = { .view = view, .frame = frame };
             const uint32_t prims = t->scene.n.prim;
 
             saga_pictures_aim(&c, &t->pictures, p);
-            assert_true(saga_splat_forward(&c, &t->target, prims, &error));
+            assert_done(saga_splat_forward(&c, &t->target, prims, &error));
             memcpy(c.truth, c.image, 3 * 64 * 36 * sizeof *c.truth);
             saga_twin_colour(w, &t->fit->used, c.camera.centre);
-            assert_true(saga_splat_forward(&c, &w->attr, prims, &error));
+            assert_done(saga_splat_forward(&c, &w->attr, prims, &error));
             sum += saga_canvas_mse(&c);
         }
     return sum / n;
@@ -409,20 +404,19 @@ TEST(fit_should_begin_where_the_warm_up_ends)
  * features and networks. Box units, 2^23 to a half-cube. */
 static double worst_scale(const saga_train *t)
 {
-    saga_error error = { "" };
     uint8_t rgb[3 * 64 * 36];
     saga_camera camera;
     double worst = 0;
     FREED_BY(saga_film_close) saga_film film;
     uint32_t number;
 
-    assert_true(saga_film_open(&film, "x", t->bytes, t->nbytes, 1, &error));
-    assert_true(saga_film_rig(&film, 0, &camera, &number, &error));
-    assert_true(saga_film_draw(&film, &camera, 0, 1, rgb, &error));
+    assert_done(saga_film_open(&film, "x", t->bytes, t->nbytes, 1, &error));
+    assert_done(saga_film_rig(&film, 0, &camera, &number, &error));
+    assert_done(saga_film_draw(&film, &camera, 0, 1, rgb, &error));
     for (uint32_t i = 0; i < t->decoded.n.prim; i++) {
         saga_animated a;
 
-        assert_int_equal(saga_primitive_at(&a, film.dec, i, 0), SAGA_OK);
+        assert_ok(saga_primitive_at(&a, film.dec, i, 0));
         for (uint32_t k = 0; k < 3; k++)
             worst = fmax(worst, fabs(
                 (double)t->decoded_twin.attr.log2_scale[3 * i + k] + 23 -
@@ -437,22 +431,21 @@ static double picture_near(saga_train *t)
 {
     const saga_sample first = { 0 };
     uint8_t rgb[3 * 64 * 36];
-    saga_error error = { "" };
     saga_camera camera;
     FREED_BY(saga_canvas_free) saga_canvas c;
     saga_film film;
     uint32_t number;
     double sum = 0;
 
-    assert_true(saga_film_open(&film, "x", t->bytes, t->nbytes, 1, &error));
-    assert_true(saga_film_rig(&film, 0, &camera, &number, &error));
-    assert_true(saga_film_draw(&film, &camera, 0, 1, rgb, &error));
+    assert_done(saga_film_open(&film, "x", t->bytes, t->nbytes, 1, &error));
+    assert_done(saga_film_rig(&film, 0, &camera, &number, &error));
+    assert_done(saga_film_draw(&film, &camera, 0, 1, rgb, &error));
     saga_film_close(&film);
-    assert_true(saga_pictures_canvas(&c, &t->pictures, &error));
+    assert_done(saga_pictures_canvas(&c, &t->pictures, &error));
     saga_pictures_aim(&c, &t->pictures, first);
     saga_twin_colour(&t->decoded_twin, &t->decoded, c.camera.centre);
-    assert_true(saga_splat_forward(&c, &t->decoded_twin.attr,
-                                   t->decoded.n.prim, &error));
+    assert_done(saga_splat_forward(&c, &t->decoded_twin.attr, t->decoded.n.prim,
+                                   &error));
     for (int i = 0; i < 64 * 36; i++)
         for (int k = 0; k < 3; k++) {
             const double x = (double)c.image[64 * 36 * k + i];
@@ -495,7 +488,6 @@ TEST(motion_should_be_cut_where_training_cut_it)
 {
     saga_train_options o = tiny_defaults();
     saga_rows rows[SAGA_N_OUTS];
-    saga_error error = { "" };
     saga_train *t;
     saga_net *geo;
 
@@ -505,7 +497,7 @@ TEST(motion_should_be_cut_where_training_cut_it)
     assert_true(rows[SAGA_OUT_MOTION1].n);
     geo = &t->scene.net[SAGA_NET_GEO];
     geo->b[geo->n_layers - 1][rows[SAGA_OUT_MOTION1].first] = 500;
-    assert_int_equal(saga_train_run(t, &error), SAGA_DONE);
+    assert_done(saga_train_run(t, &error) == SAGA_DONE);
     assert_int_equal(t->decoded.model.out_q[SAGA_OUT_MOTION1], 8);
     for (uint32_t i = 0; i < t->decoded.n.prim; i++)
         assert_true(t->decoded_twin.attr.motion[9 * i] == R(32767) / 256);
@@ -525,7 +517,7 @@ TEST(layers_should_have_twice_as_many_each)
     saga_io io;
 
     assert_int_equal(r.report.info.n_layers, 3);
-    assert_int_equal(saga_find(&where, r.bytes, r.n, 0, 1), SAGA_OK);
+    assert_ok(saga_find(&where, r.bytes, r.n, 0, 1));
     io = (saga_io){ r.bytes + where.offset, NULL, SAGA_CHUNK_NBYTES };
     saga_segment_io(&io, &seg, 3);
     for (int k = 0; k < 3; k++)
@@ -581,7 +573,6 @@ static void links_should_stay_in_a_layer(const saga_links *l,
 TEST(layers_should_not_know_of_each_other)
 {
     saga_train_options o = tiny_layered();
-    saga_error error = { "" };
     saga_train *t;
     saga_scene *s;
 
@@ -596,8 +587,7 @@ TEST(layers_should_not_know_of_each_other)
         s->fine_x[i] = 0;
     for (size_t i = 0; i < 4 * (size_t)s->n.prim; i++)
         s->prim_x[i] = 0;
-    assert_true(saga_twin_refresh(&t->fit->twin, s, s->coarse_feature,
-                                  &error));
+    assert_done(saga_twin_refresh(&t->fit->twin, s, s->coarse_feature, &error));
     links_should_stay_in_a_layer(&t->fit->twin.to_fine, s, s->n.fine, false);
     links_should_stay_in_a_layer(&t->fit->twin.to_prim, s, s->n.prim, true);
     saga_train_free(t);
@@ -612,7 +602,6 @@ TEST(layers_should_not_know_of_each_other)
 TEST(train_should_draw_positions_as_decoded)
 {
     saga_train_options o = tiny_defaults();
-    saga_error error = { "" };
     size_t i, far = 0;
     real *drawn;
     saga_train *t;
@@ -622,7 +611,7 @@ TEST(train_should_draw_positions_as_decoded)
     assert_int_equal(t->scene.n.prim, t->scene.n.fine);
     drawn = copy_of(t->fit->position,
                     4 * (size_t)t->scene.n.prim * sizeof *drawn);
-    assert_int_equal(saga_train_run(t, &error), SAGA_DONE);
+    assert_done(saga_train_run(t, &error) == SAGA_DONE);
     step = saga_rate_prim_step(&t->scene);
     for (i = 0; i < 4 * (size_t)t->scene.n.prim; i++) {
         const double support = (double)t->decoded_twin.support[i];
@@ -640,7 +629,6 @@ TEST(train_should_draw_positions_as_decoded)
 TEST(entropy_networks_should_stand_still_at_last)
 {
     saga_train_options o = tiny_defaults();
-    saga_error error = { "" };
     size_t n;
     real *then;
     saga_train *t;
@@ -650,7 +638,7 @@ TEST(entropy_networks_should_stand_still_at_last)
     assert_int_equal(t->fit->rate.decision.decided, 1);
     n = saga_rate_n_params(&t->scene);
     then = copy_of(t->scene.params, n * sizeof *then);
-    assert_int_equal(saga_train_run(t, &error), SAGA_DONE);
+    assert_done(saga_train_run(t, &error) == SAGA_DONE);
     assert_memory_equal(then, t->scene.params, n * sizeof *then);
     free(then);
     saga_train_free(t);
@@ -805,12 +793,11 @@ static double sum_of_row(const saga_net *n, int l, int i)
 TEST(train_should_keep_raw_networks_fine)
 {
     saga_train_options o = tiny_defaults();
-    saga_error error = { "" };
     saga_train *t;
 
     o.ablate = "raw-networks";
     t = tiny_begin(&room.capture, &o);
-    assert_int_equal(saga_train_run(t, &error), SAGA_DONE);
+    assert_done(saga_train_run(t, &error) == SAGA_DONE);
     for (int net = SAGA_NET_FUSE_C; net <= SAGA_NET_COLOUR; net++)
         for (int l = 0; l < t->scene.net[net].n_layers; l++) {
             const saga_net *const n = &t->scene.net[net];

@@ -41,13 +41,11 @@ static int set_up(void **state)
 {
     saga_synth_options s = synth_options(W, H, VIEWS, FRAMES, 120);
     fixture *const f = calloc(1, sizeof *f);
-    saga_error error = { "" };
 
     assert_non_null(f);
     s.depth_every = 1;
     f->capture = tiny_capture(&s);
-    if (!saga_pictures_init(&f->pictures, &f->capture, &error))
-        fail_msg("%s", error.message);
+    assert_done(saga_pictures_init(&f->pictures, &f->capture, &error));
     *state = f;
     return 0;
 }
@@ -83,12 +81,10 @@ static saga_flat *make(const fixture *x, const saga_flat_options *o)
 
 static void run(saga_flat *f, int until)
 {
-    saga_error error = { "" };
     double mse;
 
     while (f->iteration < until && f->iteration < f->o.n_iterations)
-        if (!saga_flat_iterate(f, &mse, &error))
-            fail_msg("%s", error.message);
+        assert_done(saga_flat_iterate(f, &mse, &error));
 }
 
 /* --- The same bits ------------------------------------------------------- */
@@ -233,7 +229,6 @@ TEST(count_should_end_as_asked_whatever_is_asked)
  * much as anyone who goes, and nothing of it changes. */
 TEST(prune_should_take_what_is_worth_least)
 {
-    saga_error error = { "" };
     const saga_flat_options o = small();
     saga_flat *const f = make(*state, &o);
     real worst_kept = INFINITY, best_gone = -INFINITY, *mean, *worth;
@@ -246,7 +241,7 @@ TEST(prune_should_take_what_is_worth_least)
     assert_true(mean && worth);
     memcpy(mean, f->value.mean, 3 * n * sizeof *mean);
     memcpy(worth, f->worth, n * sizeof *worth);
-    assert_true(saga_flat_change_count(f, &error));
+    assert_done(saga_flat_change_count(f, &error));
     assert_true(f->n < n && f->n >= 200);
     for (uint32_t i = 0; i < n; i++)
         if (at < f->n && memcmp(f->value.mean + 3 * at, mean + 3 * i,
@@ -267,14 +262,13 @@ TEST(prune_should_take_what_is_worth_least)
 static double error_of_all(saga_flat *f)
 {
     const saga_pictures *const p = f->pictures;
-    saga_error error = { "" };
     double sum = 0, mse;
 
     for (int k = 0; k < p->n_train; k++)
         for (int t = 0; t < FRAMES; t++) {
             const saga_sample picture = { p->train[k], t, 0 };
 
-            assert_true(saga_flat_render(f, NULL, &mse, picture, &error));
+            assert_done(saga_flat_render(f, NULL, &mse, picture, &error));
             sum += mse;
         }
     return sum;
@@ -324,7 +318,6 @@ TEST(worth_should_rank_what_removal_costs)
  * degrees about z from y to -x; 2^-0.415 as long. */
 TEST(split_should_make_two_halves_of_the_longest_axis)
 {
-    saga_error error = { "" };
     saga_flat_options o = small();
     const real mean[] = { R(0.25), R(-0.5), 0 }, size[] = { -6, -4, -5 };
     const real quat[] = { 2, 0, 0, 2 };  /* need not be of unit length */
@@ -342,7 +335,7 @@ TEST(split_should_make_two_halves_of_the_longest_axis)
     memcpy(f->value.quat, quat, sizeof quat);
     f->value.opacity[0] = 1;
     f->iteration = 5;               /* the last prune makes the count right */
-    assert_true(saga_flat_change_count(f, &error));
+    assert_done(saga_flat_change_count(f, &error));
     assert_int_equal(f->n, 2);
     half = saga_flat_params(f);
     assert_near(fabs((double)(half.mean[0] - half.mean[3])), 2 * 0.6 / 16,
@@ -375,9 +368,7 @@ static void world_of(double x[3], const saga_shot *v, double u, double w,
 
 static void fit_cube(saga_cube *cube, double *range, const saga_capture *c)
 {
-    saga_error error = { "" };
-
-    assert_true(saga_cube_fit(cube, range, c, &error));
+    assert_done(saga_cube_fit(cube, range, c, &error));
 }
 
 static bool in_cube(const saga_cube *cube, const double *x, double slack)
@@ -555,10 +546,9 @@ TEST(sights_should_have_the_true_depth)
 static double psnr(saga_flat *f, int view)
 {
     const saga_sample picture = { view, 1, 0 };
-    saga_error error = { "" };
     double mse = 0;
 
-    assert_true(saga_flat_render(f, NULL, &mse, picture, &error));
+    assert_done(saga_flat_render(f, NULL, &mse, picture, &error));
     return -10 * log10(mse);
 }
 
@@ -778,18 +768,17 @@ TEST(exposures_should_be_found)
     static const double factor[VIEWS] = { 0.8, 1.1, 0.9, 1.15, 1 };
     const fixture *const x = *state;
     FREED_BY(free_exposed) saga_capture c = exposed(&x->capture, factor);
-    saga_error error = { "" };
     saga_pictures p;
 
     for (int i = 0; i < 3 * VIEWS; i++)
         assert_true(x->pictures.exposure[i] == 1);
-    assert_true(saga_pictures_init(&p, &x->capture, &error));
-    assert_true(saga_exposure_find(&p, 1, &error));
+    assert_done(saga_pictures_init(&p, &x->capture, &error));
+    assert_done(saga_exposure_find(&p, 1, &error));
     for (int i = 0; i < 3 * VIEWS; i++)
         assert_true(p.exposure[i] == 1);
     saga_pictures_free(&p);
-    assert_true(saga_pictures_init(&p, &c, &error));
-    assert_true(saga_exposure_find(&p, 1, &error));
+    assert_done(saga_pictures_init(&p, &c, &error));
+    assert_done(saga_exposure_find(&p, 1, &error));
     for (int i = 1; i < p.n_train; i++)
         for (int k = 0; k < 3; k++) {
             const int a = p.train[i], b = p.train[0];
@@ -808,7 +797,6 @@ TEST(background_should_be_what_is_frequent)
     static const uint8_t sheet[3] = { 250, 240, 3 };
     const fixture *const x = *state;
     FREED_BY(free_exposed) saga_capture c = exposed(&x->capture, same);
-    saga_error error = { "" };
     saga_splat_camera camera;
     FREED_BY(saga_pictures_free) saga_pictures p;
 
@@ -817,7 +805,7 @@ TEST(background_should_be_what_is_frequent)
         for (size_t i = 0; i < FRAMES * (size_t)W * H; i++)
             if ((i * 2654435761u >> 16 & 7) == 0)
                 memcpy(c.views[v].rgb + 3 * i, sheet, 3);
-    assert_true(saga_pictures_init(&p, &c, &error));
+    assert_done(saga_pictures_init(&p, &c, &error));
     assert_memory_equal(p.background, sheet, 3);
     saga_pictures_camera(&camera, &p, (saga_sample){ 1, 0, 0 });
     for (int k = 0; k < 3; k++)
@@ -830,10 +818,9 @@ TEST(truth_should_be_the_mean_of_boxes)
 {
     const fixture *const x0 = *state;
     const saga_capture *const c = &x0->capture;
-    saga_error error = { "" };
     FREED_BY(saga_canvas_free) saga_canvas canvas;
 
-    assert_true(saga_pictures_canvas(&canvas, &x0->pictures, &error));
+    assert_done(saga_pictures_canvas(&canvas, &x0->pictures, &error));
     for (int mip = 0; mip < 3; mip++) {
         const int w = W >> mip, h = H >> mip, side = 1 << mip;
         const saga_sample picture = { 2, 1, mip };
