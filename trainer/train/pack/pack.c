@@ -31,8 +31,9 @@ static bool alloc_symbols(saga_symbols *y, const saga_scene *s,
     const size_t one = sizeof(int32_t), four = 4 * sizeof(int32_t);
     uint32_t i;
 
-    /* The tree is the scene's own; all other arrays are ours, and the closed
-     * loop fills them but for counts and suffixes. */
+    /* The tree is the scene's. All other arrays belong to the symbols, and the
+     * closed loop fills them, except counts and suffixes, which are set
+     * here. */
     y->n = l->n;
     y->n_nodes = l->n_nodes;
     y->split = s->split + l->first_node;
@@ -45,7 +46,7 @@ static bool alloc_symbols(saga_symbols *y, const saga_scene *s,
     y->n_prim = saga_alloc(fine, 1, what, error);
     y->prim_suffix = saga_calloc(prim, one, what, error);
     y->prim_offset = saga_calloc(prim, four, what, error);
-    /* One question for all of them: the first that failed is told. */
+    /* *error keeps the first allocation that failed. */
     if (saga_failed(error))
         return false;
     for (i = 0; i < coarse; i++)
@@ -69,7 +70,7 @@ static void free_symbols(saga_symbols *y)
     free(y->prim_offset);
 }
 
-/* (n, 4) units become half-cubes and segments again. */
+/* Converts (n, 4) units to half-cubes and segments. */
 static void from_units(real *x, const double *u, size_t n)
 {
     size_t i;
@@ -78,8 +79,8 @@ static void from_units(real *x, const double *u, size_t n)
         x[i] = (real)(u[i] / (i % 4 < 3 ? 8388608.0 : 65536.0));
 }
 
-/* The decoded scene has the same structure, and the file's networks; its other
- * reals are to be filled in. */
+/* Makes the decoded scene with the same structure and the file's networks. Its
+ * other reals are set later. */
 static bool begin_decoded(saga_scene *d, const saga_scene *s,
                           const saga_scene *networks, saga_error *error)
 {
@@ -88,7 +89,7 @@ static bool begin_decoded(saga_scene *d, const saga_scene *s,
     d->still = s->still;
     d->n_layers = s->n_layers;
     memcpy(d->layer, s->layer, sizeof s->layer);
-    /* Networks of the file, not those that were trained. */
+    /* These are the file's networks, not the trained ones. */
     memcpy(d->params, networks->params,
            networks->n_reals * sizeof *networks->params);
     memcpy(d->split, s->split, s->n_nodes);
@@ -99,8 +100,9 @@ static bool begin_decoded(saga_scene *d, const saga_scene *s,
     return true;
 }
 
-/* The closed loop was to meet these, in units; what it did meet lies over it,
- * but for the primitives, which change their order. */
+/* Positions before the closed loop, in units. The loop overwrites those of
+ * anchors with the decoded ones; primitives are decoded into prim_out, because
+ * their order changes. */
 typedef struct {
     double *coarse, *fine, *prim, *prim_out;
     real *feature;
@@ -130,7 +132,7 @@ static void free_units(units *u)
     free(u->order);
 }
 
-/* Runs the closed loop of a layer. */
+/* Runs the closed loop on one layer. */
 static bool close_layer(saga_symbols *y, const saga_encoder *e,
                         saga_quantise_report *report, const saga_packing *p,
                         const units *u, const saga_scene_layer *l,
@@ -141,15 +143,15 @@ static bool close_layer(saga_symbols *y, const saga_encoder *e,
     const size_t coarse = 4 * (size_t)l->first.coarse;
     const size_t fine = 4 * (size_t)l->first.fine;
     const size_t prim = 4 * (size_t)l->first.prim;
-    /* Offsets are given beside the positions: they are what is coded, and
-     * positions follow. */
+    /* Offsets are given besides the positions: the offsets are coded, and the
+     * positions follow from them. */
     const saga_targets t = {
         u->coarse + coarse, s->coarse_feature + features * l->first.coarse,
         u->fine + fine, u->prim + prim, p->twin->prim_offset + prim, NULL
     };
-    /* Decoded values are written once all is coded, so that anchors may lie in
-     * the same arrays. Primitives of an anchor are sorted by suffix: they need
-     * others. */
+    /* Decoded values are written after everything is coded, so anchors may use
+     * the same arrays. The primitives of an anchor get sorted by suffix and
+     * need arrays of their own. */
     const saga_decoded d = {
         u->coarse + coarse, u->fine + fine, u->prim_out + prim,
         u->feature + features * l->first.coarse, u->order + l->first.prim
@@ -161,10 +163,10 @@ static bool close_layer(saga_symbols *y, const saga_encoder *e,
     return ok;
 }
 
-/* Fills the symbols y of all layers, whose arrays are there. Supports come out
- * of the integer networks a little different. Offsets that were trained to be
- * cheap stay what they are, and positions move by that little: against the
- * positions they would be anywhere again. */
+/* Fills the symbols y of all layers, whose arrays are allocated. The integer
+ * networks give slightly different supports from the trained ones. Offsets were
+ * trained to be cheap, so they are coded as they are, and the positions move
+ * slightly; offsets computed anew from the positions would cost more bits. */
 static bool close_loop(saga_symbols *y, const saga_encoder *e,
                        saga_quantise_report *report, const saga_packing *p,
                        saga_error *error)
@@ -189,7 +191,8 @@ static bool close_loop(saga_symbols *y, const saga_encoder *e,
 
 /* --- The file ------------------------------------------------------------- */
 
-/* Sets the constants to what kinds without sources are coded with. */
+/* Rounds the constants to the values with which kinds without sources are
+ * coded. */
 static void keep_constants(saga_rate_constants *c, const saga_model *m)
 {
     for (int kind = 0; kind < SAGA_N_KINDS; kind++)
@@ -198,7 +201,7 @@ static void keep_constants(saga_rate_constants *c, const saga_model *m)
             real *const mean = &c->mean[kind][i];
             real *const sigma = &c->log2_sigma[kind][i];
 
-            /* To the integers that pack_entropy writes. */
+            /* These are the integers that pack_entropy writes. */
             *mean = (real)ldexp(rint(ldexp((double)*mean, q)), -q);
             *sigma = (real)ldexp(rint(ldexp((double)*sigma,
                                              SAGA_COST_SIGMA_Q)),
@@ -220,13 +223,14 @@ bool saga_pack_begin(saga_packed *file, const saga_pack_input *in,
     h.model = in->choice->scene.model;
     h.more_layers = (uint8_t)(in->choice->scene.n_layers - 1);
     saga_nets_layout(&shapes, &h.model);
-    /* Formats come first: symbols of all networks are in them. */
+    /* Formats come first, because the symbols of all networks depend on
+     * them. */
     saga_pack_measure_formats(&h.model, in);
     file->networks.constants = in->choice->rate->constants;
     keep_constants(&file->networks.constants, &h.model);
     if (!saga_scene_init(networks, &h.model, (saga_counts){ 0 }, 0, 0, error))
         return false;
-    /* The encoder copies what it needs of the symbols. */
+    /* The encoder copies what it needs. */
     if (saga_pack_nets(&nets, &p, error)) {
         file->encoder = saga_encoder_open(&h, rig, &nets, error);
         saga_net_symbols_free(&nets);
@@ -236,8 +240,8 @@ bool saga_pack_begin(saga_packed *file, const saga_pack_input *in,
     return file->encoder != NULL;
 }
 
-/* Makes the symbols of what is packed, layer by layer (free_layers, also after
- * a failure). */
+/* Makes the symbols of all layers. The caller frees them by free_layers, even
+ * after a failure. */
 static bool make_symbols(saga_symbols y[SAGA_MAX_LAYERS],
                          const saga_packed *file,
                          saga_quantise_report *report, saga_scene *decoded,

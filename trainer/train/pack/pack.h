@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * A fitted scene becomes a file here: formats of the outputs from the measured
- * ranges, quantised networks, the closed loop, bytes.
+ * Packs a fitted scene into a file: derives number formats from the measured
+ * ranges, quantises the networks, runs the closed loop and codes the bytes.
  */
 #ifndef SAGA_PACK_H
 #define SAGA_PACK_H
@@ -13,64 +13,69 @@
 #include "saga.h"
 #include "scene.h"
 
-/* A file in the making: its networks as they are decoded, which every segment
- * shares, and the segments so far. Empty: all zero. */
+/* A file in the making: the encoder with the segments so far, and the networks
+ * as they will be decoded, which all segments share. All zero: empty. */
 typedef struct saga_packed {
     saga_encoder *encoder;
     saga_fit_networks networks;
 } saga_packed;
 
-/* The choice's scene is packed. All networks have run on all there is, and
- * choice, feature and twin are as saga_fit_code gives them. */
+/* What is packed is the scene of the choice. choice, twin and feature are as
+ * saga_fit_code sets them, so that every network has run on all of the
+ * scene. */
 typedef struct saga_pack_input {
     const saga_rate_choice *choice;
     const saga_twin *twin;
     const real *feature;
-    const saga_weights *weights; /* steps of the networks' parameters,
-                                  * but for the entropy networks': the
-                                  * choice's */
-    double room;                 /* >= 1: formats of the networks hold this many
-                                  * times what is measured, for segments that
+    const saga_weights *weights; /* steps of the networks' weights; those of
+                                  * entropy networks are in the choice */
+    double room;                 /* >= 1: the networks' formats hold this many
+                                  * times the measured range, for segments that
                                   * are still to come */
 } saga_pack_input;
 
-/* Begins a file: packs the networks, in formats that the measured ranges allow.
- * header: level, frame rate, cube, rig count; its model is not looked at. rig
- * is its cameras. Where it fails there is nothing to free. */
+/* Begins a file: packs the networks, with formats for the measured ranges. Of
+ * the header, level, frame rate, cube and the number of cameras are used, but
+ * not the model; rig has the cameras. Returns false with *error set, and an
+ * empty *file, if memory is short or a network cannot be packed. */
 bool saga_pack_begin(saga_packed *file, const saga_pack_input *in,
                      const saga_header *header, const saga_rig_camera *rig,
                      saga_error *error);
 
-/* pack_head.c: does so with the cube, the rate and all cameras of these
- * pictures, and names the cameras. */
+/* pack_head.c: begins a file with the cube, the frame rate and all cameras of
+ * these pictures, and names the cameras. Returns false like saga_pack_begin. */
 bool saga_pack_open(saga_packed *file, const saga_pack_input *in,
                     const saga_pictures *pictures, int level,
                     saga_error *error);
 
-/* Puts a segment of n_frames at a place among those of the file
+/* Inserts a segment of n_frames frames before segment `place` of the file
  * (saga_encoder_insert). The networks of the choice's scene are the file's.
- * decoded: NULL, or takes the scene a decoder has, decoded symbols and
- * networks, in reals (saga_scene_free it, also after a failure). */
+ * decoded: NULL, or set to the scene that a decoder has, with decoded symbols
+ * and networks, in reals; the caller frees it by saga_scene_free, even after a
+ * failure. Returns false with *error set if memory is short or the scene cannot
+ * be coded. */
 bool saga_pack_segment(saga_packed *file, uint32_t place, uint32_t n_frames,
                        saga_quantise_report *report, saga_scene *decoded,
                        const saga_pack_input *in, saga_error *error);
 
-/* Does the same with the file's base, once, before there is a segment: the
- * choice's scene is still. */
+/* Adds the base, once, before any segment. The scene of the choice must be
+ * still. The rest is as for saga_pack_segment. */
 bool saga_pack_base(saga_packed *file, saga_quantise_report *report,
                     saga_scene *decoded, const saga_pack_input *in,
                     saga_error *error);
 
-/* pack_level.c: compares what a file needs with the caps of a level. */
+/* pack_level.c: returns false, with the quantity in *error, if the file needs
+ * more than the level allows. */
 bool saga_pack_within(const saga_info *info, int level, saga_error *error);
 
-/* Takes an empty one too, and leaves it so. */
+/* Frees what the file holds and makes it empty; it may be empty. */
 void saga_packed_free(saga_packed *file);
 
-/* Packs the entropy networks of a choice alone, for a scene whose other
- * networks stay as they were coded: their symbols (saga_net_symbols_free), and
- * into m the formats of what they take and give. m's sources and widths are the
- * choice's. */
+/* Packs only the entropy networks of a choice, for a scene whose other networks
+ * stay as they were coded. Sets *nets to their symbols, which the caller frees
+ * by saga_net_symbols_free, and in *m the formats of their inputs and outputs.
+ * The sources and widths in *m must be those of the choice. Returns false with
+ * *error set if memory is short. */
 bool saga_pack_entropy(saga_net_symbols *nets, saga_model *m,
                        const saga_rate_choice *choice, const saga_twin *twin,
                        saga_error *error);

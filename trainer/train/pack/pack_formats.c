@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Formats follow from the largest values that the networks took and gave when
- * they ran last: as fine as int16 holds these with room to spare.
+ * Derives number formats from the largest inputs and outputs in the last run of
+ * the networks: as fine as int16 allows with room to spare.
  */
 #include "pack_state.h"
 
@@ -11,13 +11,13 @@
 
 #include <math.h>
 
-/* Directions come in this format: nothing finer enters a network. */
+/* Directions are in this Q format. */
 enum { DIRECTION_Q = 14 };
 
 /* --- Ranges --------------------------------------------------------------- */
 
-/* Returns the Q format in which values up to `most` fit int16, with a fifth to
- * spare; the network's arithmetic may exceed what was measured a little. */
+/* Returns the finest format with a fifth of int16 to spare, since the integer
+ * networks may slightly exceed what was measured. */
 uint8_t saga_pack_q(double most, int limit)
 {
     const int q = (int)floor(log2(32767 / fmax(1.25 * most, 1e-6)));
@@ -48,7 +48,8 @@ double saga_pack_most_out(const saga_scene *s, const saga_twin *w, int net,
                    (size_t)f->dim[f->n_layers], first, n);
 }
 
-/* Batches that an entropy network ran last, and the rows of each. */
+/* The batches that an entropy network ran last, and the number of rows of
+ * each. */
 typedef struct {
     const saga_twin_batch *b[SAGA_N_KINDS];
     size_t rows[SAGA_N_KINDS], n;
@@ -60,7 +61,8 @@ static void add_batch(batches *l, const saga_twin_batch *b, size_t rows)
     l->rows[l->n++] = rows;
 }
 
-/* Kinds that read it query the bank, tiers before them write into it. */
+/* Lists the batches of a network of the bank. Kinds that read the bank query
+ * it, and earlier kinds write into it. */
 static void bank_batches(batches *l, const saga_rate_choice *c, int net)
 {
     const saga_rate_context *const r = &c->rate->context;
@@ -75,15 +77,15 @@ static void bank_batches(batches *l, const saga_rate_choice *c, int net)
         const saga_bank_twin_kind *const k = &r->bank.kind[kind];
         const size_t runs = r->kind[kind].runs.n;
 
-        /* A query for each block of a kind that reads. */
+        /* One query for each block of a kind that reads. */
         if (net == SAGA_NET_QUERY && (readers >> kind & 1u))
             add_batch(l, &k->query, r->kind[kind].n_blocks);
-        /* Primitives are coded last: nobody reads what they would write. Other
-         * kinds write where this kind or a later one reads. */
+        /* Primitives are coded last, so nothing reads what they would write.
+         * The other kinds write if their own or a later kind reads. */
         if (kind == SAGA_KIND_PRIM || !(readers >> kind))
             continue;
-        /* A token for each block; a write for each run, and of each to every
-         * slot. */
+        /* One token for each block; one write for each run and, within it, for
+         * each slot. */
         if (net == SAGA_NET_AGG)
             add_batch(l, &k->token, r->kind[kind].n_blocks);
         else if (net == SAGA_NET_WRITE_BASE)
@@ -107,7 +109,7 @@ static batches entropy_batches(const saga_rate_choice *c, int net)
     for (kind = 0; kind < SAGA_N_KINDS; kind++) {
         const saga_rate_kind *const k = &c->rate->context.kind[kind];
 
-        /* One hyperprior serves all kinds that have it as a source, but each
+        /* All kinds with the hyperprior as a source share one network, but each
          * kind has an E of its own. */
         if (net == SAGA_NET_HYPER &&
             (c->scene.model.sources[kind] & SAGA_SOURCE_HYPER))
@@ -118,7 +120,8 @@ static batches entropy_batches(const saga_rate_choice *c, int net)
     return l;
 }
 
-/* These return the largest |x| that an entropy network takes, and gives. */
+/* Return the largest |x| among the inputs, and among the outputs, of an entropy
+ * network. */
 static double most_taken(const saga_rate_choice *c, int net)
 {
     const size_t dim = (size_t)c->scene.net[net].dim[0];
@@ -150,8 +153,6 @@ static double most_feature(const saga_scene *s, const real *feature)
                    s->model.features);
 }
 
-/* Returns the largest pre-activation of units first..first+n-1 of F_color's
- * first layer. */
 double saga_pack_most_before_colour(const saga_scene *s, const saga_twin *w,
                                     size_t first, size_t n)
 {
@@ -162,8 +163,6 @@ double saga_pack_most_before_colour(const saga_scene *s, const saga_twin *w,
     return most;
 }
 
-/* Returns the largest activation of units first..first+n-1 of hidden layer i
- * (0-based) of the last runs. */
 double saga_pack_most_hidden(const saga_packing *p, int net, int i,
                              size_t first, size_t n)
 {
@@ -184,9 +183,9 @@ double saga_pack_most_hidden(const saga_packing *p, int net, int i,
 
 /* --- Formats -------------------------------------------------------------- */
 
-/* Sets the formats of what all entropy networks take and the hyperprior gives,
- * and of the two parts of the write's first layer, whose format its second
- * takes as it is. */
+/* Sets the formats of all inputs of entropy networks, of the hyperprior's
+ * output, and of the two parts of the write's first layer. Their sum is the
+ * input of its second layer, so they share a format. */
 void saga_pack_entropy_formats(saga_model *m, const saga_rate_choice *c)
 {
     int i;
@@ -196,8 +195,8 @@ void saga_pack_entropy_formats(saga_model *m, const saga_rate_choice *c)
 
         m->q_in[net] = saga_pack_q(most_taken(c, net), 12);
     }
-    /* Slots' and tokens' parts of the write's first layer are made by two
-     * networks, and added in this format. */
+    /* The first layer of the write is computed in two parts, one from slots and
+     * one from tokens, which are added in this format. */
     m->q_in[SAGA_NET_WRITE] = saga_pack_q(
         fmax(most_taken(c, SAGA_NET_WRITE),
              fmax(most_given(c, SAGA_NET_SLOT),
@@ -206,9 +205,9 @@ void saga_pack_entropy_formats(saga_model *m, const saga_rate_choice *c)
     m->out_q[SAGA_OUT_SIGMA] = SAGA_COST_SIGMA_Q;
 }
 
-/* Sets the formats of all networks' outputs but the entropy networks': as fine
- * as what they give allows, motion's where it is cut at the coarsest.
- * (1, 0, 0, 0) is added to a quaternion. */
+/* Sets the formats of the outputs of all networks except the entropy networks:
+ * as fine as their range allows, but motion no coarser than the twin rounds it.
+ * A quaternion has (1, 0, 0, 0) added, hence the 1. */
 static void out_formats(saga_model *m, const saga_pack_input *in)
 {
     const saga_scene *const s = &in->choice->scene;
@@ -221,7 +220,7 @@ static void out_formats(saga_model *m, const saga_pack_input *in)
         const bool moves = out >= SAGA_OUT_MOTION1 &&
                            out <= SAGA_OUT_MOTION3;
 
-        /* A format finer than most_q is of no use to who reads it. */
+        /* most_q is the finest format that its reader can use. */
         if (r->n)
             m->out_q[out] = (uint8_t)fx_max(saga_pack_q(
                 (out == SAGA_OUT_QUAT ? 1 : 0) + in->room *
@@ -237,21 +236,21 @@ void saga_pack_measure_formats(saga_model *m, const saga_pack_input *in)
     uint8_t *const q = m->out_q;
     int net;
 
-    /* The default of those that nothing below measures. */
+    /* The default for inputs that are not measured below. */
     for (net = 0; net < SAGA_N_NETS; net++)
         m->q_in[net] = 12;
-    /* Features have been trained for multiples of this format's steps. */
+    /* Features were trained for steps in this format. */
     q[SAGA_OUT_COARSE] = s->model.out_q[SAGA_OUT_COARSE];
     saga_pack_entropy_formats(m, in->choice);
     out_formats(m, in);
     m->q_in[SAGA_NET_COLOUR] = saga_pack_q(in->room *
         saga_pack_most_before_colour(s, in->twin, 0,
                                      m->width[SAGA_NET_COLOUR]), 14);
-    /* The inputs of a network must not saturate either. */
+    /* Inputs must not saturate either. */
     m->q_in[SAGA_NET_COLOUR_VIEW] = DIRECTION_Q;
     m->q_in[SAGA_NET_FUSE_C] = saga_pack_q(
         in->room * most_feature(s, in->feature), SAGA_EMBEDDING_Q);
-    /* Who reads another network takes what that gives, in its format. */
+    /* A network that reads another network's output takes it in that format. */
     m->q_in[SAGA_NET_FINE] = m->width[SAGA_NET_FUSE_C]
         ? q[SAGA_OUT_FUSE_C] : m->q_in[SAGA_NET_FUSE_C];
     m->q_in[SAGA_NET_FUSE_F] = q[SAGA_OUT_FINE];

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * At the head of a file stand its cube, its rate and its rig: those of the
+ * Writes the head of a file: the cube, the frame rate and the rig of the
  * pictures that it was trained on.
  */
 #include "pack.h"
@@ -13,7 +13,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Returns the mantissa of value = mantissa 2^exponent, with 30 bits. */
+/* Returns the mantissa of value = mantissa 2^exponent, within 30 bits. */
 static int32_t mantissa_of(double value, int exponent)
 {
     return (int32_t)lround(ldexp(value, -exponent));
@@ -23,18 +23,18 @@ static int exponent_of(double value)
 {
     int e;
 
-    /* |value| < 2^e, so that the mantissa stays within 30 bits. */
+    /* |value| < 2^e, so the mantissa stays within 30 bits. */
     frexp(value, &e);
     return e - 30;
 }
 
-/* Sets frames per second as a fraction: n, n / 1.001, or thousandths. */
+/* Sets the frame rate as a fraction with denominator 1, 1001 or 1000. */
 static void set_rate(saga_header *h, double fps)
 {
     const double ntsc = fps * 1.001;
 
-    /* Whole rates are exact, and so are 24000 / 1001 and its like, which a
-     * capture may have rounded to 23.976. */
+    /* Whole rates are exact. So are 24000 / 1001 and the like, which a capture
+     * may have rounded to 23.976. */
     h->fps_den = fabs(fps - rint(fps)) < 1e-6 ? 1
                 : fabs(ntsc - rint(ntsc)) < 1e-4 ? 1001 : 1000;
     h->fps_num = (uint32_t)fmax(1, h->fps_den == 1 ? rint(fps)
@@ -48,10 +48,10 @@ static void set_header(saga_header *h, const saga_pictures *p, int level)
     double most = 1e-9;
 
     memset(h, 0, sizeof *h);
-    /* A box unit is 2^-23 of half the cube, in the world's unit. */
+    /* A box unit is 2^-23 of half the cube, in the unit of the capture. */
     h->unit_exponent = exponent_of(cube->unit / 8388608.0);
     h->unit_mantissa = mantissa_of(cube->unit / 8388608.0, h->unit_exponent);
-    /* One exponent for all axes, by the largest of them. */
+    /* All axes share one exponent, from the largest. */
     for (int i = 0; i < 3; i++)
         most = fmax(most, fabs(cube->centre[i]));
     h->centre_exponent = exponent_of(most);
@@ -77,7 +77,8 @@ static void copy_camera(saga_rig_camera *r, const saga_camera *c,
     r->number = number;
 }
 
-/* The rig has all cameras of the capture, held-out ones too, in its order. */
+/* Makes the rig of all cameras of the capture, including held-out ones, in its
+ * order. */
 static saga_rig_camera *make_rig(const saga_pictures *p, const saga_header *h,
                                  saga_error *error)
 {
@@ -86,8 +87,8 @@ static saga_rig_camera *make_rig(const saga_pictures *p, const saga_header *h,
                                              error);
     saga_metric m;
 
-    /* By the header's rounded numbers: a decoder knows no others, and cameras
-     * have to stand where its cube is. */
+    /* Cameras are converted with the header's rounded numbers, which are the
+     * ones that a decoder has. */
     m.unit = ldexp(h->unit_mantissa, h->unit_exponent);
     for (int i = 0; i < 3; i++)
         m.centre[i] = ldexp(h->centre_mantissa[i], h->centre_exponent);
@@ -96,7 +97,7 @@ static saga_rig_camera *make_rig(const saga_pictures *p, const saga_header *h,
 
         memset(&c, 0, sizeof c);
         for (int k = 0; k < 3; k++)
-            /* Training drew this behind everything. */
+            /* The background of training. */
             c.background_q15[k] = (uint16_t)lrint(
                 32768 * (p->background[k] / 255.0));
         if (!saga_camera_of_shot(&c, &m, &p->capture->views[i],
@@ -110,8 +111,8 @@ static saga_rig_camera *make_rig(const saga_pictures *p, const saga_header *h,
     return rig;
 }
 
-/* Names of what the rig has, in its order, as UTF-8. A name that a file cannot
- * have, of control characters, is left empty. */
+/* Names the cameras of the rig, in its order, in UTF-8. A name with control
+ * characters is not allowed in a file and is left empty. */
 static bool name_rig(saga_encoder *e, const saga_capture *c, saga_error *error)
 {
     const size_t n = (size_t)c->n_views;
@@ -123,8 +124,8 @@ static bool name_rig(saga_encoder *e, const saga_capture *c, saga_error *error)
         const char *const name = c->views[i].name;
         size_t k = 0;
 
-        /* Stops at the end, or at a control character: then 0 bytes are
-         * taken. */
+        /* The loop stops at the end or at a control character, in which case
+         * the name becomes empty. */
         while ((unsigned char)name[k] >= 0x20 && name[k] != 0x7f)
             k++;
         saga_utf8_copy(names[i].name, sizeof names[i].name, name,
@@ -148,7 +149,7 @@ bool saga_pack_open(saga_packed *file, const saga_pack_input *in,
     bool ok;
 
     set_header(&h, pictures, level);
-    /* The header comes first: the rig is in its units. */
+    /* The header comes first, because the rig is in its units. */
     rig = make_rig(pictures, &h, error);
     if (!rig)
         return false;

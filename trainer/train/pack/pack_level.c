@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * A level caps what a decoder of it has to hold and to do; a file that needs
- * more is refused with the number that is too large.
+ * Checks a file against the limits of a level on a decoder's memory and work.
+ * The error names the quantity that is too large.
  */
 #include "pack.h"
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Networks become symbols: weights and biases in the steps they were trained
- * for, formats by row, and constants for kinds without sources.
+ * Turns networks into symbols: weights and biases in multiples of their trained
+ * steps, a format for each row, and constants for kinds without sources.
  */
 #include "pack_state.h"
 
@@ -14,8 +14,8 @@
 
 static const char symbols_of_nets[] = "symbols of the networks";
 
-/* Gives the Q of each row of a network's last layer. What the trainer's entropy
- * networks give for mu is in units of their own. */
+/* Sets the Q format of each row of a network's last layer. Means from the
+ * trainer's entropy networks have formats of their own. */
 static void output_formats(uint8_t *q, const saga_model *m, int net,
                            uint32_t n)
 {
@@ -28,9 +28,10 @@ static void output_formats(uint8_t *q, const saga_model *m, int net,
                          : saga_output_q(m, net, i));
 }
 
-/* Returns how many bits finer than q values up to `most` may be. They get a bit
- * less than they would have room for: a later segment's may be larger. Weights
- * of 8 bits cannot be shifted down. */
+/* Returns how many bits finer than q the values of a row, up to `most`, are
+ * coded. That is one bit less than would fit, since a later segment may have
+ * larger values. It is 0 if the network that reads them has 8-bit weights,
+ * which cannot be shifted down. */
 static uint8_t finer_by(const saga_packing *p, int net, double most, int q)
 {
     const int reader = net == SAGA_NET_COLOUR_BASE ? SAGA_NET_COLOUR : net;
@@ -41,8 +42,8 @@ static uint8_t finer_by(const saga_packing *p, int net, double most, int q)
          : (uint8_t)fx_clamp(more, 0, SAGA_N_FINER - 1);
 }
 
-/* Returns the largest value of row k of layer i, of units of F_color's first
- * layer with what the direction may add. */
+/* Returns the largest value of row k of layer i. For the first layer of F_color
+ * this includes what the direction adds. */
 static double most_row(const saga_packing *p, int net, int i, uint32_t k)
 {
     const saga_scene *const s = &p->choice->scene;
@@ -54,8 +55,9 @@ static double most_row(const saga_packing *p, int net, int i, uint32_t k)
     return saga_pack_most_out(s, p->twin, net, k, 1);
 }
 
-/* Gives the formats of a layer's rows: q[row] of all, `finer` of those that
- * have one, which q includes. Returns what the next layer calls its q_in. */
+/* Sets the formats of a layer's rows: q of each row, including its bits in
+ * `finer` if the row may have any. Returns the format common to the layer,
+ * which is q_in of the next one. */
 static int row_formats(uint8_t *q, uint8_t *finer, const saga_packing *p,
                        const saga_net_symbols *nets, int net, int i)
 {
@@ -64,8 +66,8 @@ static int row_formats(uint8_t *q, uint8_t *finer, const saga_packing *p,
     int common;
     uint32_t k;
 
-    /* A format for the whole layer first: the last one has the output's, hidden
-     * ones what the largest of their units needs. */
+    /* First comes the format common to the layer: for the last layer the
+     * output's, for a hidden layer that of its largest unit. */
     if (i + 1 == s->net[net].n_layers)
         output_formats(q, p->model, net, n);
     else
@@ -73,24 +75,25 @@ static int row_formats(uint8_t *q, uint8_t *finer, const saga_packing *p,
                    p->room * saga_pack_most_hidden(p, net, i, 0, n),
                    SAGA_EMBEDDING_Q), n);
     common = q[0];
-    /* Then some rows have bits of their own, where they are small. */
+    /* Then rows with small values get additional bits. */
     for (k = 0; k < saga_nets_n_finer(p->shapes, net, i); k++) {
         finer[k] = finer_by(p, net, most_row(p, net, i, k), common);
         q[k] = (uint8_t)(common + finer[k]);
     }
-    /* The direction's part has to be in the format of what it is added to. */
+    /* The direction's part is added to this one, and must have its format. */
     for (k = 0; net == SAGA_NET_COLOUR_VIEW && k < n; k++)
         q[k] = (uint8_t)(common +
                          nets->layer[SAGA_NET_COLOUR_BASE][0].finer[k]);
     return common;
 }
 
-/* Gives the formats of what a layer takes: of the rows that come before it. */
+/* Sets the formats of a layer's inputs, which are the rows of the previous
+ * layer. */
 static void input_formats(saga_layer_values *v, const saga_net_symbols *nets,
                           const saga_packing *p, int net, int i)
 {
-    /* A first layer may read another network's rows as they are: then that
-     * network's last layer came before this one. */
+    /* A first layer may read another network's rows directly. Then the previous
+     * layer is the last one of that network. */
     if (i == 0 && saga_nets_takes(p->shapes, net) >= 0) {
         net = saga_nets_takes(p->shapes, net);
         i = p->shapes->shape[net].n_layers;
@@ -99,7 +102,7 @@ static void input_formats(saga_layer_values *v, const saga_net_symbols *nets,
     v->finer = i ? nets->layer[net][i - 1].finer : NULL;
 }
 
-/* The entropy networks' biases are as fine as what they give. */
+/* The step of the entropy networks' biases, the precision of their outputs. */
 static const real entropy_bias_step = 1.0f / 2048;
 
 static void set_layer_steps(saga_layer_values *v, const saga_rate_choice *c,
@@ -131,15 +134,15 @@ static bool pack_layer(saga_net_symbols *out, int *q_in, const saga_packing *p,
     l->finer = saga_calloc(n_out, 1, symbols_of_nets, error);
     if (!l->finer)
         return false;
-    /* Outputs before inputs: the next layer's q_in is what row_formats returns,
-     * v has taken this one's. */
+    /* Outputs come before inputs: row_formats sets q_in for the next layer,
+     * after v has copied the present one. */
     *q_in = row_formats(q, l->finer, p, out, net, i);
     input_formats(&v, out, p, net, i);
     set_layer_steps(&v, p->choice, p->steps, net, i);
     if (!saga_quantise_layer(l, &v, error))
         return false;
-    /* In reals, for the decoded scene and for segments that take these
-     * networks. */
+    /* The decoded values, for the decoded scene and for the segments to
+     * come. */
     if (p->decoded)
         saga_dequantise_layer(p->decoded->net[net].w[i],
                               p->decoded->net[net].b[i], l, &v);
@@ -157,14 +160,15 @@ static bool pack_net(saga_net_symbols *out, const saga_packing *p, int net,
     return true;
 }
 
-/* A network without inputs has biases alone: the parameters, row by row. */
+/* Packs a network without inputs, whose only parameters are its biases, one for
+ * each row. */
 static bool pack_constants(saga_net_symbols *out, int net,
                            const int32_t *value, uint32_t n,
                            saga_error *error)
 {
     saga_layer_symbols *const l = &out->layer[net][0];
 
-    /* Constants are of any size: they get the widest of the deviations. */
+    /* Constants may be large, so they are coded with the widest deviation. */
     l->step_q16 = 1;
     l->bias_scale = 63;
     l->weight = saga_calloc(1, sizeof *l->weight, symbols_of_nets, error);
@@ -176,7 +180,7 @@ static bool pack_constants(saga_net_symbols *out, int net,
     return true;
 }
 
-/* A kind without sources has constants per channel. */
+/* Packs the constants of a kind without sources, two for each channel. */
 static bool pack_entropy(saga_net_symbols *out, const saga_packing *p, int kind,
                          saga_error *error)
 {
@@ -188,8 +192,8 @@ static bool pack_entropy(saga_net_symbols *out, const saga_packing *p, int kind,
     for (i = 0; i < n; i++) {
         const double mean = (double)c->mean[kind][i];
 
-        /* As rows of a network would be: means in the values' format, then log2
-         * of the deviations. */
+        /* They are ordered as a network's rows: first the means in the values'
+         * formats, then log2 of the deviations. */
         v[i] = (int32_t)lrint(ldexp(mean, saga_rate_value_q(p->model, kind,
                                                             i)));
         v[n + i] = (int32_t)lrint(ldexp((double)c->log2_sigma[kind][i],
@@ -208,7 +212,8 @@ bool saga_pack_nets(saga_net_symbols *out, const saga_packing *p,
     for (net = 0; net < SAGA_N_NETS && ok; net++) {
         const int kind = net - SAGA_NET_E_COARSE;
 
-        /* Absent networks; and without steps, all but the entropy model's. */
+        /* Skips absent networks and, without steps, all except the entropy
+         * model's. */
         if (!p->choice->scene.net[net].n_layers ||
             (!p->steps && !saga_is_entropy_net(net)))
             continue;

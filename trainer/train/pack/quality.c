@@ -8,12 +8,12 @@
 
 saga_quality saga_quality_of(const double sum[2], const int n[2])
 {
-    /* Without a picture 0 / 0 is the NaN that the report speaks of. */
+    /* Without pictures the mean is 0 / 0, the NaN of quality.h. */
     return (saga_quality){ sum[0] / n[0], sum[1] / n[1], n[0], n[1] };
 }
 
-/* Returns the sum that a mean is of. The mean of no picture is NaN, which would
- * stay so whatever is added. */
+/* Returns the sum behind a mean; 0 if there is no picture, since the mean is
+ * NaN then. */
 static double sum_of(double mean, int n)
 {
     return n > 0 ? mean * n : 0;
