@@ -89,7 +89,7 @@ static bool begin_decoded(saga_scene *d, const saga_scene *s,
     d->still = s->still;
     d->n_layers = s->n_layers;
     memcpy(d->layer, s->layer, sizeof s->layer);
-    /* These are the file's networks, not the trained ones. */
+    /* The networks are the file's, not the trained ones. */
     memcpy(d->params, networks->params,
            networks->n_reals * sizeof *networks->params);
     memcpy(d->split, s->split, s->n_nodes);
@@ -201,7 +201,7 @@ static void keep_constants(saga_rate_constants *c, const saga_model *m)
             real *const mean = &c->mean[kind][i];
             real *const sigma = &c->log2_sigma[kind][i];
 
-            /* These are the integers that pack_entropy writes. */
+            /* pack_entropy writes these integers. */
             *mean = (real)ldexp(rint(ldexp((double)*mean, q)), -q);
             *sigma = (real)ldexp(rint(ldexp((double)*sigma,
                                              SAGA_COST_SIGMA_Q)),

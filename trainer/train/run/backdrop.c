@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The base, once it is decoded, is the backdrop of all segments: the colours of
- * its primitives in each view are kept, and pictures are drawn with it.
+ * The decoded base is the backdrop of all segments. The colours of its
+ * primitives are kept for each view, and all pictures are drawn with it.
  */
 #include "train_state.h"
 
@@ -12,7 +12,7 @@
 
 static const char what[] = "the base";
 
-/* Returns what all views share of a base: it stands still. */
+/* Returns the attributes of a base that are equal for all views. */
 static uint32_t shared_attrs(void)
 {
     return saga_attrs_of_tools(0, true) & ~SAGA_ATTR_BIT(SAGA_ATTR_COLOUR);
@@ -41,8 +41,8 @@ bool saga_train_alloc_base(saga_backdrop *b, uint32_t n, int n_views,
         saga_train_free_base(b);
         return false;
     }
-    /* The shared attributes come first, then the colours of each view:
-     * checkpoints walk over the block as it lies. */
+    /* The shared attributes come first, then the colours of each view;
+     * checkpoints rely on this order of the block. */
     colour = saga_params_lay(&p, b->block, shared_attrs(), n);
     for (int v = 0; v < n_views; v++) {
         b->seen[v] = p;
@@ -71,8 +71,8 @@ bool saga_train_keep_base(saga_train *t, saga_error *error)
         if (shared_attrs() & SAGA_ATTR_BIT(a))
             memcpy(b->seen->of[a], from->of[a],
                    n * (size_t)saga_attributes[a].width * sizeof(real));
-    /* Cameras do not move, so that a view's colours are the same at all times;
-     * all views share the rest. */
+    /* Cameras do not move, so a view sees the same colours at all times. The
+     * other attributes are shared. */
     for (int v = 0; v < t->capture->n_views; v++) {
         saga_splat_camera camera;
 

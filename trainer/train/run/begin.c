@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * A training is made and freed here, and takes up the pictures of each segment:
- * their tones, the kind of their splats, the base behind them.
+ * Makes and frees a training, and takes up the pictures of each segment: their
+ * exposures, the kind of splat, and the base behind them.
  */
 #include "train_state.h"
 
@@ -14,7 +14,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* --- Tones ---------------------------------------------------------------- */
+/* --- Exposures
+ * ------------------------------------------------------------- */
 
 void saga_train_tone(saga_train *t)
 {
@@ -25,7 +26,8 @@ void saga_train_tone(saga_train *t)
         t->pictures.background[k] = (uint8_t)t->tones[n + k];
 }
 
-/* Keeps those of the pictures for later segments and checkpoints. */
+/* Keeps exposures and background of the pictures for later segments and for
+ * checkpoints. */
 static void keep_tones(saga_train *t)
 {
     const size_t n = 3 * (size_t)t->capture->n_views;
@@ -64,8 +66,8 @@ const double *saga_train_exposure(const saga_train *t)
 void saga_train_set_flat(saga_train *t)
 {
     t->flat_options.n_primitives = saga_train_share(t);
-    /* Whether anything moves is found out at the end of a warm-up that may
-     * move; one frame never does. */
+    /* A capture of one frame cannot move. For others, the end of a warm-up with
+     * temporal tools decides it. */
     t->flat_options.temporal = t->capture->n_frames > 1 &&
                                t->o.motion != SAGA_TRAIN_STILL;
     if (t->backdrop.n)
@@ -76,12 +78,11 @@ void saga_train_set_splats(saga_train *t)
 {
     const saga_model *const m = &t->file.networks.scene.model;
 
-    /* A file has one kind of splat, which its networks were trained for. */
+    /* A file has one kind of splat, for which its networks were trained. */
     t->pictures.tools = t->file.encoder ? m->tools & SAGA_TOOLS_SPLAT
                                         : saga_plan_splats(&t->o, &t->ablation);
 }
 
-/* Makes the pictures of a segment's capture. */
 bool saga_train_look_at(saga_train *t, const saga_capture *capture,
                         saga_error *error)
 {
@@ -89,15 +90,15 @@ bool saga_train_look_at(saga_train *t, const saga_capture *capture,
         return false;
     t->capture = capture;
     saga_train_set_splats(t);
-    /* Tones of the first segment serve all; here they are 1 until they are
-     * found. */
+    /* All segments use the tones of the first. These are 1 until
+     * saga_train_find_tones. */
     if (t->tones)
         saga_train_tone(t);
     else if (!make_tones(t, error)) {
         saga_pictures_free(&t->pictures);
         return false;
     }
-    /* The digest takes every pixel, and only checkpoints compare it. */
+    /* The digest reads every pixel, and only checkpoints need it. */
     if (t->o.checkpoint)
         t->digest = saga_pictures_digest(&t->pictures);
     saga_train_show_base(t);
@@ -155,7 +156,6 @@ saga_train *saga_train_make(const saga_capture *capture,
     return NULL;
 }
 
-/* Drops all that is of one segment. */
 void saga_train_end_segment(saga_train *t)
 {
     saga_fit_free(t->fit);
@@ -167,7 +167,7 @@ void saga_train_end_segment(saga_train *t)
     saga_novel_free(&t->novel);
     saga_pictures_free(&t->pictures);
     free(t->bytes);
-    /* The others become empty when they are freed. */
+    /* The other members become empty when they are freed. */
     t->fit = NULL;
     t->flat = NULL;
     t->bytes = NULL;

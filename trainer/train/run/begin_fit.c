@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * From the warm-up to the fit: the warm-up's primitives become a hierarchy and
- * the targets of its ranks, and the price of a bit is settled.
+ * Leads from the warm-up to the fit: turns the warm-up's primitives into a
+ * hierarchy and targets in the order of its ranks, and sets the price of a bit.
  */
 #include "train_state.h"
 
@@ -13,15 +13,16 @@
 #include <math.h>
 #include <stdlib.h>
 
-/* Returns the importance of the warm-up's primitives: opaque ones first. */
+/* Returns the score (n) of each primitive for the choice of anchors; opaque
+ * primitives have the highest. */
 static float *scores_of(const saga_splat_params *p, uint32_t n,
                         saga_error *error)
 {
     float *const score = saga_alloc(n, sizeof *score, "the warm-up's scores",
                                     error);
 
-    /* Peak alpha 8 / (1 + 2^(3 - o)), of which pixels show 1 at most. The 0.05
-     * lets even those count that have nearly vanished. */
+    /* Peak alpha is 8 / (1 + 2^(3 - o)), and pixels show at most 1 of it. The
+     * 0.05 counts even primitives that have nearly vanished. */
     for (uint32_t i = 0; score && i < n; i++)
         score[i] = (float)(0.05 + fmin(1, exp2(SAGA_PEAK_LOG2) /
                            (1 + exp2(SAGA_PEAK_LOG2 -
@@ -29,7 +30,7 @@ static float *scores_of(const saga_splat_params *p, uint32_t n,
     return score;
 }
 
-/* Returns the anchors of the segment in training, of those asked for. */
+/* Returns the share of the segment in training of a number of anchors. */
 static uint32_t of_segment(const saga_train *t, uint32_t anchors)
 {
     return (uint32_t)((uint64_t)anchors * t->flat_options.n_primitives /
@@ -50,7 +51,7 @@ static bool build(saga_train *t, uint32_t *source,
     saga_model model;
     bool ok;
 
-    /* Once there are networks, their model is everybody's. */
+    /* If networks exist, their model holds for all segments. */
     if (t->file.encoder)
         model = t->file.networks.scene.model;
     else
@@ -66,7 +67,8 @@ static bool build(saga_train *t, uint32_t *source,
     return ok;
 }
 
-/* Makes hierarchy and targets of its ranks, from the warm-up's primitives. */
+/* Makes the hierarchy, and its targets in order of ranks, from the warm-up's
+ * primitives. */
 static bool propose(saga_train *t, saga_error *error)
 {
     const saga_splat_params flat = saga_flat_params(t->flat);
@@ -76,15 +78,15 @@ static bool propose(saga_train *t, saga_error *error)
     saga_splat_params pool;
     bool ok = saga_params_gather(&pool, &flat, NULL, n, error) && source;
 
-    /* Attributes that no tool is left for are taken out before the tree looks
-     * at them. */
+    /* Attributes without a tool are removed first, so that the tree does not
+     * depend on them. */
     if (ok && t->dynamic && t->flat_options.temporal) {
         saga_plan_reduce(&pool, n, t->tools);
         saga_targets_centre(&pool, n);
     } else if (ok)
         saga_targets_freeze(&pool, n);
     ok = ok && build(t, source, &pool, n, error);
-    /* A base has no temporal attributes, whatever the file's model has. */
+    /* A base has no temporal attributes, even if the model of the file has. */
     t->scene.still = saga_train_in_base(t);
     ok = ok &&
          saga_params_gather(&t->target, &pool, source, t->scene.n.prim, error);
@@ -93,18 +95,18 @@ static bool propose(saga_train *t, saga_error *error)
     return ok;
 }
 
-/* Returns the training pixels that bits are weighed against: of the segment,
- * or of all of them for the base, which shows in each. */
+/* Returns the number of training pixels against which bits are weighed. For the
+ * base they are those of all segments, since it appears in each. */
 static double n_pixels_of(saga_train *t)
 {
-    /* Kept, since a base's own pictures are one of every view. */
+    /* It is kept, because the base itself is trained on one picture for each
+     * view. */
     if (t->turn == 0)
         t->n_pixels = saga_pictures_pixels(&t->pictures);
     return saga_train_in_base(t) ? t->n_pixels * t->o.n_segments
                                  : saga_pictures_pixels(&t->pictures);
 }
 
-/* Sets lambda, where the rule has to, and what goes by it. */
 void saga_train_settle_price(saga_train *t)
 {
     const double n_pixels = n_pixels_of(t);
@@ -123,8 +125,8 @@ bool saga_train_begin_fit(saga_train *t, saga_error *error)
         .given = t->file.encoder ? &t->file.networks : NULL
     };
 
-    /* A second time: a restored training comes here directly, with its lambda
-     * but not with what follows from it. */
+    /* A restored training comes here directly, with its lambda but not the
+     * policy. */
     saga_train_settle_price(t);
     o.price = t->policy.price;
     t->fitting = true;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The plan is asked at its times, about the training as it stands, and its
- * answers are kept in the state.
+ * Passes the decisions of plan/ on to the training: asks for each at its time,
+ * and keeps the answers.
  */
 #include "train_state.h"
 
@@ -49,12 +49,12 @@ static bool choose_tools(saga_train *t, saga_error *error)
 
     t->tools = choice.tools;
     memcpy(t->tool, choice.tool, sizeof t->tool);
-    /* If no tool in time has paid, the scene is a still. */
+    /* Without any temporal tool that pays, the scene is a still. */
     t->dynamic = (t->tools & ~(uint32_t)SAGA_TOOL_VIEW) != 0;
     return ok;
 }
 
-/* Returns what the choice of a base is made from, but for the warm-up. */
+/* Returns the question on a base, without the warm-up's primitives. */
 static saga_base_question base_question(const saga_train *t)
 {
     return (saga_base_question){
@@ -74,14 +74,13 @@ static void choose_base(saga_train *t)
 
 bool saga_train_decide(saga_train *t, saga_error *error)
 {
-    /* The first turn decided for all: networks are there, and with them the
-     * tools. */
+    /* The first turn decided for all: the networks depend on the tools. */
     if (t->turn > 0) {
         t->tools = t->file.networks.scene.model.tools & SAGA_TOOLS_PICTURE;
         return true;
     }
-    /* In this order: tools in time are asked where something moves, and a base
-     * wants to know whether any is left. */
+    /* The order matters: temporal tools are judged only if something moves, and
+     * the choice of a base depends on whether any are left. */
     if (!find_motion(t, error) || !choose_tools(t, error))
         return false;
     choose_base(t);
@@ -105,7 +104,8 @@ static saga_size_terms size_terms(const saga_train *t)
 bool saga_train_steer(saga_train *t, saga_error *error)
 {
     const saga_size_terms terms = size_terms(t);
-    /* In the first turn only: its networks and its step serve all. */
+    /* Only the first turn is steered, since all turns use its networks and its
+     * step. */
     const double over = t->o.n_bytes && t->turn == 0
         ? saga_size_moment(saga_fit_iteration(t->fit), t->o.n_render) : 0;
     const double n = (double)t->scene.n.coarse * t->scene.model.features;
@@ -123,7 +123,8 @@ uint32_t saga_train_share(const saga_train *t)
     const saga_size_terms terms = size_terms(t);
     const int n_done = t->turn - (t->base.n_prim ? 2 : 0);
 
-    /* The networks' segment has all, as if there were no base. */
+    /* The training for the networks has all primitives, as if there were no
+     * base. */
     return t->turn == 0 ? t->o.n_primitives
          : saga_train_in_base(t) ? t->base.n_prim
          : saga_size_share(&terms, n_done, t->n_finished);

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * The trained state becomes a file, of which quality, counts and prices are
- * kept for the report; the first segment is tried beforehand, to see whether it
- * keeps within its level.
+ * Packs the trained state and fills the report with quality, counts and prices.
+ * The first segment is packed before it is trained too, to check that it stays
+ * within the limits of its level.
  */
 #include "train_state.h"
 
@@ -42,7 +42,8 @@ static bool make_decoded(saga_train *t, saga_error *error)
     if (!saga_twin_init(w, s, error) ||
         !saga_twin_refresh(w, s, s->coarse_feature, error))
         return false;
-    /* Once for all pictures: time and camera come later. */
+    /* Geometry is computed once for all pictures; time and camera follow for
+     * each. */
     saga_twin_geometry(w, s, s->coarse_feature);
     return true;
 }
@@ -63,35 +64,37 @@ static bool begin_file(saga_packed *file, saga_train *t, int level,
 {
     saga_splat_camera cam;
 
-    /* The ranges of the colours' activations are measured from one camera. */
+    /* The ranges of F_color's activations are measured from one camera. */
     saga_pictures_camera(&cam, &t->pictures, (saga_sample){ 0 });
     saga_twin_colour(twin, saga_fit_scene(t->fit), cam.centre);
     return saga_pack_open(file, in, &t->pictures, level, error);
 }
 
-/* Tells whether what is trained becomes a segment of the file: neither a base
- * nor, where there is one, what only makes the networks. */
+/* Tells whether the present training becomes a segment of the file. The base
+ * does not, nor, if there is a base, the first training, which only makes the
+ * networks. */
 static bool is_segment(const saga_train *t)
 {
     return !t->base.n_prim || (t->turn > 0 && !saga_train_in_base(t));
 }
 
-/* All before it are there by its turn, or with networks of another training the
- * first one, unless there is a base; at the first turn there is none. */
+/* Returns the index in the file at which the segment is inserted. */
 static int place_of(const saga_train *t)
 {
     if (t->turn == 0 || (t->o.networks && t->base.n_prim))
         return 0;
-    /* With networks of another training and no base the file has the first
-     * segment alone: this one lies before or behind it. */
+    /* A training from a file of networks has only the first segment in its own
+     * file, or none if there is a base: this segment goes before or after
+     * it. */
     return t->o.networks ? saga_train_segment(t) > t->o.first
                          : saga_train_segment(t);
 }
 
-/* How the scene is packed. */
+/* The ways to pack the scene. */
 typedef enum {
-    TRIAL,                       /* into a file of its own */
-    BLIND,                       /* for good, and nothing is measured */
+    TRIAL,                       /* into a separate file that is dropped */
+    BLIND,                       /* into the training's file, without measuring
+                                  * pictures */
     FINAL
 } manner;
 
@@ -105,10 +108,11 @@ static bool pack_at(saga_train *t, int level, manner how, saga_twin *twin,
     bool ok = file->encoder ||
               begin_file(file, t, level, twin, in, error);
 
-    /* There is no file of a base alone: nothing is finished. */
+    /* A base alone is no file, so no bytes are made. */
     if (ok && saga_train_in_base(t))
         return saga_pack_base(file, &quantise, &t->decoded, in, error);
-    /* This turn made the networks, which the encoder has by now. */
+    /* The training for a base's networks ends here: begin_file has coded the
+     * networks. */
     if (how == FINAL && !is_segment(t))
         return ok;
     ok = ok && saga_pack_segment(file, (uint32_t)place_of(t),
@@ -118,8 +122,8 @@ static bool pack_at(saga_train *t, int level, manner how, saga_twin *twin,
                                    &t->report.sizes, error);
     if (ok && how != TRIAL)
         t->report.quantise.n_clamped += quantise.n_clamped;
-    /* A trial's file goes with its bytes copied; else there is nothing in
-     * it. */
+    /* The bytes of a trial are copies, so its file can be freed; otherwise
+     * trial is empty. */
     saga_packed_free(&trial);
     return ok;
 }
@@ -184,8 +188,8 @@ static bool pack(saga_train *t, int level, manner how, saga_error *error)
                                                       saga_fit_scene(t->fit),
                                                       twin, error));
 
-    /* The float model was measured on the fit's twin; what is decoded is there
-     * once it is packed. */
+    /* The float model is measured above with the fit's twin, the decoded one
+     * below with a twin of its own, which exists after packing. */
     ok = ok && pack_at(t, level, how, twin, &in, error);
     if (ok && measured)
         ok = make_decoded(t, error) &&
@@ -194,14 +198,14 @@ static bool pack(saga_train *t, int level, manner how, saga_error *error)
     if (is_segment(t))
         keep_counts(&r->n, &t->scene.n);
     r->base = t->base;
-    /* Steering multiplies prices, and lambda is in proportion to them. */
+    /* Steering multiplies the prices, and lambda is proportional to them. */
     r->lambda = t->lambda * saga_fit_price(t->fit) /
                 t->policy.price.residual;
     r->dynamic = t->dynamic;
     memcpy(r->tool, t->tool, sizeof r->tool);
     r->explained = t->explained;
     r->changing = t->changing;
-    /* The first turn makes the networks: it tells of them. */
+    /* The first turn makes the networks, so their numbers are from it. */
     if (twin && t->turn == 0) {
         keep_entropy(&r->entropy, &choice);
         r->n_parameters = count_parameters(&choice.scene);
@@ -214,7 +218,8 @@ static bool pack(saga_train *t, int level, manner how, saga_error *error)
 
 /* --- Levels -------------------------------------------------------------- */
 
-/* Asks what the decoder says to the bytes; they are dropped when it refuses. */
+/* Reads t->report.info with the decoder. If it refuses the bytes, frees them
+ * and returns false. */
 static bool probe(saga_train *t, saga_error *error)
 {
     const saga_status s = saga_probe(&t->report.info, t->bytes, t->nbytes);
@@ -228,13 +233,14 @@ static bool probe(saga_train *t, saga_error *error)
                      "the decoder refuses the file: %s", saga_status_text(s));
 }
 
-/* This comes before the fit, since all of it follows from counts and shapes; of
- * the first segment, since the others have about the same. */
+/* The check precedes the training of the first segment, since the needs of a
+ * file follow from counts and network shapes. The other segments have about the
+ * same. */
 bool saga_train_check_level(saga_train *t, saga_error *error)
 {
-    /* Packed at the highest level, which has the widest limits; what the file
-     * needs is then compared with those of the level asked for, so that the
-     * message can say both. */
+    /* The scene is packed at the highest level, which has the widest limits,
+     * and then compared with the level in the options. In this way the error
+     * message has both the need and the limit. */
     const bool ok = t->turn > 0 ||
                     (pack(t, SAGA_N_PROFILES - 1, TRIAL, error) &&
                      probe(t, error) &&
@@ -258,21 +264,22 @@ bool saga_train_polish(saga_train *t, saga_error *error)
 {
     saga_fit_polished polished;
 
-    /* What only makes the networks is thrown away. */
+    /* A training that only makes the networks is not kept. */
     return !is_segment(t) || saga_fit_polish(t->fit, &polished, error);
 }
 
 bool saga_train_pack(saga_train *t, saga_error *error)
 {
-    /* Sized segments go by what the finished ones' primitives took (size.c). */
+    /* The size of later segments depends on what primitives took in the
+     * finished ones (size.c). */
     if (is_segment(t)) {
         t->n_finished += t->scene.n.prim;
         return saga_quality_add(&t->report.warm, t->capture, flat_psnr, t->flat,
                                 error) &&
                pack(t, t->o.level, FINAL, error) && probe(t, error);
     }
-    /* Networks for a base; or the base, which is kept as it is decoded, since
-     * all segments are drawn on it. */
+    /* The training is one for the networks, or the base, which is kept in its
+     * decoded form because all segments are drawn on top of it. */
     return pack(t, t->o.level, FINAL, error) &&
            (!saga_train_in_base(t) || (make_decoded(t, error) &&
                                        saga_train_keep_base(t, error)));

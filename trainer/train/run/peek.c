@@ -1,21 +1,20 @@
 /* SPDX-License-Identifier: MIT
  *
- * A look into a checkpoint: what is trained by now is packed as a file, without
- * the capture.
+ * Packs the present state of a checkpoint as a file, without the capture.
  */
 #include "alloc.h"
 #include "save_header.h"
 
-/* Packs what is there: the finished segments, and the one in training if its
- * fit has begun. A base alone is no segment. */
+/* Packs the finished segments, and the one in training if its fit has begun. A
+ * base alone cannot be packed. */
 static bool pack_so_far(saga_train *t, saga_error *error)
 {
     if (saga_train_in_base(t))
         return saga_fail(error, t->o.checkpoint, "look again when a segment "
                          "renders", "its training is in the base, of which "
                          "alone nothing can be packed");
-    /* Everything is rounded as it stands, and the segment is packed beside the
-     * finished ones. */
+    /* The segment is rounded in its present state and packed after the finished
+     * ones. */
     if (t->fitting) {
         saga_fit_cut_short(t->fit);
         return saga_train_pack_blind(t, error);
@@ -37,8 +36,8 @@ static bool alloc_tones(saga_train *t, saga_error *error)
     return t->tones != NULL;
 }
 
-/* Reads a training without its pictures' pixels: it can be packed, no more. h
- * must outlive it. */
+/* Reads a training without its pictures, which is enough to pack it. h must
+ * outlive it. */
 static bool load_blind(saga_train *t, saga_train_header *h,
                        saga_capture *capture, saga_checkpoint *c,
                        saga_error *error)
@@ -51,7 +50,7 @@ static bool load_blind(saga_train *t, saga_train_header *h,
     if (h->stage >= SAGA_TRAIN_N_STAGES)
         return saga_fail(error, c->path, "`saga encode --networks` takes it",
                          "has the networks of a training that is over");
-    /* Complaints name it. */
+    /* Error messages name it. */
     t->o.checkpoint = c->path;
     t->capture = capture;
     if (!saga_pictures_restore(&t->pictures, capture, c, error) ||
@@ -76,7 +75,7 @@ bool saga_train_peek(uint8_t **bytes, size_t *nbytes, const char *checkpoint,
     t = saga_calloc(1, sizeof *t, "the training", error);
     ok = t && load_blind(t, &h, &capture, &c, error);
     ok = saga_checkpoint_close(&c, ok, error) && pack_so_far(t, error);
-    /* The bytes change their owner. */
+    /* The caller gets the bytes. */
     if (ok) {
         *bytes = t->bytes;
         *nbytes = t->nbytes;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Time of a training: how many iterations fit into the minutes asked for, how
- * much of the work is done, and what the progress function is told.
+ * Time of a training: the number of iterations for the minutes in the options,
+ * the part of the work that is done, and the report to the progress function.
  */
 #include "train_state.h"
 
@@ -9,12 +9,12 @@
 
 #include <math.h>
 
-/* Iterations cost this, relative to each other: for the estimate of the time
- * that is left. */
+/* The relative cost of an iteration in each stage, from which the remaining
+ * time is estimated. */
 static const double cost[SAGA_TRAIN_N_STAGES] = { 1, 2.5, 0 };
 
-/* A trial takes that long, and an iteration of it that many of the warm-up's
- * mean, since it has no small pictures. */
+/* A trial takes this many seconds. Its iterations cost this many times the mean
+ * of a warm-up, because they have no small pictures. */
 #define TRIAL_SECONDS 2.0
 #define TRIAL_COST 1.2
 
@@ -31,8 +31,8 @@ const char *saga_train_stage_name(saga_train_stage stage)
 
 /* --- Minutes -------------------------------------------------------------- */
 
-/* Returns the seconds of an iteration of a warm-up with all primitives, by a
- * trial; not positive where it fails. */
+/* Measures the seconds of a warm-up's iteration with all primitives, by a
+ * trial. Returns 0 if it fails. */
 static double try_iterations(const saga_train *t, saga_error *error)
 {
     saga_flat_options o = t->flat_options;
@@ -40,13 +40,13 @@ static double try_iterations(const saga_train *t, saga_error *error)
     saga_flat *f;
     int n = 0;
 
-    /* All primitives and whole pictures from the first iteration on, and no end
-     * that would prune. */
+    /* The trial draws all primitives and whole pictures from the first
+     * iteration on, and never reaches the end, where primitives are pruned. */
     o.n_iterations = MOST_TIMED;
     o.start = o.growth = 1;
     o.coarse = 0;
     f = saga_flat_new(&t->pictures, &o, error);
-    /* The first finds nothing in the caches. */
+    /* The first iteration is not timed, since the caches are cold. */
     while (f && spent < TRIAL_SECONDS && saga_flat_iterate(f, &mse, error)) {
         if (n++ == 0)
             begun = saga_clock_seconds();
@@ -56,8 +56,8 @@ static double try_iterations(const saga_train *t, saga_error *error)
     return saga_failed(error) || n < 2 ? 0 : spent / (n - 1);
 }
 
-/* Takes as many iterations as the minutes asked for allow, a base included
- * wherever there may be one. */
+/* Sets the number of iterations that the minutes in the options allow, with a
+ * base if one is possible. */
 bool saga_train_spend_minutes(saga_train *t, saga_error *error)
 {
     const int n_turns = saga_train_n_turns(t, saga_train_may_have_base(t));
@@ -68,8 +68,8 @@ bool saga_train_spend_minutes(saga_train *t, saga_error *error)
 
     if (!(mean > 0))
         return false;
-    /* Then derive splits anew. The minutes are those of all trainings of the
-     * file. */
+    /* A new split of the iterations is derived. The minutes are shared by all
+     * trainings of the file. */
     t->o.n_warm = 0;
     t->o.n_iterations = (int)fmin(
         fmax(60 * t->o.minutes / n_turns / mean, LEAST_TIMED), MOST_TIMED);
@@ -107,12 +107,12 @@ int saga_train_iteration(const saga_train *t)
         ? sum + saga_train_stage_iteration(t) : sum;
 }
 
-/* Counts in units of an iteration of the warm-up. */
+/* Returns the work done, in iterations of the warm-up. */
 static double work_done(const saga_train *t)
 {
     double sum = 0;
 
-    /* Stages that are over, then what is done of this one. */
+    /* The finished stages, then the finished part of this one. */
     for (int s = 0; s < (int)t->stage; s++)
         sum += cost[s] * saga_train_stage_iterations(t, (saga_train_stage)s);
     return t->stage < SAGA_TRAIN_N_STAGES
@@ -130,8 +130,8 @@ static double work_of_all(const saga_train *t)
 
 bool saga_train_tell(const saga_train *t)
 {
-    /* .done takes all turns to be alike: one for each segment, and with a base
-     * one for it and one more for the first segment. */
+    /* .done assumes that all turns take equal time: one for each segment and,
+     * with a base, one for the base and a second one for the first segment. */
     const saga_train_progress p = {
         .stage = t->stage,
         .name = t->stage == SAGA_TRAIN_WARM && saga_train_is_teaching(t)

@@ -1,16 +1,16 @@
 /* SPDX-License-Identifier: MIT
  *
- * Checkpoints of the training hold what the run was asked for, the cameras, the
- * file of the finished segments, the warm-up, and once it has begun the fit.
- * The hierarchy is not kept: it follows from the warm-up. With the cameras a
- * file can be packed of one without its capture (saga_train_peek).
+ * A checkpoint of a training holds its options, the cameras, the file of the
+ * finished segments, the warm-up and, once it has begun, the fit. The hierarchy
+ * is not saved, since it is rebuilt from the warm-up. With the cameras, a
+ * checkpoint can be packed as a file without its capture (saga_train_peek).
  */
 #include "encode_save.h"
 #include "save_header.h"
 
 #include <string.h>
 
-/* Walks over networks and report of the finished segments. */
+/* Writes or reads networks and report of the finished segments. */
 static void walk_file(saga_train *t, saga_checkpoint *c)
 {
     saga_fit_networks *const n = &t->file.networks;
@@ -27,14 +27,15 @@ static void walk_tones(saga_train *t, saga_checkpoint *c)
                                       sizeof *t->tones);
 }
 
-/* Walks over the base, whose arrays lie in one block. */
+/* Writes or reads the base, whose arrays are in one block. */
 static void walk_base(saga_train *t, saga_checkpoint *c, saga_error *error)
 {
     uint64_t n = t->backdrop.n;
     const int views = t->capture->n_views;
 
     saga_checkpoint_walk(c, &n, sizeof n);
-    /* Until the base is trained there are none of its primitives; then all. */
+    /* Either the base is not trained yet and has no primitives, or it has
+     * all. */
     c->failed = c->failed || (n != 0 && n != t->base.n_prim);
     if (c->failed || n == 0)
         return;
@@ -63,9 +64,9 @@ bool saga_train_save(saga_train *t, saga_error *error)
 
     if (!saga_checkpoint_create(&c, t->o.checkpoint, error))
         return false;
-    /* The header says what it was begun with, and comes first, so that a
-     * reader can refuse it before it looks at the rest; cameras come before
-     * all that needs them. */
+    /* The header comes first, so that a reader can refuse the checkpoint before
+     * it reads the rest. The cameras come before everything that depends on
+     * them. */
     saga_train_header_fill(&h, t);
     saga_checkpoint_walk(&c, &h, sizeof h);
     saga_pictures_save(&t->pictures, &c);
@@ -87,8 +88,8 @@ bool saga_train_save_networks(saga_train *t, const char *path,
     if (!saga_checkpoint_create(&c, path, error))
         return false;
     saga_train_header_fill(&h, t);
-    /* The turn that whoever reads it begins with. Neither cameras nor a
-     * training in progress follow. */
+    /* The turn is the one with which a training from this file begins. Neither
+     * cameras nor a training in progress follow. */
     h.turn = t->base.n_prim ? 2 : 1;
     saga_checkpoint_walk(&c, &h, sizeof h);
     write_finished(t, &c);
@@ -104,8 +105,8 @@ static bool fits(const saga_train *t, const saga_train_header *h,
 
     if (!saga_train_header_segments(t, h, file, error))
         return false;
-    /* Before the options, some of which are planned from the capture where
-     * nobody gave them. */
+    /* This precedes the comparison of options, because some of them are planned
+     * from the capture if the user left them open. */
     if (h->capture != t->digest)
         return saga_fail(error, file, "give the capture it was begun with, or "
                          "delete it",
@@ -121,7 +122,7 @@ static bool load_fit(saga_train *t, saga_checkpoint *c, saga_error *error)
     return true;
 }
 
-/* Takes over what a trial found when the training began. */
+/* Takes over the iterations that a trial found when the training began. */
 static bool adopt_iterations(saga_train *t, const saga_train_header *h)
 {
     if (!saga_train_header_iterations(h))
@@ -136,7 +137,8 @@ static bool adopt_iterations(saga_train *t, const saga_train_header *h)
 static bool read_finished(saga_train *t, saga_checkpoint *c,
                           saga_error *error)
 {
-    /* Networks are read into a scene of the model that the encoder knows. */
+    /* The encoder's model determines the scene into which the networks are
+     * read. */
     t->file.encoder = saga_encoder_restore(c, error);
     if (!t->file.encoder ||
         !saga_scene_init(&t->file.networks.scene,
@@ -144,7 +146,7 @@ static bool read_finished(saga_train *t, saga_checkpoint *c,
                          (saga_counts){ 0 }, 0, 0, error))
         return false;
     walk_file(t, c);
-    /* Splats fall off as the file says from now on. */
+    /* The kind of splat is the file's from now on. */
     saga_train_set_splats(t);
     if (c->failed || !saga_train_same_views(t, t->capture,
                                             saga_train_segment(t), error))
@@ -157,7 +159,7 @@ static bool read_finished(saga_train *t, saga_checkpoint *c,
     return !c->failed;
 }
 
-/* Takes over the primitives that the warm-up came to. */
+/* Takes over the number of primitives that the warm-up settled on. */
 static bool adopt_primitives(saga_train *t, const saga_train_header *h)
 {
     const saga_level_caps *const caps = &saga_caps[t->o.level];
@@ -187,8 +189,7 @@ static void load_base(saga_train *t, const saga_train_header *h)
     };
 }
 
-/* The first segment to be trained, and which is in training, are the
- * checkpoint's. */
+/* Restores the turn, including which segment was trained first. */
 static bool load_turn(saga_train *t, const saga_train_header *h,
                       saga_checkpoint *c, saga_error *error)
 {
@@ -196,7 +197,8 @@ static bool load_turn(saga_train *t, const saga_train_header *h,
         c->failed = true;
         return false;
     }
-    /* The base before the turn: which segment a turn is depends on it. */
+    /* The base comes before the turn, since the segment of a turn depends on
+     * it. */
     load_base(t, h);
     t->n_views = (int)h->views;
     t->n_pixels = h->n_pixels;
@@ -211,20 +213,19 @@ static bool load_turn(saga_train *t, const saga_train_header *h,
         };
     t->explained = h->explained;
     t->changing = h->changing;
-    /* As it was found, or as steering left it. */
+    /* Lambda is what the rule or steering made of it. */
     t->lambda = h->chosen_lambda;
     t->n_finished = h->n_finished;
     return t->turn == 0 || read_finished(t, c, error);
 }
 
-/* Reads all behind the cameras. */
 bool saga_train_load_state(saga_train *t, const saga_train_header *h,
                            saga_checkpoint *c, saga_error *error)
 {
     if (!load_turn(t, h, c, error))
         return false;
-    /* The warm-up is always there: hierarchy and targets are made of it once
-     * more. */
+    /* The warm-up is always in a checkpoint, since hierarchy and targets are
+     * rebuilt from it. */
     if (!saga_train_load_warm(t, c, error))
         return false;
     t->stage = (saga_train_stage)h->stage;
@@ -232,7 +233,7 @@ bool saga_train_load_state(saga_train *t, const saga_train_header *h,
     return !h->fitting || load_fit(t, c, error);
 }
 
-/* The cameras are those of the capture, which fits. */
+/* Skips the cameras, which are known from the capture. */
 static bool skip_pictures(saga_checkpoint *c, saga_error *error)
 {
     saga_pictures pictures;
@@ -249,8 +250,8 @@ static bool load(saga_train *t, saga_checkpoint *c, saga_error *error)
     saga_train_header h;
 
     saga_checkpoint_walk(c, &h, sizeof h);
-    /* Before options are compared: what a trial or the warm-up has found is no
-     * option that could differ. */
+    /* This precedes the comparison of options, so that numbers found by a trial
+     * or the warm-up count as equal. */
     if (!adopt(t, &h)) {
         c->failed = true;
         return false;
@@ -275,7 +276,7 @@ static bool load_networks(saga_train *t, saga_checkpoint *c, saga_error *error)
     saga_train_header h;
 
     saga_checkpoint_walk(c, &h, sizeof h);
-    /* A file of networks begins behind the turns that made them. */
+    /* A file of networks begins after the turns that made them. */
     c->failed = c->failed || h.turn != (h.base_prim ? 2 : 1) ||
                 !adopt(t, &h);
     return !c->failed &&

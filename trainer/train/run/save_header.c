@@ -7,7 +7,8 @@
 
 void saga_train_header_fill(saga_train_header *h, const saga_train *t)
 {
-    /* Strings are compared and written as all of their bytes: the rest is 0. */
+    /* Strings are compared and written as whole arrays, so the rest must be
+     * 0. */
     memset(h, 0, sizeof *h);
     h->primitives = t->o.n_primitives;
     h->coarse = t->o.n_coarse;
@@ -33,7 +34,7 @@ void saga_train_header_fill(saga_train_header *h, const saga_train *t)
     h->n_pixels = t->n_pixels;
     h->layers = (uint64_t)t->o.n_layers;
     h->teachers = (uint64_t)t->o.n_teachers;
-    /* The number of segments, which no segment has, says that there is none. */
+    /* The number of segments, which is no segment's, stands for none. */
     h->only = (uint64_t)(t->o.networks ? t->o.only : t->o.n_segments);
     if (t->o.ablate)
         snprintf(h->ablate, sizeof h->ablate, "%s", t->o.ablate);
@@ -91,13 +92,13 @@ static bool same_ablation(const char *file, const saga_train_header *h,
                      now->ablate);
 }
 
-/* All but the pictures. */
+/* Compares all options except the pictures. */
 bool saga_train_header_fits(const saga_train *t, const saga_train_header *h,
                             const char *file, saga_error *error)
 {
     saga_train_header now;
 
-    /* Lambda as it was asked for; what was found is chosen_lambda. */
+    /* lambda is the option; the value found by the rule is chosen_lambda. */
     saga_train_header_fill(&now, t);
     if (h->lambda < now.lambda || h->lambda > now.lambda)
         return saga_fail(error, file, "give the options it was begun with, or "
@@ -133,7 +134,6 @@ bool saga_train_header_iterations(const saga_train_header *h)
     return h->warm - 1 < INT_MAX / 2 && h->render - 1 < INT_MAX / 2;
 }
 
-/* Tells whether first segment, turn and base's size are possible. */
 bool saga_train_header_turns(const saga_train_header *h)
 {
     const uint64_t most = saga_caps[SAGA_N_PROFILES - 1].n_prim;
@@ -162,7 +162,7 @@ static bool read_header(saga_train_header *h, const char *checkpoint,
     if (!saga_checkpoint_open(&c, checkpoint, error))
         return false;
     saga_train_header_walk(h, &c);
-    /* The rest is not wanted here. */
+    /* The rest of the file is skipped. */
     saga_take(&c.rest, saga_left(&c.rest));
     return saga_checkpoint_close(&c, true, error);
 }
@@ -190,11 +190,10 @@ bool saga_train_adopt(saga_train_options *o, const char *checkpoint,
     return true;
 }
 
-/* The options that a checkpoint's training was begun with, or came to. */
 bool saga_train_header_options(saga_train_options *o,
                                const saga_train_header *h)
 {
-    /* Nothing has compared these with options: they must not lead beyond
+    /* These were not compared with any options, so they must not exceed
      * arrays. */
     if (h->level >= SAGA_N_PROFILES || h->motion > SAGA_TRAIN_STILL ||
         h->layers < 1 || h->layers > SAGA_MAX_LAYERS ||
@@ -204,7 +203,7 @@ bool saga_train_header_options(saga_train_options *o,
     *o = saga_train_defaults();
     o->n_segments = (int)h->segments;
     o->first = (int)h->first;
-    /* Only whether there are networks matters: nobody opens them here. */
+    /* The name is not opened; it only tells that there are networks. */
     if (h->only < h->segments) {
         o->networks = "those it has";
         o->only = (int)h->only;

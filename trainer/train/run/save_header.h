@@ -1,23 +1,23 @@
 /* SPDX-License-Identifier: MIT
  *
- * A checkpoint's header says what its training was asked for and where it
- * stands. It comes first in the file, so that a reader can refuse a checkpoint
- * before it looks at the rest.
+ * The header of a checkpoint holds the options of the training and its state.
+ * It comes first in the file, so that a reader can refuse a checkpoint before
+ * it reads the rest.
  */
 #ifndef SAGA_SAVE_HEADER_H
 #define SAGA_SAVE_HEADER_H
 
 #include "train_state.h"
 
-/* Each has eight bytes, so that there is no padding. */
+/* All members are multiples of eight bytes, so there is no padding. */
 typedef struct {
     uint64_t primitives, coarse, fine, warm, render, level, seed;
     uint64_t motion, capture, segments, first, turn, n_bytes, n_finished;
     uint64_t views, base_why, base_still, base_looked_at, base_prim, base_kept;
     uint64_t layers, teachers;
-    uint64_t only;               /* the segment in training, if it has networks
-                                  * of another training; else its number of
-                                  * segments */
+    uint64_t only;               /* the segment in training, if its networks are
+                                  * from another training; otherwise n_segments
+                                  * of the options, which is no segment */
     char ablate[128];
     double lambda, chosen_lambda, base_saved, n_pixels;
     uint64_t stage, fitting, dynamic, tools;
@@ -27,27 +27,30 @@ typedef struct {
 } saga_train_header;
 
 void saga_train_header_fill(saga_train_header *h, const saga_train *t);
-/* Reads a header and fails where its numbers are impossible. */
+/* Reads a header from a checkpoint, and marks the checkpoint as failed if a
+ * number is impossible. */
 void saga_train_header_walk(saga_train_header *h, saga_checkpoint *c);
 
-/* Tell whether a header could be of any training. */
+/* Tell whether the iterations, and the turn with the sizes of the base, are
+ * possible for any training. */
 bool saga_train_header_iterations(const saga_train_header *h);
 bool saga_train_header_turns(const saga_train_header *h);
 
-/* Compare a header with what t was asked for, all but the pictures. `file` is
- * named in the error. */
+/* Compare a header with the options of t, except for the pictures. Return false
+ * with *error set, which names `file`, if one differs. */
 bool saga_train_header_fits(const saga_train *t, const saga_train_header *h,
                             const char *file, saga_error *error);
 bool saga_train_header_segments(const saga_train *t,
                                 const saga_train_header *h, const char *file,
                                 saga_error *error);
 
-/* Gives the options that a checkpoint's training was begun with, or came to;
- * false where they are impossible. They point into h. */
+/* Sets *o to the options that a checkpoint's training was begun with, or
+ * arrived at. Returns false if they are impossible. Strings in *o point into
+ * *h. */
 bool saga_train_header_options(saga_train_options *o,
                                const saga_train_header *h);
 
-/* save.c: reads all behind the cameras. */
+/* save.c: reads everything that follows the cameras in a checkpoint. */
 bool saga_train_load_state(saga_train *t, const saga_train_header *h,
                            saga_checkpoint *c, saga_error *error);
 

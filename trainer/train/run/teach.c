@@ -1,15 +1,15 @@
 /* SPDX-License-Identifier: MIT
  *
- * Before the warm-up of a segment whose cameras stand far apart there are
- * others, each from another seed, for half of its iterations: the teachers of
- * novel.h. They are sets of the warm-up like any, and go when the segment ends.
+ * Teachers are warm-ups from other seeds, each with a share of the iterations.
+ * They are trained before the warm-up of a segment if its cameras are far apart
+ * (rig/novel.h), and freed when the segment ends.
  */
 #include "train_state.h"
 
 #include "rng.h"
 #include "warm_up.h"
 
-/* The stream of the random numbers. */
+/* Stream of random numbers (rng.h). */
 enum { STREAM_TEACHER = 600 };
 
 bool saga_train_place_teachers(saga_train *t, saga_error *error)
@@ -45,8 +45,8 @@ int saga_train_warm_iteration(const saga_train *t)
            saga_flat_iteration(t->flat);
 }
 
-/* Returns the options of the set that is in training: of the next teacher, or
- * of the warm-up that has been taught. */
+/* Returns the options of the set in training: the next teacher, or the
+ * warm-up. */
 static saga_flat_options options_of(const saga_train *t)
 {
     const saga_rng r = saga_rng_stream(t->o.seed, STREAM_TEACHER);
@@ -59,7 +59,7 @@ static saga_flat_options options_of(const saga_train *t)
     return o;
 }
 
-/* Teachers do not see what those before them draw. */
+/* Only the warm-up sees the pictures that teachers draw; teachers do not. */
 static void show(saga_train *t)
 {
     t->pictures.novel = t->n_teachers > 0 && !saga_train_is_teaching(t)
@@ -87,7 +87,7 @@ bool saga_train_end_lesson(saga_train *t, saga_error *error)
     ok = saga_novel_teach(&t->novel, &p, saga_flat_count(t->flat), error);
     saga_flat_free(t->flat);
     t->flat = NULL;
-    /* The next set's pictures begin a mean of their own. */
+    /* The mean error starts again with the next set. */
     t->recent_mse = 0;
     return ok && saga_train_begin_warm(t, error);
 }
@@ -106,8 +106,8 @@ bool saga_train_load_warm(saga_train *t, saga_checkpoint *c, saga_error *error)
     uint64_t n = 0;
     saga_flat_options o;
 
-    /* Cameras are placed anew; how many teachers there will be is kept, since
-     * one that looks into a checkpoint does not know all of the capture. */
+    /* The cameras are placed again. The number of teachers is read, since
+     * saga_train_peek does not have the pictures to decide on it. */
     if (!saga_train_place_teachers(t, error))
         return false;
     saga_checkpoint_walk(c, &n, sizeof n);

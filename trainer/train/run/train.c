@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The state machine of a training: its stages, iteration by iteration, with a
- * checkpoint between any two of them, segment after segment.
+ * The state machine of a training: its stages, one iteration after the other,
+ * with checkpoints in between, for each segment.
  */
 #include "train_state.h"
 
@@ -11,7 +11,7 @@
 
 #include <stdlib.h>
 
-/* Recent pictures weigh this much less with every newer one. */
+/* The running mean keeps this part of its value with every picture. */
 #define RECENT_PART 0.98
 
 /* --- Beginning ------------------------------------------------------------ */
@@ -24,13 +24,13 @@ static bool begin_with_nothing(saga_train *t, saga_error *error)
            saga_train_begin_warm(t, error);
 }
 
-/* The segment that made the networks is finished. */
+/* Begins after the training that made the networks. */
 static bool begin_with_networks(saga_train *t, saga_error *error)
 {
     if (!saga_train_load_networks(t, error))
         return false;
-    /* The first segment is in the file already, unless a base made it be
-     * trained once more: there is nothing left to do. */
+    /* Without a base, the first segment is in the file of networks already, and
+     * nothing is left to do. */
     if (t->o.only != t->o.first || t->base.n_prim)
         return saga_train_place_teachers(t, error) &&
                saga_train_begin_warm(t, error);
@@ -79,7 +79,7 @@ static void save(saga_train *t)
 {
     if (!t->o.checkpoint)
         return;
-    t->complaint.message[0] = '\0'; /* the newest is told */
+    t->complaint.message[0] = '\0'; /* only the newest failure is reported */
     t->complained = !saga_train_save(t, &t->complaint);
     t->saved = saga_clock_seconds();
 }
@@ -97,12 +97,12 @@ bool saga_train_next(saga_train *t, const saga_capture *capture,
 {
     if (!saga_train_same_views(t, capture, saga_train_upcoming(t), error))
         return false;
-    /* Pictures of one segment at a time are in memory. */
+    /* Only the pictures of one segment are in memory. */
     saga_train_end_segment(t);
     t->fitting = false;
     if (!saga_train_look_at(t, capture, error))
         return false;
-    /* The warm-up's primitives depend on the turn. */
+    /* The number of primitives depends on the turn. */
     t->turn++;
     saga_train_set_flat(t);
     if (!saga_train_place_teachers(t, error) ||
@@ -115,7 +115,8 @@ bool saga_train_next(saga_train *t, const saga_capture *capture,
 
 /* --- Stages --------------------------------------------------------------- */
 
-/* Settles a count that is free: of the first segment, which serves all. */
+/* Replaces a free number of primitives during the first warm-up, for all
+ * segments. */
 static void settle_count(saga_train *t)
 {
     const bool free = t->turn == 0 && !saga_train_is_teaching(t);
@@ -124,7 +125,7 @@ static void settle_count(saga_train *t)
 
     if (n == 0)
         return;
-    /* Anchors follow the primitives. */
+    /* The numbers of anchors follow. */
     t->o.n_primitives = n;
     t->o.n_coarse = t->o.n_fine = 0;
     saga_options_derive(&t->o);
@@ -134,8 +135,8 @@ static void settle_count(saga_train *t)
 
 static bool step(saga_train *t, double *mse, saga_error *error)
 {
-    /* The count and, below, the step change between two iterations: so a
-     * checkpoint never lies within a change. */
+    /* The number of primitives and the step change only here, between two
+     * iterations, so that a checkpoint never has half of a change. */
     if (t->stage == SAGA_TRAIN_WARM) {
         if (!saga_train_end_lesson(t, error))
             return false;
@@ -145,8 +146,8 @@ static bool step(saga_train *t, double *mse, saga_error *error)
     return saga_train_steer(t, error) && saga_fit_iterate(t->fit, mse, error);
 }
 
-/* Runs the iterations of the stage that are left; each is told, and saved where
- * it is time. */
+/* Runs the remaining iterations of the stage. Reports each, and writes a
+ * checkpoint when it is due. */
 static saga_outcome run_iterations(saga_train *t, saga_error *error)
 {
     const int n = saga_train_stage_iterations(t, t->stage);
@@ -157,12 +158,12 @@ static saga_outcome run_iterations(saga_train *t, saga_error *error)
 
         if (!step(t, &mse, error))
             return SAGA_FAILED;
-        /* A running mean, which the first picture begins. The price is settled
-         * by it, so the teachers' pictures, whose mse is 0, do not count. */
+        /* A running mean, started by the first picture. The price depends on
+         * it, so pictures drawn by teachers, whose mse is 0, are ignored. */
         if (mse > 0)
             t->recent_mse += (t->recent_mse > 0 ? 1 - RECENT_PART : 1) *
                              (mse - t->recent_mse);
-        /* Who stops it loses nothing: the checkpoint is written first. */
+        /* When the training is stopped, the checkpoint is written first. */
         go_on = saga_train_tell(t);
         if (!go_on ||
             saga_clock_seconds() - t->saved >= t->o.checkpoint_seconds)
@@ -173,12 +174,12 @@ static saga_outcome run_iterations(saga_train *t, saga_error *error)
     return SAGA_DONE;
 }
 
-/* The next segment goes by the price that this one came to. */
+/* Packs, and keeps the price that steering arrived at for the next segment. */
 static bool pack(saga_train *t, saga_error *error)
 {
     if (!saga_train_pack(t, error))
         return false;
-    /* Steering has changed it with the square of the step. */
+    /* Steering changes the price with the square of the step. */
     if (t->o.n_bytes)
         t->lambda = t->report.lambda;
     return true;
@@ -186,18 +187,18 @@ static bool pack(saga_train *t, saga_error *error)
 
 static bool begin_rendering(saga_train *t, saga_error *error)
 {
-    /* In this order: tools are weighed at the price, and the hierarchy's model
-     * has them. */
+    /* The order matters: tools are judged at this price, and the model of the
+     * hierarchy depends on them. */
     saga_train_settle_price(t);
     if (!saga_train_decide(t, error))
         return false;
-    /* A scene too large for the level fails here, before it is rendered. */
+    /* A scene too large for the level fails here, before the rendering. */
     return saga_train_begin_fit(t, error) &&
            saga_fit_start(t->fit, &t->target, error) &&
            saga_train_check_level(t, error);
 }
 
-/* Does what a stage does after its iterations. */
+/* Does what follows a stage's iterations. */
 static bool conclude(saga_train *t, saga_error *error)
 {
     bool ok = true;
@@ -208,7 +209,7 @@ static bool conclude(saga_train *t, saga_error *error)
         ok = saga_train_polish(t, error);
     else if (t->stage == SAGA_TRAIN_PACK)
         ok = pack(t, error);
-    /* The next stage's pictures begin a mean of their own. */
+    /* The mean error starts again with the next stage. */
     t->recent_mse = 0;
     return ok;
 }
@@ -216,8 +217,8 @@ static bool conclude(saga_train *t, saga_error *error)
 saga_outcome saga_train_run(saga_train *t, saga_error *error)
 {
     while (t->stage < SAGA_TRAIN_N_STAGES) {
-        /* Packing has no iterations: it is told of once, and may be stopped
-         * there. */
+        /* Packing has no iterations: it is reported once, and can be stopped
+         * then. */
         const saga_outcome s = t->stage < SAGA_TRAIN_PACK
             ? run_iterations(t, error)
             : saga_train_tell(t) ? SAGA_DONE : SAGA_STOPPED;
@@ -226,8 +227,8 @@ saga_outcome saga_train_run(saga_train *t, saga_error *error)
             return s;
         if (!conclude(t, error))
             return SAGA_FAILED;
-        /* Before it is saved, so that a checkpoint begins the stage that
-         * follows. */
+        /* The stage advances before the checkpoint is written, so that a
+         * restored training begins the next stage. */
         t->stage++;
         if (t->stage < SAGA_TRAIN_N_STAGES)
             save(t);

@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: MIT
  *
- * A turn is the training of one segment or of the base. Which of them a turn is
- * follows from the segment that is trained first and from whether there is a
- * base.
+ * A turn is the training of one segment or of the base. The first segment to be
+ * trained and the existence of a base determine which one.
  */
 #include "train_state.h"
 
-/* With a base the first segment is trained twice, and the base is one more. */
+/* With a base there are two more turns: the base, and a second one for the
+ * first segment. */
 int saga_train_n_turns(const saga_train *t, bool has_base)
 {
     return t->o.n_segments + (has_base ? 2 : 0);
@@ -14,8 +14,9 @@ int saga_train_n_turns(const saga_train *t, bool has_base)
 
 int saga_train_segment_at(int first, int turn, bool has_base)
 {
-    /* Without a base all but the first follow in order of time; with one turn 1
-     * is the base, and all segments follow, the first one again. */
+    /* Without a base, all segments except the first follow in order of time.
+     * With one, turn 1 is the base, and all segments follow, including the
+     * first. */
     return turn == 0 ? first
          : !has_base ? (turn <= first ? turn - 1 : turn)
          : turn == 1 ? SAGA_TRAIN_BASE : turn - 2;
