@@ -10,8 +10,8 @@
 #include <stdio.h>
 
 static const char head[] =
-    "How much work `saga encode --preset` puts into a file. The\n"
-    "options --size, --primitives, --iterations, --time and --scale override it.\n"
+    "How much work `saga encode --preset` puts into a file. Each of\n"
+    "--size, --primitives, --iterations, --time and --scale overrides it.\n"
     "\n"
     "preset    primitives  iterations  visits  still: visits  CPU minutes\n";
 
