@@ -4,8 +4,7 @@
 #include <stdint.h>
 #include <stdlib.h>
 
-/* Returns the bytes of count elements: at least 1, and where the product
- * overflows, more than anybody has. */
+/* Returns count size, or 1 if it is 0, or SIZE_MAX if it overflows. */
 static size_t product(size_t count, size_t size)
 {
     if (size != 0 && count > SIZE_MAX / size)
@@ -13,7 +12,7 @@ static size_t product(size_t count, size_t size)
     return count == 0 || size == 0 ? 1 : count * size;
 }
 
-/* Returns p, or sets the error where it is NULL. */
+/* Returns p, and sets the error if it is NULL. */
 static void *checked(void *p, size_t nbytes, const char *what,
                      saga_error *error)
 {
@@ -22,7 +21,8 @@ static void *checked(void *p, size_t nbytes, const char *what,
     return p;
 }
 
-/* malloc(SIZE_MAX) fails, but compilers and sanitizers complain about it. */
+/* malloc(SIZE_MAX) would fail anyway, but compilers and sanitizers warn about
+ * it. */
 static bool possible(size_t nbytes)
 {
     return nbytes <= PTRDIFF_MAX;
@@ -52,7 +52,7 @@ void *saga_realloc(void *p, size_t count, size_t size, const char *what,
 void *saga_aligned_alloc(size_t align, size_t nbytes, const char *what,
                          saga_error *error)
 {
-    /* A multiple of align, as C11 wants it, and never 0. */
+    /* C11 requires a multiple of align; it is never 0. */
     void *const p = possible(nbytes)
         ? aligned_alloc(align, nbytes / align * align + align) : NULL;
     return checked(p, nbytes, what, error);

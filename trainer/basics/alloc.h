@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: MIT
  *
- * Memory for count elements of size bytes; the product may overflow. `what` is
- * what the memory is for: a file, or a noun ("the anchors"). Where there is
- * none, NULL is returned and the error says
+ * Allocate memory for count elements of size bytes, and check the product for
+ * overflow. `what` names the memory in the error: a file, or a noun such as
+ * "the anchors". On failure NULL is returned, and the error is
  *
  *     WHAT: out of memory, N bytes wanted; take fewer ...
  *
- * No element is no failure: the pointer is not NULL then either. free() frees.
+ * For 0 elements the pointer is not NULL. The caller frees all of it by free().
  */
 #ifndef SAGA_ALLOC_H
 #define SAGA_ALLOC_H
@@ -15,20 +15,20 @@
 
 #include <stddef.h>
 
-/* Returns memory of undefined contents. */
+/* Returns uninitialised memory. */
 void *saga_alloc(size_t count, size_t size, const char *what,
                  saga_error *error);
 
-/* Returns memory of zeros. */
+/* Returns zeroed memory. */
 void *saga_calloc(size_t count, size_t size, const char *what,
                   saga_error *error);
 
-/* Returns p, which may be NULL, with another count; what is new has undefined
- * contents. p stays as it was where this fails. */
+/* Resizes p, which may be NULL, to another count. New elements are
+ * uninitialised. On failure p stays valid and unchanged. */
 void *saga_realloc(void *p, size_t count, size_t size, const char *what,
                    saga_error *error);
 
-/* Returns nbytes at a multiple of align, a power of two. */
+/* Returns nbytes bytes at a multiple of align, a power of two. */
 void *saga_aligned_alloc(size_t align, size_t nbytes, const char *what,
                          saga_error *error);
 

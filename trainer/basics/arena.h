@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * An arena holds arrays that are parts of one block: they are laid out once to
- * measure it (base NULL), once more to place them.
+ * An arena places several arrays in one block. The caller takes all arrays
+ * twice: once with base NULL, to measure the block, and once to place them.
  */
 #ifndef SAGA_ARENA_H
 #define SAGA_ARENA_H
@@ -13,10 +13,10 @@
 
 typedef struct saga_arena {
     real *base;
-    size_t n;                /* reals taken */
+    size_t n;                /* number of reals taken */
 } saga_arena;
 
-/* Takes n reals at a multiple of 16; NULL while measuring. */
+/* Takes n reals at a multiple of 16 reals; returns NULL while measuring. */
 static inline real *saga_arena_take(saga_arena *a, size_t n)
 {
     real *const p = a->base ? a->base + a->n : NULL;
@@ -25,8 +25,8 @@ static inline real *saga_arena_take(saga_arena *a, size_t n)
     return p;
 }
 
-/* Returns the block that was measured, zeros (free it); taking begins anew in
- * it. */
+/* Allocates the measured block, zeroed, and starts again at its beginning. The
+ * caller frees it by free(). Returns NULL with *error set on failure. */
 static inline real *saga_arena_alloc(saga_arena *a, const char *what,
                                      saga_error *error)
 {

@@ -3,7 +3,8 @@
 
 #include "real.h"
 
-/* Whoever changes what any part of the program keeps counts the version up. */
+/* The version must be increased when any part of the program changes what it
+ * saves. */
 enum { VERSION = 12 };
 
 static const char anew[] = "delete it and start anew";
@@ -44,7 +45,7 @@ bool saga_checkpoint_create(saga_checkpoint *c, const char *path,
     return true;
 }
 
-/* Compares the header, and the digest at the end. */
+/* Compares the header and the digest. */
 static bool check(const saga_bytes *b, const char *path, saga_error *error)
 {
     const header mine = header_of_this();
@@ -52,7 +53,7 @@ static bool check(const saga_bytes *b, const char *path, saga_error *error)
 
     if (b->nbytes < sizeof mine + sizeof sum)
         return saga_fail(error, path, anew, "is cut short");
-    /* Magic, version and the size of a real at once. */
+    /* Compares magic, version and the size of a real together. */
     if (memcmp(b->data, &mine, sizeof mine) != 0)
         return saga_fail(error, path, anew, "is no checkpoint of this version "
                          "of the program");
@@ -71,7 +72,7 @@ bool saga_checkpoint_open(saga_checkpoint *c, const char *path,
         saga_bytes_free(&c->bytes);
         return false;
     }
-    /* The bytes that are walked over lie between the header and the digest. */
+    /* The walk covers the bytes between header and digest. */
     c->rest.next = c->bytes.data + sizeof(header);
     c->rest.end = c->bytes.data + c->bytes.nbytes - sizeof c->sum;
     return true;
@@ -81,8 +82,8 @@ static void get(saga_checkpoint *c, void *data, size_t nbytes)
 {
     const uint8_t *const from = c->failed ? NULL : saga_take(&c->rest, nbytes);
 
-    /* After a failure all is zero: the walk goes on to its end, and sizes
-     * that it reads ask for nothing. */
+    /* After a failure all data is zero, so the walk can go on to its end, and
+     * sizes that it reads allocate nothing. */
     if (from) {
         memcpy(data, from, nbytes);
     } else {
@@ -116,12 +117,11 @@ bool saga_checkpoint_close(saga_checkpoint *c, bool ok, saga_error *error)
     uint64_t sum = c->sum;
 
     if (!c->reading) {
-        /* The digest is of all before it, so this is a copy: the walk moves
-         * c->sum. */
+        /* The walk changes c->sum, so a copy is written. */
         saga_checkpoint_walk(c, &sum, sizeof sum);
         return saga_output_close(&c->out, ok && !c->failed, error);
     }
-    /* Bytes that are left over are as wrong as bytes that are missing. */
+    /* Bytes that are left over are an error too. */
     ok = ok && !c->failed && saga_left(&c->rest) == 0;
     saga_bytes_free(&c->bytes);
     return ok || saga_fail(error, c->path, anew, "does not hold together");

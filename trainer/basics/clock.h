@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * A clock that only goes forward tells how long something takes. Where it
- * starts means nothing.
+ * A monotonic clock, for durations. Its origin is arbitrary.
  */
 #ifndef SAGA_CLOCK_H
 #define SAGA_CLOCK_H

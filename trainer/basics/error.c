@@ -12,7 +12,7 @@ static const char less_memory[] = "take fewer or smaller pictures, fewer "
 bool saga_fail(saga_error *error, const char *file, const char *remedy,
                const char *format, ...)
 {
-    /* The first error is kept: it is the cause. */
+    /* The first error is kept, because it is the cause. */
     if (saga_failed(error))
         return false;
     char what[SAGA_MESSAGE_NBYTES];
@@ -20,7 +20,7 @@ bool saga_fail(saga_error *error, const char *file, const char *remedy,
     va_start(args, format);
     (void)vsnprintf(what, sizeof what, format, args);
     va_end(args);
-    /* A long path must not push the remedy out of the message. */
+    /* A long path is shortened, so that the remedy fits into the message. */
     const size_t n_file = file ? strlen(file) : 0;
     const char *const tail = n_file > 400 ? file + n_file - 400 : file;
     (void)snprintf(error->message, sizeof error->message,
@@ -43,7 +43,7 @@ bool saga_fail_errno(saga_error *error, const char *file, const char *remedy,
 {
     if (errno == ENOMEM)
         return saga_no_memory(0, file, error);
-    if (errno == 0) /* somebody else has looked at it */
+    if (errno == 0) /* no reason is known */
         return saga_fail(error, file, remedy, "%s", what);
     return saga_fail(error, file, remedy, "%s (%s)", what, strerror(errno));
 }

@@ -46,7 +46,7 @@ bool saga_path_is_folder(const char *path)
 
 bool saga_folder_has(const char *folder, const char *name)
 {
-    char path[PATH_MAX]; /* a longer one cannot be opened */
+    char path[PATH_MAX]; /* a longer path cannot be opened */
     const int n = snprintf(path, sizeof path, "%s/%s", folder, name);
     return n > 0 && n < PATH_MAX && saga_path_is_file(path);
 }
@@ -78,7 +78,8 @@ char *saga_path_beside(const char *path, const char *other)
     char *const beside = realpath(other, NULL);
     const char *const slash = beside ? strrchr(beside, '/') : NULL;
     const size_t n = slash ? (size_t)(slash - beside) + 1 : 0;
-    /* The prefix has its slash: what lies beside /a/b is not below /a. */
+    /* The prefix includes its slash, so that /a/bc does not count as inside
+     * /a/b. */
     const bool below = real && n > 0 && strncmp(real, beside, n) == 0;
     free(beside);
     if (below)
@@ -93,8 +94,8 @@ static bool read_open_file(saga_bytes *bytes, int fd, size_t size,
     bytes->data = saga_alloc(size + 1, 1, path, error);
     if (!bytes->data)
         return false;
-    /* A signal interrupts and the read goes on; a file that has become
-     * shorter ends it. */
+    /* A read interrupted by a signal is repeated. A file that has become
+     * shorter ends the loop. */
     while (bytes->nbytes < size) {
         const ssize_t n = read(fd, bytes->data + bytes->nbytes,
                                size - bytes->nbytes);
@@ -116,8 +117,8 @@ FILE *saga_open_file(const char *path)
     struct stat st;
     if (fd < 0)
         return NULL;
-    /* A path that opens but is no regular file sets no errno of its own; close
-     * may. */
+    /* Anything but a regular file opens without errno, so it is set here; close
+     * may change it. */
     errno = EINVAL;
     FILE *const f = fstat(fd, &st) == 0 && S_ISREG(st.st_mode)
         ? fdopen(fd, "rb") : NULL;
@@ -142,7 +143,7 @@ bool saga_read_file(saga_bytes *bytes, const char *path,
                     saga_error *error)
 {
     *bytes = (saga_bytes){0};
-    /* Without waiting for somebody to write into a pipe. */
+    /* O_NONBLOCK avoids waiting for the writer of a pipe. */
     const int fd = open(path, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
     if (fd < 0)
         return cannot_open(path, error);

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * The room's door to files: whole ones are read, paths are put together,
- * little-endian bytes taken apart.
+ * Reads whole files, composes paths, and parses little-endian bytes.
  */
 #ifndef SAGA_FILE_H
 #define SAGA_FILE_H
@@ -15,42 +14,44 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Returns a copy of "folder/name" (of name alone if it is absolute or folder is
- * NULL); free() frees it. */
+/* Returns a copy of "folder/name", or of name alone if it is absolute or folder
+ * is NULL or empty. The caller frees it. */
 char *saga_path_join(const char *folder, const char *name, saga_error *error);
 char *saga_string_copy(const char *s, saga_error *error);
 bool saga_path_is_file(const char *path);
 bool saga_path_is_folder(const char *path);
-/* Tells whether there is a file of that name in the folder. */
+/* Tells whether the folder has a regular file with this name. */
 bool saga_folder_has(const char *folder, const char *name);
 bool saga_has_suffix(const char *s, const char *suffix);
 
-/* Opens a folder to be walked; NULL, with the reason, where it cannot be read.
- * The caller closes it. */
+/* Opens a folder for readdir. Returns NULL with *error set if it cannot be
+ * read. The caller closes it. */
 DIR *saga_folder_open(const char *folder, saga_error *error);
-/* Does the same where there need be no folder: *dir is NULL then, and only want
- * of memory is an error. */
+/* Does the same for a folder that need not exist: then *dir is NULL. Returns
+ * false only if memory is short. */
 bool saga_folder_try(DIR **dir, const char *folder, saga_error *error);
 
-/* Returns the real path of a file where it lies in the folder of another file,
- * or in one below, links followed; else NULL. free() frees it. */
+/* Returns the real path of a file if, after links are followed, it is in the
+ * folder of `other` or in a folder below; otherwise NULL. The caller frees
+ * it. */
 char *saga_path_beside(const char *path, const char *other);
 
-/* A whole file is in memory, with a NUL behind its last byte. */
+/* A whole file in memory, with a NUL after its last byte. */
 typedef struct saga_bytes {
     uint8_t *data;
     size_t nbytes;
 } saga_bytes;
 
-/* Opens a file to be read; errno says why it is NULL. What is no regular file
- * is none (EINVAL), and a pipe is not waited for. */
+/* Opens a file for reading. Returns NULL with errno set on failure; anything
+ * except a regular file gives EINVAL. It does not block on a pipe. */
 FILE *saga_open_file(const char *path);
 
 bool saga_read_file(saga_bytes *bytes, const char *path,
                     saga_error *error);
 void saga_bytes_free(saga_bytes *bytes);
 
-/* A cursor reads bytes: past the end it gives zeros and stays failed. */
+/* Reads bytes one after the other. Past the end it returns zeros and sets
+ * `failed`, which stays set. */
 typedef struct saga_cursor {
     const uint8_t *next, *end;
     bool failed;

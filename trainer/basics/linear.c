@@ -4,14 +4,14 @@
 #include <float.h>
 #include <math.h>
 
-/* Finds L of a = L L^T, in the lower triangle. A pivot that is 0, or that
- * rounding made so, counts as the least positive number: its unknown then has
- * no say. */
+/* Replaces a by L, where a = L L^T, in the lower triangle. A pivot that is 0,
+ * or negative by rounding, becomes the least positive number, so that its
+ * unknown hardly counts. */
 static void factorise(saga_matrix a, size_t n)
 {
     for (size_t j = 0; j < n; j++) {
-        /* Column j less what the columns before it make of it; then divided
-         * by the root of its pivot. */
+        /* Column j, less the products of the previous columns, divided by the
+         * root of its pivot. */
         for (size_t k = 0; k < j; k++)
             for (size_t i = j; i < n; i++)
                 a[i][j] -= a[i][k] * a[j][k];
@@ -39,7 +39,7 @@ void saga_solve(saga_matrix a, double *b, size_t n)
     }
 }
 
-/* Turns x and y by the rotation of cosine c and sine s. */
+/* Rotates (x, y) by the angle with cosine c and sine s. */
 static void turn(double *x, double *y, double c, double s)
 {
     const double u = *x, v = *y;
@@ -48,12 +48,12 @@ static void turn(double *x, double *y, double c, double s)
     *y = s * u + c * v;
 }
 
-/* Applies the rotation of axes p and q after which a[p][q] is 0. */
+/* Rotates the axes p and q so that a[p][q] becomes 0. */
 static void annihilate(saga_matrix v, saga_matrix a, size_t p, size_t q,
                        size_t n)
 {
-    /* t is the tangent of the angle, the smaller root of t^2 + 2 theta t =
-     * 1: no rotation turns by more than 45 degrees. */
+    /* t is the tangent of the angle, the smaller root of t^2 + 2 theta t = 1,
+     * so that no rotation exceeds 45 degrees. */
     const double theta = (a[q][q] - a[p][p]) / (2 * a[p][q]);
     const double t = (theta < 0 ? -1 : 1) /
                      (fabs(theta) + sqrt(theta * theta + 1));
@@ -94,12 +94,12 @@ static void sort(saga_matrix v, saga_matrix a, size_t n)
 
 void saga_eigen(saga_matrix v, saga_matrix a, size_t n)
 {
-    enum { SWEEPS = 40 };        /* ten are plenty for 32 rows */
+    enum { SWEEPS = 40 };        /* ten suffice for 32 rows */
 
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j < n; j++)
             v[i][j] = i == j;
-    /* An entry that is lost in the rounding of its diagonal counts as 0. */
+    /* An entry below the rounding error of the diagonal counts as 0. */
     for (int sweep = 0; sweep < SWEEPS; sweep++)
         for (size_t p = 0; p < n; p++)
             for (size_t q = p + 1; q < n; q++)

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Small symmetric matrices are in double. They have rows of SAGA_LINEAR_MOST
- * numbers, of which the first n rows and columns count.
+ * Small symmetric matrices in double. Rows have SAGA_LINEAR_MOST elements, of
+ * which the first n rows and columns are used.
  */
 #ifndef SAGA_LINEAR_H
 #define SAGA_LINEAR_H
@@ -12,12 +12,13 @@ enum { SAGA_LINEAR_MOST = 32 };
 
 typedef double saga_matrix[SAGA_LINEAR_MOST][SAGA_LINEAR_MOST];
 
-/* Solves a x = b for positive definite a, of which the lower triangle is read
- * and destroyed; x takes the place of b (Cholesky). */
+/* Solves a x = b for positive definite a by Cholesky's method. Only the lower
+ * triangle of a is read, and it is destroyed; b is replaced by x. */
 void saga_solve(saga_matrix a, double *b, size_t n);
 
-/* Puts eigenvectors of a in the columns of v, the largest eigenvalue first; a
- * becomes the diagonal matrix of eigenvalues (cyclic Jacobi). */
+/* Finds the eigenvectors of a by cyclic Jacobi rotations. They are the columns
+ * of v, the one with the largest eigenvalue first; a is replaced by the
+ * diagonal matrix of eigenvalues. */
 void saga_eigen(saga_matrix v, saga_matrix a, size_t n);
 
 #endif

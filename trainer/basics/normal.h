@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The normal distribution of mean 0 and deviation 1. Far below 0 the cdf keeps
- * its precision; P(X > x) is cdf(-x).
+ * The normal distribution with mean 0 and deviation 1. The cdf is precise far
+ * below 0 too, so P(X > x) should be computed as cdf(-x).
  */
 #ifndef SAGA_NORMAL_H
 #define SAGA_NORMAL_H

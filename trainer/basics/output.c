@@ -18,15 +18,15 @@
 
 static const char mark[] = ".saga-part-";
 
-/* More parts of one path are not written at a time. */
+/* The largest number of simultaneous parts of one path. */
 enum { N_NAMES = 1000 };
 
-/* The names of parts that are open. Whoever takes one out, its writer or a
- * signal's handler, has it for itself. */
+/* The names of open parts, for saga_output_abandon. Whoever exchanges an entry
+ * for NULL, its writer or a signal handler, owns the name. */
 enum { N_OPEN = 64 };
 static _Atomic(char *) open_parts[N_OPEN];
 
-/* Puts the part's name there, if there is room. */
+/* Lists the name of the part, if there is room. */
 static void remember(saga_output *out)
 {
     for (int i = 0; i < N_OPEN && !out->slot; i++) {
@@ -38,8 +38,8 @@ static void remember(saga_output *out)
     }
 }
 
-/* Takes the part's name out and frees it; one that a handler has taken, just
- * before the program ends, stays. */
+/* Removes the name from the list and frees it, unless a signal handler has
+ * taken it; then the program is about to end. */
 static void forget(saga_output *out)
 {
     char *mine = out->temporary;
@@ -75,14 +75,14 @@ static bool no_file(const char *path, saga_error *error)
 
 /* --- Parts --------------------------------------------------------------- */
 
-/* Tells whether `name` is that of a part of `base`. */
+/* Tells whether `name` is the name of a part of `base`. */
 static bool is_part(const char *name, const char *base)
 {
     const size_t n = strlen(base), m = sizeof mark - 1;
 
     if (strncmp(name, base, n) != 0 || strncmp(name + n, mark, m) != 0)
         return false;
-    /* Behind the mark stand a process and a number (create_part). */
+    /* After the mark there are a process number and an index (create_part). */
     name += n + m;
     return name[0] != '\0' && name[strspn(name, "0123456789-")] == '\0';
 }
@@ -97,7 +97,7 @@ static int remove_entry(const char *path, const struct stat *info, int kind,
     return 0;
 }
 
-/* Removes a part that nobody has locked; true if somebody has. */
+/* Removes a part that has no lock. Returns true if it is locked. */
 static bool is_held(const char *part)
 {
     const int fd = open(part, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
@@ -108,8 +108,8 @@ static bool is_held(const char *part)
         return false;
     if (fstat(fd, &info) == 0 &&
         (S_ISREG(info.st_mode) || S_ISDIR(info.st_mode))) {
-        /* The lock goes with its writer, however that one ends: who gets it
-         * here may remove the part. */
+        /* The lock ends with its writer, in whatever way the writer ends, so a
+         * part that can be locked is abandoned. */
         if (flock(fd, LOCK_EX | LOCK_NB) == 0)
             (void)nftw(part, remove_entry, 8, FTW_DEPTH | FTW_PHYS);
         else
@@ -119,7 +119,8 @@ static bool is_held(const char *part)
     return held;
 }
 
-/* Looks at all parts of a path but `own`, which may be NULL. */
+/* Removes abandoned parts of a path, except `own`, which may be NULL. Returns
+ * true if another part is locked. */
 static bool sweep(const char *path, const char *own)
 {
     const char *const slash = strrchr(path, '/');
@@ -137,7 +138,8 @@ static bool sweep(const char *path, const char *own)
         if (!is_part(e->d_name, base) ||
             snprintf(part, sizeof part, "%s%s", folder, e->d_name) >= PATH_MAX)
             continue;
-        /* is_held comes first, so that every part is looked at. */
+        /* is_held comes first in the expression, so that it runs for every
+         * part. */
         if (!own || strcmp(part, own) != 0)
             held = is_held(part) || held;
     }
@@ -146,7 +148,7 @@ static bool sweep(const char *path, const char *own)
     return held;
 }
 
-/* Gives the file that a path's links lead to, or a copy of the path. */
+/* Returns the file to which a path's links lead, or a copy of the path. */
 static char *follow(const char *path, saga_error *error)
 {
     char *const real = realpath(path, NULL);
@@ -164,8 +166,9 @@ bool saga_output_sweep(const char *path)
     return held;
 }
 
-/* Creates a new part, locked; -1 with errno. One that is just being looked at
- * by a sweep may be gone when it is locked: then another is tried. */
+/* Creates a new part and locks it. Returns a file descriptor, or -1 with errno
+ * set. A concurrent sweep may remove the part before it is locked; then the
+ * next index is tried. */
 static int create_part(char *name, size_t nbytes, const char *path,
                        bool folder)
 {
@@ -183,8 +186,8 @@ static int create_part(char *name, size_t nbytes, const char *path,
             return -1;
         if (fd < 0)
             continue;
-        /* A sweep may hold the lock for a moment, and have removed the part:
-         * then it has no name any more. */
+        /* A sweep that held the lock may have removed the part, which then has
+         * no link any more. */
         (void)flock(fd, LOCK_EX);
         if (fstat(fd, &info) == 0 && info.st_nlink > 0)
             return fd;
@@ -194,7 +197,7 @@ static int create_part(char *name, size_t nbytes, const char *path,
     return -1;
 }
 
-/* Returns the bytes of the longest name of a part. */
+/* Returns the size of the longest name of a part. */
 static size_t part_nbytes(const char *path)
 {
     return strlen(path) + sizeof mark + 40;
@@ -245,13 +248,13 @@ static bool open_part(saga_output *out, const struct stat *old, bool alone,
     fd = create_part(out->temporary, n, out->path, false);
     if (fd >= 0)
         remember(out);
-    /* A file that is replaced hands on its permissions. */
+    /* A file that is replaced keeps its permissions. */
     if (fd >= 0 && old)
         (void)fchmod(fd, old->st_mode & 0777);
     if (!open_file(out, fd, out->path, error))
         return false;
-    /* The own part is locked before others are looked at: of two that begin
-     * at once, one sees the other at least. */
+    /* The own part is locked before others are checked, so that of two
+     * concurrent runs at least one sees the other. */
     if (!sweep(out->path, out->temporary) || !alone)
         return true;
     saga_fail(error, out->path, "wait for it, or choose another name",
@@ -271,7 +274,7 @@ static bool open_output(saga_output *out, const char *path, bool alone,
     if (!out->path)
         return false;
     exists = stat(out->path, &info) == 0;
-    /* A device or a pipe is written as it is: nothing can be renamed there. */
+    /* A device or a pipe is written directly, because it cannot be renamed. */
     if (exists && S_ISDIR(info.st_mode))
         ok = saga_fail(error, path, "give the name of a file", "is a folder");
     else if (exists && !S_ISREG(info.st_mode))
@@ -297,17 +300,17 @@ bool saga_output_open_alone(saga_output *out, const char *path,
 
 bool saga_output_close(saga_output *out, bool ok, saga_error *error)
 {
-    /* The errno of the write that failed, if the caller has just seen one. */
+    /* errno of the write that failed, if the caller has just seen it. */
     const int write_errno = ok ? 0 : errno;
 
     errno = 0;
-    /* On the disk before it has the name: after a power cut there is the old
-     * file or the new one, not an empty one. */
+    /* The data is on the disk before the file gets its name. After a power cut
+     * there is the old file or the new one, but no empty one. */
     ok = ok && fflush(out->file) == 0 && !ferror(out->file) &&
          (!out->temporary || fsync(fileno(out->file)) == 0) &&
          (!out->temporary || rename(out->temporary, out->path) == 0);
     const int flush_errno = write_errno ? write_errno : errno;
-    /* Nothing is left to be written: this only lets go of the lock. */
+    /* Everything is written; fclose only releases the lock. */
     const bool closed = fclose(out->file) == 0;
     if (!ok || (!out->temporary && !closed)) {
         ok = false;

@@ -1,15 +1,15 @@
 /* SPDX-License-Identifier: MIT
  *
- * Output appears whole or not at all. A file is written under another name
- * beside its own, NAME.saga-part-P-N, which is locked as long as its writer
- * lives, and renamed when it is complete. A part that nobody has locked is left
- * from a run that was killed; whoever writes to NAME next removes it.
+ * A file is written as a whole or not at all. Data goes to a temporary file
+ * next to it, NAME.saga-part-P-N (the part), which is locked as long as its
+ * writer lives, and is renamed when it is complete. A part without a lock is
+ * left from a run that was killed; the next one that writes to NAME removes it.
  *
  * A folder is made in the same way.
  *
- * A link is followed: what it names is replaced. What is no regular file (a
- * device, a pipe) is written directly. A new file has the permissions that
- * umask leaves it, one that is replaced keeps its own.
+ * Links are followed, and their target is replaced. Anything except a regular
+ * file (a device, a pipe) is written directly. A new file gets permissions by
+ * umask, a replaced one keeps its own.
  */
 #ifndef SAGA_OUTPUT_H
 #define SAGA_OUTPUT_H
@@ -20,33 +20,35 @@
 
 typedef struct saga_output {
     FILE *file;              /* NULL: not open */
-    char *path, *temporary;  /* temporary is NULL where there is no part */
-    int slot;                /* among the parts of this program, from 1 */
+    char *path, *temporary;  /* temporary is NULL if there is no part */
+    int slot;                /* index in the list of open parts, from 1; 0: not
+                              * in it */
 } saga_output;
 
 bool saga_output_open(saga_output *out, const char *path, saga_error *error);
 
-/* Does the same for a file that takes long: fails while another process writes
- * to that path, and has others fail who call this until it is closed. */
+/* Does the same for a file that takes long to write. Returns false with *error
+ * set if another process is writing to the same path, and makes others that
+ * call this function fail until the file is closed. */
 bool saga_output_open_alone(saga_output *out, const char *path,
                             saga_error *error);
 
-/* Flushes to the disk, checks and renames; on any failure (or ok == false) the
- * part is removed and false returned. */
+/* Flushes to the disk, checks for errors and renames. If anything fails, or ok
+ * is false, removes the part and returns false with *error set. */
 bool saga_output_close(saga_output *out, bool ok, saga_error *error);
 
-/* Removes the parts of all files that are open, of 64 of them at most. For a
- * signal handler, after which the program ends: it does nothing that such a one
- * must not do. */
+/* Removes the parts of at most 64 open files. It is for a signal handler after
+ * which the program ends, and is async-signal-safe. */
 void saga_output_abandon(void);
 
-/* Makes a folder that will become `path`, which must not end with a slash, and
- * returns its name (free it; NULL on failure). *lock is a file descriptor: to
- * be closed when the folder was renamed or removed. */
+/* Makes a folder that is going to be renamed to `path`, which must not end with
+ * a slash. Returns its name, which the caller frees, or NULL with *error set.
+ * *lock is a file descriptor that the caller closes after renaming or removing
+ * the folder. */
 char *saga_output_folder(const char *path, int *lock, saga_error *error);
 
-/* Removes what killed runs left of a path. Returns true if somebody else is
- * writing to it. */
+/* Removes parts of a path left by runs that were killed. Returns true if
+ * another process is writing to the path. */
 bool saga_output_sweep(const char *path);
 
 #endif

@@ -1,14 +1,13 @@
 /* SPDX-License-Identifier: MIT
  *
- * The trainer's real type. Every operator compiles twice: with float for
- * training, with double (-DSAGA_REAL_DOUBLE) for finite differences and as the
- * float64 reference. Both sets of objects may be linked into one program: the
- * symbols of the second end in _f64. A header that declares such a function
- * renames it with
+ * The real type of the trainer. Every operator compiles twice: with float for
+ * training, and with double (-DSAGA_REAL_DOUBLE) for finite differences and as
+ * a float64 reference. A program may link both; the names of the second end in
+ * _f64. A header that declares such a function renames it by
  *
  *     #define saga_thing SAGA_REAL_NAME(saga_thing)
  *
- * One translation unit sees one of the two.
+ * A translation unit uses only one of the two.
  */
 #ifndef SAGA_REAL_H
 #define SAGA_REAL_H
@@ -29,17 +28,17 @@ typedef float real;
 #define REAL_MIN FLT_MIN
 #endif
 
-/* R(x) makes a constant of type real; exact for the double build. */
+/* R(x) is a constant of type real, exact in double. */
 #define R(x) ((real)(x))
 
-/* Returns x, moved into lo..hi. */
+/* Returns x clamped to lo..hi. */
 static inline real saga_clamp(real x, real lo, real hi)
 {
     return x < lo ? lo : x > hi ? hi : x;
 }
 
-/* Returns the gradient d of what may have been clamped to lo..hi: it learns
- * towards the inside alone. */
+/* Returns the gradient d of a value x that is clamped to lo..hi, or 0 if a step
+ * down the gradient would lead further outside. */
 static inline real saga_inward(real d, real x, real lo, real hi)
 {
     return (x <= lo && d > 0) || (x >= hi && d < 0) ? 0 : d;

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * A counter times an odd constant, keyed, goes through two rounds of multiply
- * and xor-shift (Stafford's variant 13 of the 64-bit finaliser, as in
- * SplitMix64).
+ * Each number is a counter times an odd constant, combined with the key, after
+ * two rounds of multiply and xor-shift (Stafford's variant 13 of the 64-bit
+ * finaliser, as in SplitMix64).
  */
 #include "rng.h"
 
@@ -24,7 +24,8 @@ saga_rng saga_rng_stream(uint64_t seed, uint64_t stream)
     return (saga_rng){ mix(key ^ mix(stream * GOLDEN + 1)) };
 }
 
-/* The key enters twice: two keys do not give the same sequence shifted. */
+/* The key enters twice, so that the sequences of two keys are not shifted
+ * copies. */
 uint64_t saga_rng_bits(saga_rng r, uint64_t counter)
 {
     return mix(mix(counter * GOLDEN + r.key) ^ r.key);
@@ -43,20 +44,21 @@ double saga_rng_double(saga_rng r, uint64_t counter)
 uint32_t saga_rng_below(saga_rng r, uint64_t counter, uint32_t n)
 {
     const uint64_t bits = saga_rng_bits(r, counter);
-    /* bits n / 2^64, whose product of 96 bits is made of two halves. */
+    /* bits n / 2^64. The product has 96 bits and is computed from two
+     * halves. */
     const uint64_t low = (bits & 0xffffffffu) * n >> 32;
 
     return (uint32_t)(((bits >> 32) * n + low) >> 32);
 }
 
 /* A Feistel network permutes the numbers of 2 * half bits, the smallest such
- * range that holds n; a result of n or more goes through it again until one is
- * below n, which leaves a permutation of 0..n-1. The range is below 4 n, so
- * that four passes are expected at most. */
+ * range that holds n. While the result is n or more, the network is applied
+ * again, which gives a permutation of 0..n-1. The range is below 4 n, so at
+ * most four passes are expected. */
 uint32_t saga_rng_shuffled(saga_rng r, uint64_t draw, uint32_t n)
 {
     enum { ROUNDS = 4 };
-    /* Each n draws have their own permutation. */
+    /* Every n draws have a permutation of their own. */
     const saga_rng epoch = { mix(r.key ^ mix((draw / n + 1) * GOLDEN)) };
     uint32_t x = (uint32_t)(draw % n), mask;
     unsigned half = 1;
@@ -64,8 +66,8 @@ uint32_t saga_rng_shuffled(saga_rng r, uint64_t draw, uint32_t n)
     while (half < 16 && (uint64_t)1 << (2 * half) < n)
         half++;
     mask = (uint32_t)((1u << half) - 1);
-    /* Each round exchanges the halves and mixes one with the other: it can
-     * be undone, whatever f is, so no two numbers meet. */
+    /* Each round exchanges the halves and adds a function of one to the other.
+     * It can be inverted for any f, so the result is a permutation. */
     do {
         for (uint64_t k = 0; k < ROUNDS; k++) {
             const uint32_t left = x >> half, right = x & mask;
@@ -77,12 +79,12 @@ uint32_t saga_rng_shuffled(saga_rng r, uint64_t draw, uint32_t n)
     return x;
 }
 
-/* Box and Muller's transform: sqrt(-2 log u) cos(2 pi v). The second uniform
- * comes from the same bits, mixed again. */
+/* The Box-Muller transform, sqrt(-2 log u) cos(2 pi v). The second uniform
+ * number comes from the same bits, mixed again. */
 double saga_rng_normal(saga_rng r, uint64_t counter)
 {
     const uint64_t bits = saga_rng_bits(r, counter);
-    /* u is never 0, whose logarithm is not finite. */
+    /* u is never 0, where the logarithm is infinite. */
     const double u = ((double)(bits >> 11) + 0.5) * 0x1p-53;
     const double v = (double)(mix(bits + GOLDEN) >> 11) * 0x1p-53;
 

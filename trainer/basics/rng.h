@@ -1,35 +1,35 @@
 /* SPDX-License-Identifier: MIT
  *
- * Random numbers have no state: each is value number `counter` of stream
- * `stream` of a seed. Nothing has to be saved for a run to resume, and threads
- * may draw in any order. Not for secrets.
+ * Random numbers without a state: each is determined by a seed, a stream and a
+ * counter. A run can resume without saved state, and threads may draw in any
+ * order. Not for cryptography.
  */
 #ifndef SAGA_RNG_H
 #define SAGA_RNG_H
 
 #include <stdint.h>
 
-/* A stream identifies a sequence; build once, copy freely. */
+/* A stream of a seed. It may be copied freely. */
 typedef struct saga_rng { uint64_t key; } saga_rng;
 
-/* Streams of one seed are unrelated, and so are seeds. */
+/* Streams are independent of each other, and so are seeds. */
 saga_rng saga_rng_stream(uint64_t seed, uint64_t stream);
 
 uint64_t saga_rng_bits(saga_rng r, uint64_t counter);
 
-/* Uniform numbers in [0, 1): 24 bits as float, 53 as double. */
+/* Return uniform numbers in [0, 1), with 24 bits in float and 53 in double. */
 float saga_rng_float(saga_rng r, uint64_t counter);
 double saga_rng_double(saga_rng r, uint64_t counter);
 
-/* Returns a number in 0..n-1, n >= 1; bias below n / 2^64. */
+/* Returns a number in 0..n-1, n >= 1, with a bias below n / 2^64. */
 uint32_t saga_rng_below(saga_rng r, uint64_t counter, uint32_t n);
 
-/* Draws numbers of 0..n-1 (n >= 1) without replacement: draws 0..n-1 give each
- * of them once in random order, the next n draws give each once in another
- * order, and so on. */
+/* Returns number `draw` of a sequence of permutations of 0..n-1, n >= 1: draws
+ * 0..n-1 give each number once in random order, the next n draws give each once
+ * in another order, and so on. */
 uint32_t saga_rng_shuffled(saga_rng r, uint64_t draw, uint32_t n);
 
-/* Draws from the normal distribution of mean 0, variance 1. */
+/* Returns a number from the normal distribution with mean 0 and variance 1. */
 double saga_rng_normal(saga_rng r, uint64_t counter);
 
 #endif

@@ -1,13 +1,15 @@
 /* SPDX-License-Identifier: MIT
  *
- * There is one crew. Each of a team has a share of the work's parts, and takes
- * it from its beginning; who has none left takes from the ends of the others'.
- * So a thread has the same things in every stage of an iteration, in its own
- * cache: what another core has written comes many times slower.
+ * The worker threads form one crew. Each thread of a team has a share of the
+ * work's parts and takes parts from its beginning; a thread whose share is
+ * empty takes from the ends of the others'. In this way a thread handles the
+ * same data in every stage of an iteration, in its own cache, which is many
+ * times faster than data that another core has written.
  *
- * The two ends of a share and the work's number are one atomic value: whoever
- * could move an end has taken a part of that very work. What the parts are is
- * written before the shares and stays until all are done.
+ * The two ends of a share and the number of the work are one atomic value. A
+ * thread that succeeds in moving an end has therefore taken a part of that very
+ * work. The description of the work is written before the shares and stays
+ * valid until all parts are done.
  */
 #include "threads.h"
 
@@ -22,12 +24,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Nanoseconds that a thread looks for work before it sleeps: longer than what
- * is between two pieces of an iteration. Looks between two at the clock. Work
- * of WORTH_WAKING times what feeds a thread wakes those that sleep. */
+/* A thread looks for work for AWAKE_NS nanoseconds before it sleeps, longer
+ * than the gap between two pieces of work in an iteration. It reads the clock
+ * after every LOOKS looks. Sleeping threads are woken for work of at least
+ * WORTH_WAKING times the least work of a thread. */
 enum { AWAKE_NS = 50000, LOOKS = 32, WORTH_WAKING = 5 };
 
-/* A share's value has bits for its end, its beginning, the work's number. */
+/* A share has bits for its end, its beginning and the number of the work. */
 enum { MOST_THREADS = 256, END_BITS = 20, MOST_PARTS = (1 << END_BITS) - 1 };
 
 /* --- The crew ------------------------------------------------------------ */
@@ -35,16 +38,17 @@ enum { MOST_THREADS = 256, END_BITS = 20, MOST_PARTS = (1 << END_BITS) - 1 };
 typedef struct { _Alignas(64) _Atomic uint64_t left; } share;
 
 typedef struct {
-    atomic_flag busy;            /* somebody's work is done */
+    atomic_flag busy;            /* set while a caller has the crew */
     _Atomic uint64_t work;       /* its number */
     _Atomic(void (*)(void *, size_t)) run;
     _Atomic(void *) user;
-    atomic_size_t team;          /* threads that may take parts */
+    atomic_size_t team;          /* number of threads that may take parts */
     atomic_size_t n_meetings;
     atomic_int n_asleep;
-    _Alignas(64) atomic_size_t done; /* parts */
+    _Alignas(64) atomic_size_t done; /* parts done */
     share of[MOST_THREADS];
-    size_t n_threads;            /* started, by whoever has `busy` */
+    size_t n_threads;            /* started so far; changed only by the thread
+                                  * that set `busy` */
     pthread_mutex_t gate;
     pthread_cond_t call;
 } crew;
@@ -53,7 +57,8 @@ static crew all = { .busy = ATOMIC_FLAG_INIT, .n_threads = 1,
                     .gate = PTHREAD_MUTEX_INITIALIZER,
                     .call = PTHREAD_COND_INITIALIZER };
 
-/* A thread's number among those of the crew, and whether it works with them. */
+/* The index of this thread in the crew, and whether it is working with the
+ * crew. */
 static _Thread_local size_t number;
 static _Thread_local bool is_at_work;
 
@@ -78,9 +83,9 @@ static uint64_t share_of(uint64_t work, size_t begin, size_t end)
     return (work << END_BITS | begin) << END_BITS | end;
 }
 
-/* Takes a part of a share, and does it; false where none is left. Where an end
- * could be moved the work is not done, so what was read of it is of this
- * work. */
+/* Takes a part of a share and does it. Returns false if none is left. If moving
+ * the end succeeds, this work is not finished yet, so run and user are those of
+ * this work. */
 static bool take(share *from, bool is_own)
 {
     uint64_t left = atomic_load(&from->left);
@@ -91,11 +96,12 @@ static bool take(share *from, bool is_own)
         const size_t end = left & MOST_PARTS;
         const size_t begin = left >> END_BITS & MOST_PARTS;
 
-        /* A thread that woke late may belong to no team of this work. */
+        /* A thread that woke late may be outside the team of this work. */
         if (begin == end || number >= atomic_load(&all.team))
             return false;
-        /* The owner takes from the beginning, others from the end. Where
-         * somebody was faster, or the work is another, `left` is read anew. */
+        /* The owner takes from the beginning, others from the end. If another
+         * thread was faster, or the work has changed, the exchange fails and
+         * reloads `left`. */
         if (atomic_compare_exchange_weak(&from->left, &left, is_own
                 ? left + ((uint64_t)1 << END_BITS) : left - 1)) {
             run(user, is_own ? begin : end - 1);
@@ -105,7 +111,8 @@ static bool take(share *from, bool is_own)
     }
 }
 
-/* Does parts until none is left: its own, then those of its neighbours. */
+/* Does parts until none is left, first of the own share, then of the
+ * others'. */
 static void help(void)
 {
     const size_t team = atomic_load(&all.team);
@@ -117,8 +124,8 @@ static void help(void)
                 ;
 }
 
-/* Returns whether there was other work than the last before AWAKE_NS were over.
- */
+/* Returns true if the number of the work changes from `last` within
+ * AWAKE_NS. */
 static bool look_for_work(uint64_t last)
 {
     const int64_t until = saga_clock_ns() + AWAKE_NS;
@@ -136,8 +143,8 @@ static bool look_for_work(uint64_t last)
 static void sleep_until_called(uint64_t last)
 {
     pthread_mutex_lock(&all.gate);
-    /* It counts itself before it looks at the work's number: who announces
-     * work either sees a sleeper or has set the number by then. */
+    /* The thread counts itself before it checks the work's number. Therefore
+     * the announcer either sees a sleeper or has already set the number. */
     atomic_fetch_add(&all.n_asleep, 1);
     while (atomic_load(&all.work) == last)
         pthread_cond_wait(&all.call, &all.gate);
@@ -160,8 +167,8 @@ static void *serve(void *user)
     return NULL;
 }
 
-/* Starts what is missing of n threads; does with fewer where there is no room
- * for more. */
+/* Starts threads until the crew has n. If one cannot be started, the crew stays
+ * smaller. */
 static void enlist(size_t n)
 {
     pthread_attr_t attr;
@@ -218,24 +225,25 @@ static void announce(const saga_tasks *t, size_t team)
     atomic_store(&all.user, t->user);
     atomic_store(&all.team, team);
     atomic_store(&all.done, 0);
-    /* Shares come last of what describes the work: who takes a part finds
-     * the rest. The number, which others wait for, comes behind them. */
+    /* Shares are written after the rest of the description, so that a thread
+     * that takes a part finds it complete. The number, for which others wait,
+     * is written last. */
     for (size_t i = 0; i < team; i++)
         atomic_store(&all.of[i].left, share_of(work, t->n * i / team,
                                                t->n * (i + 1) / team));
     atomic_store(&all.work, work);
     if (t->ns >= (double)WORTH_WAKING * least_ns() &&
         atomic_load(&all.n_asleep) > 0) {
-        /* Nobody falls asleep between a look at the work's number and the
-         * call: the gate is theirs then. */
+        /* With the mutex held, no thread can be between its check of the number
+         * and its wait. */
         pthread_mutex_lock(&all.gate);
         pthread_cond_broadcast(&all.call);
         pthread_mutex_unlock(&all.gate);
     }
 }
 
-/* Waits for the parts that others have begun. These may not be running: after a
- * while the core is theirs. */
+/* Waits for the parts that other threads have begun. These may need this core
+ * to run, so after a while it yields. */
 static void await(size_t n)
 {
     for (int i = 0; atomic_load_explicit(&all.done, memory_order_acquire) < n;
@@ -269,8 +277,8 @@ void saga_parallel(const saga_tasks *t)
         team = least(team, t->most);
     if (!is_at_work)
         atomic_fetch_add_explicit(&all.n_meetings, 1, memory_order_relaxed);
-    /* Alone where threads do not pay, inside other work, and while another
-     * thread's work is under way: there is one crew. */
+    /* One thread does all the work if more would not pay, inside other work,
+     * and while another caller has the crew. */
     if (team < 2 || t->n > MOST_PARTS || is_nested() ||
         atomic_flag_test_and_set(&all.busy)) {
         run_alone(t);
@@ -288,8 +296,7 @@ void saga_parallel(const saga_tasks *t)
 
 /* --- Clearing ------------------------------------------------------------ */
 
-/* Bytes that are cleared at a time, about; nanoseconds that a thread takes for
- * one. */
+/* Bytes cleared in one part, about, and nanoseconds for a byte. */
 enum { PART = 32768, LINE = 64 };
 #define CLEAR_NS 0.02
 
@@ -324,9 +331,9 @@ void saga_clear(const saga_span *spans, size_t n)
 
 /* --- Room for threads ---------------------------------------------------- */
 
-/* These threads wait until all of them are there. */
+/* Threads that all wait until the last has started. */
 typedef struct {
-    pthread_mutex_t gate;        /* held by whoever starts them */
+    pthread_mutex_t gate;        /* held by the thread that starts them */
     pthread_t *thread;
     int n;
 } crowd;
@@ -340,7 +347,8 @@ static void *wait_at_gate(void *user)
     return NULL;
 }
 
-/* Starts n threads at once and ends them; false where there is no room. */
+/* Starts n threads at the same time and ends them. Returns false if one cannot
+ * be started. */
 static bool try_threads(crowd *c, int n)
 {
     pthread_attr_t attr;
@@ -349,8 +357,8 @@ static bool try_threads(crowd *c, int n)
     if (!ok)
         return false;
     (void)pthread_attr_setstacksize(&attr, SAGA_STACK_NBYTES);
-    /* Nobody ends before the last one has started: there is room for all of
-     * them at once, or there is not. */
+    /* No thread ends before the last has started, so that all exist at the same
+     * time. */
     pthread_mutex_lock(&c->gate);
     while (ok && c->n < n) {
         ok = pthread_create(&c->thread[c->n], &attr, wait_at_gate, c) == 0;
@@ -379,7 +387,8 @@ bool saga_threads_reserve(int n, saga_error *error)
     free(c.thread);
     if (!ok)
         return saga_no_memory((size_t)n * SAGA_STACK_NBYTES, what, error);
-    /* OpenMP's own, before the memory is used for something else. */
+    /* Starts OpenMP's own threads before the memory is used for something
+     * else. */
 #pragma omp parallel num_threads(n)
     {
     }

@@ -1,14 +1,15 @@
 /* SPDX-License-Identifier: MIT
  *
- * Threads: which one this is, how many there may be, whether there is room for
- * them; and divides work among them.
+ * Divides work among threads. It also tells the number of the present thread,
+ * how many there may be, and whether the machine has memory for them.
  *
- * The threads of saga_parallel stay: between two pieces of work they spin for
- * some microseconds and then sleep. Whoever calls works too, and waits only for
- * what others have begun: a thread that is asleep, or that the machine does not
- * run, is not missed. OpenMP's threads all have to arrive at the end of every
- * region, which made two of them slower than one (docs/lab/training-speed.md);
- * it is used where whole pictures are loaded, made or judged.
+ * The threads of saga_parallel persist. Between two pieces of work they spin
+ * for some microseconds and then sleep. The calling thread works too, and waits
+ * only for parts that others have begun, so a thread that sleeps or is not
+ * scheduled does not delay it. With OpenMP, all threads must arrive at the end
+ * of every region, which made two threads slower than one
+ * (docs/lab/training-speed.md); OpenMP is used where whole pictures are loaded,
+ * made or judged.
  */
 #ifndef SAGA_THREADS_H
 #define SAGA_THREADS_H
@@ -21,7 +22,7 @@
 #include <omp.h>
 #endif
 
-/* Returns how many threads there may be. */
+/* Returns the largest number of threads. */
 static inline size_t saga_n_threads(void)
 {
 #ifdef _OPENMP
@@ -31,53 +32,54 @@ static inline size_t saga_n_threads(void)
 #endif
 }
 
-/* Returns the number of this thread among those that work on something
- * together, below saga_n_threads(). */
+/* Returns the index of this thread among those that work together, below
+ * saga_n_threads(). */
 size_t saga_thread_number(void);
 
 /* --- Work ---------------------------------------------------------------- */
 
-/* n parts of work are done in any order, each by one thread. */
+/* n parts of work, done in any order, each by one thread. */
 typedef struct saga_tasks {
     void (*run)(void *user, size_t part);
     void *user;
     size_t n;
-    double ns;            /* that one thread takes for all, about: only the
-                           * order counts */
-    size_t most;          /* threads there is scratch for; 0: for all */
+    double ns;            /* time of all parts on one thread, about; only its
+                           * order of magnitude matters */
+    size_t most;          /* most threads, because of scratch memory; 0: no
+                           * limit */
 } saga_tasks;
 
-/* Each thread has at least this number of nanoseconds to do, or there are fewer
- * of them: that is several times what it takes to meet. Tests set less, so that
- * small scenes are worked on by all threads too. */
+/* The least work for one thread, in nanoseconds; with less, fewer threads are
+ * used. It is several times the cost of starting and waiting. Tests set less,
+ * so that small scenes use all threads too. */
 enum { SAGA_LEAST_WORK = 8000 };
 void saga_set_least_work(int ns);
 
-/* Does all parts, each thread those of a range of its own as long as there are
- * some: who divides things alike in every stage has them in the same cache. By
- * one thread where that is all that the work feeds, and
- * where several work already. */
+/* Does all parts and returns. Each thread starts with a range of its own, so
+ * that stages which divide their data equally find it in the same cache. One
+ * thread does all parts if there is too little work, or if several threads are
+ * working already. */
 void saga_parallel(const saga_tasks *tasks);
 
-/* Returns how many threads work of ns nanoseconds feeds. */
+/* Returns the number of threads for work of ns nanoseconds. */
 size_t saga_team(double ns);
 
-/* Returns how often saga_parallel was called, however much work there was, but
- * for calls from parts: how often threads may have to wait for each other. */
+/* Returns how often saga_parallel was called, except from parts of work. It
+ * counts how often threads may have to wait for each other. */
 size_t saga_n_meetings(void);
 
 /* --- Parts --------------------------------------------------------------- */
 
-/* A part of n things, from begin on and before end. */
+/* The things from begin on and before end. */
 typedef struct saga_range { size_t begin, end; } saga_range;
 
-/* Counts parts of `size` things. */
+/* Returns the number of parts of `size` things each. */
 static inline size_t saga_n_parts(size_t n, size_t size)
 {
     return (n + size - 1) / size;
 }
 
-/* Returns part k of them. */
+/* Returns part k of n things in parts of `size`. */
 static inline saga_range saga_part(size_t n, size_t size, size_t k)
 {
     const size_t begin = k * size;
@@ -85,9 +87,8 @@ static inline saga_range saga_part(size_t n, size_t size, size_t k)
     return (saga_range){ begin, n - begin < size ? n : begin + size };
 }
 
-/* Returns slice k of n: an equal part of n_things, but for multiples of unit.
- * Arrays are divided alike where each has the same number of things of the same
- * owners. */
+/* Returns slice k of n equal slices of n_things, rounded to multiples of unit.
+ * Arrays with the same number of things are divided equally. */
 static inline saga_range saga_slice(size_t n_things, size_t unit, size_t k,
                                     size_t n)
 {
@@ -102,17 +103,19 @@ static inline saga_range saga_slice(size_t n_things, size_t unit, size_t k,
 /* A piece of memory. */
 typedef struct saga_span { void *at; size_t nbytes; } saga_span;
 
-/* Sets n spans to zero, by several threads; one at NULL is left out. */
+/* Sets n spans to zero, with several threads. A span at NULL is skipped. */
 void saga_clear(const saga_span *spans, size_t n);
 
-/* --- Room ---------------------------------------------------------------- */
+/* --- Memory of threads
+ * ----------------------------------------------------- */
 
-/* The stack of each thread but the first, as the program asks it of OpenMP
- * (main.c). */
+/* The stack of each thread except the first, which the program also requests
+ * from OpenMP (main.c). */
 #define SAGA_STACK_NBYTES ((size_t)2 << 20)
 
-/* OpenMP ends the program where a thread cannot be started. Starts n threads
- * while nothing is lost by that, or says that there is no memory for them. */
+/* Starts n threads before any work is done, because OpenMP aborts the program
+ * if it cannot start one later. Returns false with *error set if there is no
+ * memory for them. */
 bool saga_threads_reserve(int n, saga_error *error);
 
 #endif

@@ -4,7 +4,7 @@
 #include <stdint.h>
 #include <string.h>
 
-/* Returns the least number that a character of n bytes stands for. */
+/* Returns the least code point that needs n bytes. */
 static uint32_t least_of(size_t n)
 {
     static const uint32_t least[] = { 0, 0, 0x80, 0x800, 0x10000 };
@@ -25,12 +25,12 @@ size_t saga_utf8_length(const char *s, size_t n)
     length = p[0] >= 0xf0 ? 4 : p[0] >= 0xe0 ? 3 : 2;
     if (p[0] < 0xc0 || p[0] > 0xf7 || length > n)
         return 0;
-    /* The first byte has 7 - length bits of the character, each other one 6. */
+    /* The first byte has 7 - length bits of the character, each further byte
+     * 6. */
     c = p[0] & (0x7fu >> length);
     for (i = 1; i < length && (p[i] & 0xc0) == 0x80; i++)
         c = c << 6 | (p[i] & 0x3f);
-    /* Refused are longer forms than needed, what lies beyond U+10FFFF, and
-     * halves of surrogate pairs. */
+    /* Overlong forms, code points above U+10FFFF and surrogates are refused. */
     return i == length && c >= least_of(length) && c <= 0x10ffff &&
            (c < 0xd800 || c > 0xdfff) ? length : 0;
 }

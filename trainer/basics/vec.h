@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: MIT
  *
- * Vectors of reals are the GNU extension's: 32 bytes where AVX2 is compiled in,
- * else 16 (gcc 12 splits longer ones badly). Results depend on the build's
- * vector length and on whether it has fused multiply-add, on nothing else: the
- * sources say where a product is fused, and -ffp-contract=off keeps the
- * compiler from deciding.
+ * Vectors of reals, by the GNU vector extension: 32 bytes where AVX2 is
+ * compiled in, otherwise 16 (gcc 12 compiles longer ones badly). Results depend
+ * only on the vector length of the build and on whether it has fused
+ * multiply-add: the sources say which products are fused, and -ffp-contract=off
+ * stops the compiler from fusing others.
  */
 #ifndef SAGA_VEC_H
 #define SAGA_VEC_H
@@ -70,7 +70,8 @@ static inline vec vec_iota(void)
     return v;
 }
 
-/* Returns a b + c: one rounding where the target has it, else two. */
+/* Returns a b + c, with one rounding if the target has fused multiply-add,
+ * otherwise two. */
 static inline vec vec_fma(vec a, vec b, vec c)
 {
 #if defined __FMA__ && defined __AVX2__ && defined SAGA_REAL_DOUBLE
@@ -94,7 +95,7 @@ static inline vec vec_fnma(vec a, vec b, vec c)
 #endif
 }
 
-/* Returns lanes of a where mask is all ones, 0 where it is zero. */
+/* Returns a in the lanes where mask is all ones, 0 in the others. */
 static inline vec vec_and(veci mask, vec a)
 {
     return (vec)(mask & (veci)a);
@@ -105,7 +106,8 @@ static inline vec vec_select(veci mask, vec a, vec b)
     return (vec)((mask & (veci)a) | (~mask & (veci)b));
 }
 
-/* Returns the second operand where either is NaN, as the instruction does. */
+/* If either operand is NaN, min and max return the second one, as the
+ * instruction does. */
 static inline vec vec_min(vec a, vec b)
 {
 #if defined __AVX2__ && defined SAGA_REAL_DOUBLE
@@ -160,7 +162,7 @@ static inline int vec_any(veci mask)
 #endif
 }
 
-/* Adds halves first: the order is fixed. */
+/* Adds the halves repeatedly, in a fixed order. */
 static inline real vec_sum(vec a)
 {
     real x[VEC_LANES];
@@ -173,8 +175,8 @@ static inline real vec_sum(vec a)
     return x[0];
 }
 
-/* Sets out[i] = the sum of v[i], eight at once: neighbours first, then pairs,
- * then halves, in every build. */
+/* Sets out[i] to the sum of v[i] for eight vectors: first neighbours are added,
+ * then pairs, then halves, in every build. */
 static inline void vec_sum8(real *out, const vec *v)
 {
 #if defined __AVX2__ && !defined SAGA_REAL_DOUBLE
@@ -202,7 +204,7 @@ static inline void vec_sum8(real *out, const vec *v)
 #endif
 }
 
-/* Does the same for two. */
+/* Does the same for two vectors. */
 static inline void vec_sum2(real *out, vec a, vec b)
 {
 #if defined __AVX2__ && !defined SAGA_REAL_DOUBLE
@@ -222,7 +224,7 @@ static inline void vec_sum2(real *out, vec a, vec b)
 #endif
 }
 
-/* 2^-f for |f| <= 1/2, in float. */
+/* Coefficients of 2^-f for |f| <= 1/2, in float. */
 #define VEC_EXP2_5 (-0.00133908633646712344f)
 #define VEC_EXP2_4 0.00967603191832205408f
 #define VEC_EXP2_3 (-0.0555035711421907782f)
@@ -230,10 +232,11 @@ static inline void vec_sum2(real *out, vec a, vec b)
 #define VEC_EXP2_1 (-0.693147188026228781f)
 #define VEC_EXP2_0 1.00000007545489719f
 
-/* Returns 2^-x for x in [0, 100]; relative error below 2e-7 (double: 4e-16).
- * Garbage outside, never a trap. The integer nearest to x is read from the bits
- * of x + 1.5 * 2^(mantissa bits); the polynomials are Chebyshev fits on
- * [-1/2, 1/2] (errors 7.9e-8 and 3.2e-18). */
+/* Returns 2^-x for x in [0, 100], with a relative error below 2e-7 (double:
+ * 4e-16). Outside that range the result is undefined, but nothing traps. The
+ * nearest integer is read from the bits of x + 1.5 * 2^(mantissa bits). The
+ * polynomials are Chebyshev fits on [-1/2, 1/2], with errors 7.9e-8 and
+ * 3.2e-18. */
 static inline vec vec_exp2_neg(vec x)
 {
 #ifdef SAGA_REAL_DOUBLE

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * A wide is sixteen reals, in as many vectors (vec.h) as that takes, or in one
- * register where AVX-512 is compiled in. Every build keeps sixteen sums apart
- * and adds them in one order, so that AVX-512 gives the bits of AVX2.
+ * A wide has sixteen reals, in several vectors (vec.h), or in one register
+ * where AVX-512 is compiled in. Every build keeps sixteen separate sums and
+ * adds them in the same order, so that AVX-512 gives the same bits as AVX2.
  */
 #ifndef SAGA_WIDE_H
 #define SAGA_WIDE_H
@@ -11,7 +11,7 @@
 
 enum { WIDE_LANES = 16 };
 
-/* Before a short loop, whose values then stay in registers. */
+/* Unrolls the short loop after it, so that its values stay in registers. */
 #define WIDE_UNROLL _Pragma("GCC unroll 8")
 
 #if defined __AVX512F__ && defined __FMA__ && !defined SAGA_REAL_DOUBLE
@@ -56,7 +56,7 @@ static inline wide_mask wide_both(wide_mask a, wide_mask b)
     return (wide_mask)(a & b);
 }
 
-/* Returns lanes of a where the mask is set, else 0. */
+/* Returns a in the lanes where the mask is set, 0 in the others. */
 static inline wide wide_keep(wide_mask mask, wide a)
 {
     return _mm512_maskz_mov_ps(mask, a);
@@ -245,7 +245,7 @@ static inline wide_mask wide_both(wide_mask a, wide_mask b)
     return a;
 }
 
-/* Returns lanes of a where the mask is set, else 0. */
+/* Returns a in the lanes where the mask is set, 0 in the others. */
 static inline wide wide_keep(wide_mask mask, wide a)
 {
     int i;
@@ -278,8 +278,7 @@ static inline wide wide_exp2_neg(wide x)
     return x;
 }
 
-/* Returns the first vector's lanes plus the others' that are a whole number of
- * eights away, ... */
+/* Returns one vector of sums: the lanes of all vectors, added by halves. */
 static inline vec wide_fold(wide a)
 {
     int n, i;
