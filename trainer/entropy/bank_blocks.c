@@ -6,13 +6,12 @@
 
 #include <string.h>
 
-/* Blocks that a thread takes at a time; nanoseconds it takes for a block's
- * input. */
+/* Blocks in one task, and nanoseconds to set the input of a block. */
 enum { PART = 64, FILL_NS = 80 };
 
-/* A query is told what is above a block, a token what the block itself is.
- * Returns where that lies in x, or in its gradients, *n values; NULL where
- * there is nothing. */
+/* Returns the address of the values that QUERY or AGG reads for a block, or of
+ * their gradients, and sets *n to their number; NULL: there are none. A query
+ * reads what the block's parent holds, a token what the block itself holds. */
 static real *values_of(const saga_bank_twin_input *in,
                        const saga_rate_features *x, size_t block, int is_token,
                        size_t *n)
@@ -29,7 +28,7 @@ static real *values_of(const saga_bank_twin_input *in,
     return from ? from + block * *n : NULL;
 }
 
-/* Sets the phase of an anchor where it is decoded. */
+/* Sets the phase of an anchor to its decoded position. */
 static void anchor_phase(real phase[4], const saga_bank_twin_input *in,
                          size_t block)
 {
@@ -48,16 +47,16 @@ static void fill_row(real *row, const saga_bank_twin_input *in, int net,
     real anchor[4], *to;
     size_t n;
 
-    /* A query knows only its block's cell; a token also where in it the
-     * anchor is. */
+    /* A query knows only the cell of its block, a token also the anchor's
+     * position within it. */
     if (is_token) {
         anchor_phase(anchor, in, block);
         phase = anchor;
     }
     to = saga_rate_tell(row, m, phase, in->size + SAGA_RATE_SIZES * block);
     *to++ = R(in->kind - 1);
-    /* Coarse anchors' queries have no values, and a fine anchor's token has
-     * fewer than F: what is left of the row is 0. */
+    /* Queries of coarse anchors have no values, and the token of a fine anchor
+     * has fewer than F; the rest of the row is 0. */
     memset(to, 0, m->features * sizeof *to);
     values = values_of(in, &in->x, block, is_token, &n);
     if (values)
@@ -65,7 +64,7 @@ static void fill_row(real *row, const saga_bank_twin_input *in, int net,
     saga_rate_clamp(row, dim, m->q_in[net]);
 }
 
-/* A pass over the blocks of order from .. to - 1. */
+/* A pass over blocks from .. to - 1 in the order of coding. */
 typedef struct {
     saga_twin_batch *b;
     const saga_bank_twin_input *in;
@@ -84,7 +83,6 @@ static void fill_part(void *user, size_t part)
         fill_row(j->b->in + i * n_in, j->in, j->net, j->in->runs->block[i]);
 }
 
-/* Runs QUERY or AGG on the blocks of order first .. end - 1. */
 void saga_bank_blocks_run(saga_twin_batch *b, const saga_bank_twin_input *in,
                           int net, size_t first, size_t end)
 {
@@ -102,7 +100,6 @@ void saga_bank_blocks_run(saga_twin_batch *b, const saga_bank_twin_input *in,
                     net == SAGA_NET_AGG ? SAGA_SLOT_Q : SAGA_QUERY_Q);
 }
 
-/* Goes back through all blocks, from b->d_out. */
 void saga_bank_blocks_backward(saga_scene *d, const saga_rate_features *dx,
                                saga_twin_batch *b,
                                const saga_bank_twin_input *in, int net)
@@ -111,8 +108,8 @@ void saga_bank_blocks_backward(saga_scene *d, const saga_rate_features *dx,
     const size_t n = saga_rate_n_blocks(in->s, in->kind);
     const size_t n_in = (size_t)f->dim[0];
     const size_t n_out = (size_t)f->dim[f->n_layers];
-    /* Inputs before the values (embedding, sizes, kind) have nowhere to pass
-     * their gradients to. */
+    /* The inputs before the values (embedding, sizes, kind) are not learned and
+     * need no gradients. */
     const size_t side = n_in - in->s->model.features;
     size_t i, k, have;
 
@@ -121,8 +118,8 @@ void saga_bank_blocks_backward(saga_scene *d, const saga_rate_features *dx,
     saga_net_backward(b->d_in, &d->net[net], &b->work, b->d_out, b->in, n, f);
     saga_rate_through(b->d_in, b->in, n * n_in, in->s->model.q_in[net]);
     for (i = 0; i < n; i++) {
-        /* Fine anchors' queries share their parents' features: one thread
-         * adds, in the order of coding. */
+        /* Several queries of fine anchors share a parent, so one thread adds
+         * their gradients, in the order of coding. */
         real *const to = values_of(in, dx, in->runs->block[i],
                                    net == SAGA_NET_AGG, &have);
 

@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* This number of queries is answered together. */
+/* Queries that are answered together. */
 enum { CHUNK = 128 };
 
 #define LN2 R(0.69314718055994530942)
@@ -58,16 +58,16 @@ saga_bank_float saga_bank_float_of(const real *state, size_t n_slots,
 
 /* --- Reads --------------------------------------------------------------- */
 
-/* Turns scores into weights that sum to 1. Those 100 and more below the largest
- * have 2^-100. */
+/* Turns scores into weights that sum to 1. A score 100 or more below the
+ * largest counts as 100 below. */
 static void softmax(real *x, size_t n)
 {
     vec most = vec_load(x), sum = vec_zero();
     real top;
     size_t i;
 
-    /* Scores are subtracted from the largest: no power of 2 overflows, and
-     * that of the largest is 1, so that the sum is not 0. */
+    /* Scores are taken relative to the largest, so no power of 2 overflows, and
+     * the sum is at least 1. */
     for (i = VEC_LANES; i < n; i += VEC_LANES)
         most = vec_max(most, vec_load(x + i));
     for (top = most[0], i = 1; i < VEC_LANES; i++)
@@ -116,14 +116,14 @@ void saga_bank_float_read(real *out, const saga_bank_float *b,
     }
 }
 
-/* Turns gradients of weights into those of scores, in base 2. */
+/* Turns gradients of weights into gradients of scores, in base 2. */
 static void softmax_backward(real *d, const real *weight, size_t n)
 {
     vec sum = vec_zero();
     real dot;
     size_t i;
 
-    /* With w_i = 2^x_i / sum, dw_i / dx_k = ln 2 w_i ([i = k] - w_k): d
+    /* With w_i = 2^x_i / sum, dw_i / dx_k = ln 2 w_i ([i = k] - w_k), so d
      * becomes ln 2 w (d - <d, w>). */
     for (i = 0; i < n; i += VEC_LANES)
         sum = vec_fma(vec_load(d + i), vec_load(weight + i), sum);
@@ -148,15 +148,15 @@ void saga_bank_float_read_backward(real *d_query, real *d_state,
         const saga_dense_rows weights = { b->weight, some, slots, slots };
         const saga_dense_rows d_weights = { b->d_weight, some, slots, slots };
 
-        /* Weights are computed again, since the scratch has room for a
-         * chunk's alone. */
+        /* The weights are computed again, since the scratch holds only those of
+         * one chunk. */
         weigh(b, q.at, some);
         saga_dense_forward(b->d_weight, &columns, &d_read);
         for (i = 0; i < some; i++)
             softmax_backward(b->d_weight + i * slots, b->weight + i * slots,
                              slots);
-        /* The bank reads W S, and W comes from Q S^T: S gets a gradient of
-         * both. */
+        /* The read is W S, where W is computed from Q S^T, so S gets gradients
+         * from both. */
         saga_dense_forward(d_query + at * d, &state, &d_weights);
         saga_dense_backward(d_state, &weights, &d_read);
         saga_dense_backward(d_state, &d_weights, &q);
@@ -180,15 +180,16 @@ static real sigmoid(real x)
     return 1 / (1 + exp(-x));
 }
 
-/* Sets u to what a slot becomes before its normalisation; returns its length,
- * *along = <v, s>. */
+/* Sets u to the slot before its normalisation and *along to <v, s>. Returns the
+ * length of u. */
 static real update(real *u, real *along, const real *s, const real *write,
                    size_t n, int plain)
 {
     const real g = sigmoid(write[n]);
     size_t i;
 
-    /* The paper's (5) and (6), with |s| = 1 for the denominator of (5). */
+    /* Equations (5) and (6) of the paper, where |s| = 1 makes the denominator
+     * of (5) 1. */
     *along = plain ? 0 : dot(write, s, n);
     for (i = 0; i < n; i++)
         u[i] = s[i] + g * (write[i] - *along * s[i]);
@@ -217,11 +218,11 @@ void saga_bank_float_update_backward(real *d, real *d_write, const real *s,
     size_t i;
 
     memset(d_write, 0, (n + 1) * sizeof *d_write);
-    /* A sum of 0 has left the slot as it was, and d with it. */
+    /* A sum of 0 has left the slot unchanged, and d stays the same. */
     if (!(length > 0))
         return;
     /* Back through u / |u|: d becomes (d - u <d, u> / |u|^2) / |u|. The same
-     * loop sums what g and <v, s> learn. */
+     * loop sums the gradients of g and of <v, s>. */
     part = dot(d, u, n) / (length * length);
     for (i = 0; i < n; i++) {
         d[i] = (d[i] - part * u[i]) / length;
@@ -229,7 +230,8 @@ void saga_bank_float_update_backward(real *d, real *d_write, const real *s,
         d_along -= g * d[i] * s[i];
     }
     for (i = 0; i < n; i++) {
-        /* u = s + g (v - <v, s> s): v and s also learn through <v, s>. */
+        /* u = s + g (v - <v, s> s), so v and s also get gradients through <v,
+         * s>. */
         d_write[i] = g * d[i] + (plain ? 0 : d_along * s[i]);
         d[i] += plain ? 0 : d_along * write[i] - along * g * d[i];
     }

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: MIT
  *
- * The operators of common/memory_bank.c in float, and their
- * gradients: reads of a state (L, D) by softmax attention in base 2, and the
- * update of one slot. Paper: Hierarchical Context Modeling, equations of the
- * write.
+ * The operators of common/memory_bank.c in float, with their gradients: reads
+ * of a state (L, D) by softmax attention in base 2, and the update of one slot.
+ * Paper: Hierarchical Context Modeling, equations of the write.
  *
- * L and D are whole numbers of vectors (vec.h): the format has multiples of 8.
+ * L and D are multiples of the vector length (vec.h), since the format requires
+ * multiples of 8.
  */
 #ifndef SAGA_BANK_FLOAT_H
 #define SAGA_BANK_FLOAT_H
@@ -15,12 +15,13 @@
 
 #include <stddef.h>
 
-/* A state is read out of a thread's scratch. */
+/* A state of the bank, prepared for reading in the scratch memory of a
+ * thread. */
 typedef struct saga_bank_float {
     size_t n_slots, width;       /* L, D */
     const real *state;           /* (L, D) */
-    real *columns;               /* (D, L) the same, transposed */
-    real *weight, *d_weight;     /* (some queries, L) */
+    real *columns;               /* (D, L) the transposed state */
+    real *weight, *d_weight;     /* (queries of a chunk, L) */
 } saga_bank_float;
 
 #define saga_bank_float_start SAGA_REAL_NAME(saga_bank_float_start)
@@ -33,35 +34,36 @@ typedef struct saga_bank_float {
 #define saga_bank_float_update_backward \
     SAGA_REAL_NAME(saga_bank_float_update_backward)
 
-/* Sets S_0 as the integers have it. False: no memory. */
+/* Sets the start state S_0 to that of the integer bank. Returns false with
+ * *error set if memory is short. */
 bool saga_bank_float_start(real *state, size_t n_slots, size_t width,
                            saga_error *error);
 
-/* The first returns the reals of a thread's scratch, the second the bank in it.
- */
+/* Return the number of reals in a thread's scratch, and the bank that is
+ * prepared in it. */
 size_t saga_bank_float_scratch(size_t n_slots, size_t width);
 saga_bank_float saga_bank_float_of(const real *state, size_t n_slots,
                                    size_t width, real *scratch);
 
-/* Sets out (n, D) to what the queries (n, D) read. */
+/* Sets out (n, D) to what queries (n, D) read. */
 void saga_bank_float_read(real *out, const saga_bank_float *b,
                           const real *query, size_t n);
 
-/* Sets d_query (n, D), adds to d_state (L, D). */
+/* Sets d_query (n, D) and adds to d_state (L, D). */
 void saga_bank_float_read_backward(real *d_query, real *d_state,
                                    const saga_bank_float *b, const real *d_out,
                                    const real *query, size_t n);
 
-/* Sets `to` (n) to what slot s becomes by write: candidate v (n), then w, the
- * gate being sigmoid(w).
+/* Sets `to` (n) to slot s after a write. write holds the candidate v (n), then
+ * w, whose gate is g = sigmoid(w).
  *     orthogonal (plain = 0)  Norm(s + g (v - <v, s> s))
  *     plain                   Norm(s + g v)
- * A sum of zero leaves it. to is not s. */
+ * A sum of zero leaves the slot unchanged. to must not overlap s. */
 void saga_bank_float_update(real *to, const real *s, const real *write,
                             size_t n, int plain);
 
-/* Turns d, the gradient of what the slot became, into that of s. Sets d_write
- * (n + 1). */
+/* Replaces d, the gradient of the updated slot, by that of s. Sets d_write (n +
+ * 1). */
 void saga_bank_float_update_backward(real *d, real *d_write, const real *s,
                                      const real *write, size_t n, int plain);
 

@@ -10,8 +10,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* A thread takes these nanoseconds for a block and a slot that it reads, and
- * for a slot of a round. */
+/* Nanoseconds for a block and a slot that it reads, and for a slot in a
+ * round. */
 enum { READ_NS = 20, SLOT_NS = 200 };
 
 /* --- Memory -------------------------------------------------------------- */
@@ -42,12 +42,12 @@ static void lay_out(saga_bank_twin *m, saga_arena *a, const saga_scene *s)
         n_states += runs;
     }
     saga_twin_batch_take(&m->slot, a, &net[SAGA_NET_SLOT], slots);
-    /* One state before the first run, and one behind each run that writes. */
+    /* One state before the first run, and one after each run that writes. */
     m->state = saga_arena_take(a, n_states * state);
     m->d_last = saga_arena_take(a, state);
 }
 
-/* Makes room for what the networks' passes need. */
+/* Allocates the memory that the networks' passes need. */
 static bool reserve(saga_bank_twin *m, const saga_scene *s,
                     saga_error *error)
 {
@@ -100,8 +100,7 @@ bool saga_bank_twin_init(saga_bank_twin *m, const saga_scene *s,
         saga_bank_twin_free(m);
         return false;
     }
-    /* SLOT is told a slot's number as a 1 among zeros, which the block
-     * holds. */
+    /* The input of SLOT is a slot's index, as a 1 among zeros. */
     for (p = 0; p < m->n_slots; p++)
         m->slot.in[p * m->n_slots + p] = 1;
     return true;
@@ -125,7 +124,7 @@ void saga_bank_twin_free(saga_bank_twin *m)
 
 /* --- Reads --------------------------------------------------------------- */
 
-/* All parts of a pass over the bank share this. */
+/* The inputs of a pass over the bank. */
 typedef struct {
     saga_bank_twin *m;
     const saga_bank_twin_input *in;
@@ -133,7 +132,8 @@ typedef struct {
     size_t from, to;             /* rounds */
 } job;
 
-/* Returns what a run reads; primitives all read the last state. */
+/* Returns the bank in the state that a run reads. All primitives read the last
+ * state. */
 static saga_bank_float bank_of(const saga_bank_twin *m,
                                const saga_bank_twin_input *in, size_t run)
 {
@@ -145,7 +145,7 @@ static saga_bank_float bank_of(const saga_bank_twin *m,
                               saga_bank_float_scratch(m->n_slots, m->width));
 }
 
-/* Does `run` for rounds from..to-1, or what `times` as long takes. */
+/* Calls `run` for rounds from..to-1. `times` is the cost relative to a read. */
 static void do_runs(void (*run)(void *, size_t), job *j, int times)
 {
     const uint32_t *const begin = j->in->runs->begin;
@@ -182,7 +182,7 @@ void saga_bank_twin_read(saga_bank_twin *m,
     do_runs(read_run, &j, 1);
 }
 
-/* Sets the run's d_state and its queries' gradients. */
+/* Sets d_state of the run and the gradients of its queries. */
 static void read_run_backward(void *user, size_t run)
 {
     const job *const j = user;
@@ -193,9 +193,9 @@ static void read_run_backward(void *user, size_t run)
     const size_t d = m->width, n = m->n_slots * d;
     const size_t begin = in->runs->begin[run];
 
-    /* Each run has gradients of its own for the state it read, since threads
-     * work on several runs that may share a state. They are added in order
-     * later. */
+    /* Each run has its own gradients of the state that it read, since several
+     * runs, on different threads, may read the same state. They are added in
+     * order later. */
     memset(k->d_state + run * n, 0, n * sizeof *k->d_state);
     saga_bank_float_read_backward(k->query.d_out + begin * d,
                                   k->d_state + run * n, &b,
@@ -211,7 +211,7 @@ static int is_plain(const saga_scene *s)
     return (s->model.tools & SAGA_TOOL_PLAIN_WRITE) != 0;
 }
 
-/* Sets WRITE_BASE's inputs, a mean for each run. */
+/* Sets the inputs of WRITE_BASE, the mean token of each run. */
 static void take_means(saga_bank_twin_kind *k,
                        const saga_bank_twin_input *in, size_t width,
                        size_t from, size_t to)
@@ -232,7 +232,7 @@ static void take_means(saga_bank_twin_kind *k,
     }
 }
 
-/* Sets WRITE's inputs, of every round and slot. */
+/* Sets the inputs of WRITE for every round and slot. */
 static void add_own(saga_bank_twin *m, saga_bank_twin_kind *k,
                     const saga_scene *s, size_t from, size_t to)
 {
@@ -251,7 +251,7 @@ static void add_own(saga_bank_twin *m, saga_bank_twin_kind *k,
         }
 }
 
-/* Clamps candidates to +-8, gates to +-16. */
+/* Clamps candidates to +-8 and gates to +-16. */
 static void clamp_writes(real *write, size_t n, size_t width)
 {
     size_t i;
@@ -271,7 +271,7 @@ static void run_write(saga_bank_twin *m, const saga_bank_twin_input *in,
     const size_t d = m->width, hidden = (size_t)write->dim[0];
     const size_t row = from * m->n_slots, rows = (to - from) * m->n_slots;
 
-    /* Once per round: WRITE_BASE of the mean of its tokens. */
+    /* For each round, WRITE_BASE runs on the mean of its tokens. */
     take_means(k, in, d, from, to);
     saga_rate_clamp(k->base.in + from * d, (to - from) * d,
                     in->s->model.q_in[SAGA_NET_WRITE_BASE]);
@@ -279,8 +279,8 @@ static void run_write(saga_bank_twin *m, const saga_bank_twin_input *in,
                      k->base.in + from * d, to - from, base);
     saga_rate_clamp(k->base.out + from * hidden, (to - from) * hidden,
                     in->s->model.q_in[SAGA_NET_WRITE]);
-    /* Once per round and slot: that plus the slot's own vector, and WRITE
-     * gives the candidate and the gate. */
+    /* For each round and slot, WRITE runs on the sum of that output and the
+     * slot's own vector; it gives the candidate and the gate. */
     add_own(m, k, in->s, from, to);
     saga_net_forward(k->write.out + row * (d + 1), &k->write.work,
                      k->write.in + row * hidden, rows, write);
@@ -296,7 +296,7 @@ void saga_bank_twin_begin(saga_bank_twin *m, const saga_scene *s)
                     s->model.q_in[SAGA_NET_WRITE]);
 }
 
-/* Takes slot p through the rounds. */
+/* Updates slot p in all rounds. */
 static void update_slot(void *user, size_t p)
 {
     const job *const j = user;
@@ -306,8 +306,8 @@ static void update_slot(void *user, size_t p)
     size_t run;
 
     for (run = j->from; run < j->to; run++) {
-        /* Slots do not read one another, so that each goes through all
-         * rounds at once; a state stays for the backward pass. */
+        /* Slots do not read each other, so each can go through all rounds
+         * alone. The states are kept for the backward pass. */
         real *const s = m->state + (j->in->first + run) * slots * d + p * d;
 
         saga_bank_float_update(s + slots * d, s, k->write.out +
@@ -316,7 +316,7 @@ static void update_slot(void *user, size_t p)
     }
 }
 
-/* Does something for every slot, through a number of rounds. */
+/* Calls `run` for every slot; each call covers n_runs rounds. */
 static void do_slots(void (*run)(void *, size_t), job *j, size_t n_runs)
 {
     const size_t n = j->m->n_slots;
@@ -333,8 +333,8 @@ void saga_bank_twin_write(saga_bank_twin *m,
     saga_bank_twin_kind *const k = &m->kind[in->kind];
     job j = { .m = m, .in = in, .from = from, .to = to };
 
-    /* All networks first, for all of the rounds: they do not see the slots.
-     * Only the updates go round by round. */
+    /* All networks run first, for all rounds, because they do not read the
+     * slots. Only the updates depend on the previous round. */
     saga_bank_blocks_run(&k->token, in, SAGA_NET_AGG, in->runs->begin[from],
                in->runs->begin[to]);
     run_write(m, in, from, to);
@@ -351,8 +351,9 @@ void saga_bank_twin_clear(saga_bank_twin *m, const saga_scene *s)
     memset(m->slot.d_out, 0, m->n_slots * hidden * sizeof *m->slot.d_out);
 }
 
-/* Takes slot p back through all rounds of a tier, from its last state's
- * gradient to that of the first; with what was read from each. */
+/* Goes back with slot p through all rounds of a tier, from the gradient of the
+ * last state to that of the first, adding the gradients of what was read from
+ * each. */
 static void slot_backward(void *user, size_t p)
 {
     const job *const j = user;
@@ -366,9 +367,8 @@ static void slot_backward(void *user, size_t p)
     for (run = in->runs->n; run-- > 0;) {
         const size_t at = run * slots + p;
 
-        /* Here `last` turns from the gradient of the state behind the round
-         * into that of the state before it, which the round's blocks have read
-         * too. */
+        /* `last` changes from the gradient of the state after the round to that
+         * of the state before it, which the round's blocks have read too. */
         saga_bank_float_update_backward(
             last, k->write.d_out + at * (d + 1),
             m->state + ((in->first + run) * slots + p) * d,
@@ -391,8 +391,8 @@ static void writes_through(saga_twin_batch *b, size_t n, size_t width)
     }
 }
 
-/* Gradients go from WRITE's inputs to the rounds' and the slots' parts of them.
- */
+/* Distributes the gradients of WRITE's inputs to the rounds' and the slots'
+ * summands. */
 static void add_own_backward(saga_bank_twin *m, saga_bank_twin_kind *k,
                              const saga_scene *s, size_t n_runs)
 {
@@ -401,8 +401,8 @@ static void add_own_backward(saga_bank_twin *m, saga_bank_twin_kind *k,
     const size_t n = n_runs * m->n_slots * hidden;
     size_t run, p, i;
 
-    /* h = min(max(base + own, 0), most): where that is cut to 0 nothing is
-     * learnt; at `most` only what leads inside. */
+    /* h = min(max(base + own, 0), most) has no gradient where it is 0, and at
+     * `most` only gradients that lead inside. */
     for (i = 0; i < n; i++)
         if (!(k->write.in[i] > 0))
             k->write.d_in[i] = 0;
@@ -421,7 +421,7 @@ static void add_own_backward(saga_bank_twin *m, saga_bank_twin_kind *k,
     saga_rate_through(k->base.d_out, k->base.out, n_runs * hidden, q);
 }
 
-/* Gradients go from the means to the tokens. */
+/* Distributes the gradients of the means to the tokens. */
 static void means_backward(saga_bank_twin_kind *k,
                            const saga_bank_twin_input *in, size_t width)
 {
@@ -449,9 +449,9 @@ static void write_backward(saga_bank_twin *m, saga_scene *d,
     const size_t rows = in->runs->n * m->n_slots;
     job j = { .m = m, .in = in, .reads = reads };
 
-    /* Backward, in the opposite order: slots, WRITE, its two summands,
-     * WRITE_BASE, means, tokens. The slots' own vectors wait for all tiers
-     * (saga_bank_twin_end). */
+    /* The order is reversed: slots, WRITE, its two summands, WRITE_BASE, means,
+     * tokens. The gradients of the slots' own vectors are complete only after
+     * all tiers (saga_bank_twin_end). */
     do_slots(slot_backward, &j, in->runs->n);
     writes_through(&k->write, rows, m->width);
     saga_net_backward(k->write.d_in, &d->net[SAGA_NET_WRITE], &k->write.work,
@@ -464,7 +464,7 @@ static void write_backward(saga_bank_twin *m, saga_scene *d,
     saga_bank_blocks_backward(d, dx, &k->token, in, SAGA_NET_AGG);
 }
 
-/* Adds what all primitives read from the last state. */
+/* Adds the gradients of all primitives' reads from the last state. */
 static void add_last(saga_bank_twin *m, size_t n_runs)
 {
     const size_t n = m->n_slots * m->width;
@@ -476,8 +476,7 @@ static void add_last(saga_bank_twin *m, size_t n_runs)
             m->d_last[i] += d[run * n + i];
 }
 
-/* Goes back through what was read: queries, and the states they were answered
- * from. */
+/* Goes back through the reads, to the queries and the states. */
 static void read_backward(saga_bank_twin *m, saga_scene *d,
                           const saga_rate_features *dx,
                           const saga_bank_twin_input *in)
@@ -495,8 +494,8 @@ void saga_bank_twin_backward(saga_bank_twin *m, saga_scene *d,
                              const saga_rate_features *dx,
                              const saga_bank_twin_input *in, int reads)
 {
-    /* Reads first: the gradients of the states that they leave are what the
-     * writes go back from. */
+    /* Reads come first, because the writes start from the gradients of states
+     * that reads give. */
     if (reads)
         read_backward(m, d, dx, in);
     if (in->kind != SAGA_KIND_PRIM)

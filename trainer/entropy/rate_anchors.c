@@ -1,13 +1,14 @@
 /* SPDX-License-Identifier: MIT
  *
- * Anchors as they are coded: offsets from their cells, and the nearest places
- * that can be coded.
+ * Values of anchors: their offsets from cells, and the nearest positions that
+ * can be coded.
  */
 #include "rate_values.h"
 
 #include <math.h>
 
-/* Sets o to the offset from the cell of coarse anchor c, in its half-sizes. */
+/* Sets o to the offset of x from the centre of coarse anchor c's cell, in its
+ * half-sizes. */
 static void cell_offset(double o[4], const saga_coarse *c, const real *x)
 {
     int k;
@@ -37,7 +38,7 @@ bool saga_rate_refresh(saga_rate *r, const saga_scene *s, saga_error *error)
                     s->fine_x + 4 * (size_t)i);
         for (k = 0; k < 4; k++)
             to[k] = R(o[k] - saga_suffix_centre(suffix, bits, k));
-        /* GROUPS reads the number of children beside the offset
+        /* GROUPS reads the number of children besides the offset
          * (rate_block.h). */
         to[4] = R(s->fine[i].n_prim) / 16;
     }
@@ -47,7 +48,8 @@ bool saga_rate_refresh(saga_rate *r, const saga_scene *s, saga_error *error)
     return true;
 }
 
-/* Moves coarse anchors to the nearest steps from their cells' centres. */
+/* Moves coarse anchors to the nearest multiples of the step from their cells'
+ * centres. */
 static void snap_coarse(saga_scene *s)
 {
     const double step = saga_rate_step_size(&s->model, SAGA_KIND_COARSE, 0);
@@ -74,8 +76,8 @@ static void snap_fine(saga_scene *s)
 {
     const uint32_t bits = s->model.tier[SAGA_TIER_COARSE].suffix_bits;
     const double step = saga_rate_step_size(&s->model, SAGA_KIND_FINE, 0);
-    /* Fine anchors stay inside their cells, or they would have another suffix.
-     */
+    /* Fine anchors stay inside their suffix cells; outside they would have
+     * another suffix. */
     const double most = ceil(ldexp(1, -(int)bits) / step) - 1;
     double o[4];
     uint32_t i, k;

@@ -10,7 +10,7 @@
 saga_rate_cost saga_rate_bits(double v, double log2_sigma)
 {
     const double per_sigma = exp2(-log2_sigma);
-    /* Symmetry allows the side where the tails are precise. */
+    /* By symmetry, |v| is used, where the tails are precise. */
     const double near = (fabs(v) - 0.5) * per_sigma;
     const double far = (fabs(v) + 0.5) * per_sigma;
     const double at_near = saga_normal_pdf(near);
@@ -19,15 +19,16 @@ saga_rate_cost saga_rate_bits(double v, double log2_sigma)
     const double spread = 1 + v * v / 64;
     const double escape = exp2(-21) / spread;
     const double sum = p + escape;
-    /* For v > 0 dp / dv is the density at far less that at near, over sigma. */
+    /* For v > 0, dp / dv is the density at far minus that at near, over
+     * sigma. */
     const double slope = (at_far - at_near) * per_sigma;
     const double d_p = v < 0 ? -slope : slope;
     saga_rate_cost cost;
 
     cost.bits = -log2(sum);
     cost.d_v = (escape * (v / 32) / spread - d_p) / (sum * LN2);
-    /* By log2 sigma, near and far change by -ln 2 of themselves, and that ln
-     * 2 is the logarithm's: it cancels. */
+    /* The derivatives of near and far by log2 sigma are -ln 2 times themselves.
+     * This ln 2 cancels against that of the logarithm. */
     cost.d_log2_sigma = (far * at_far - near * at_near) / sum;
     return cost;
 }

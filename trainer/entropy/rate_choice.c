@@ -11,8 +11,8 @@
 /* Steps from 2^-SAGA_RATE_FINEST to 2^-COARSEST are tried. */
 enum { COARSEST = 2 };
 
-/* A row's shift and bias take about ROW_BITS, a layer's steps and scales about
- * LAYER_BITS. */
+/* About what the shift and bias of a row take, and the steps and scales of a
+ * layer. */
 enum { ROW_BITS = 13, LAYER_BITS = 38 };
 
 enum { ALL_SOURCES = SAGA_SOURCES_KNOWN };
@@ -35,7 +35,8 @@ static void bind(saga_scene *s, real *params)
     }
 }
 
-/* The first layer keeps the columns of the sources that stay. */
+/* Copies the columns of the first layer for the sources that are kept. had: the
+ * sources in `from`; has: those in `to`. */
 static void take_columns(saga_net *to, const saga_net *from,
                          const saga_model *m, uint32_t had, uint32_t has)
 {
@@ -45,8 +46,8 @@ static void take_columns(saga_net *to, const saga_net *from,
 
     memcpy(to->b[0], from->b[0], rows * sizeof(real));
     for (source = 1; source <= had; source <<= 1) {
-        /* Inputs stand source by source: `at` is where this one's columns
-         * are in the old layer, n where they go in the new. */
+        /* Inputs are ordered by source: `at` is the first column of this source
+         * in the old layer, n in the new one. */
         const size_t columns = saga_rate_columns(m, source);
 
         for (row = 0; (has & source) && row < rows; row++)
@@ -71,19 +72,19 @@ static int is_kind_net(int net)
     return net >= SAGA_NET_E_COARSE && net <= SAGA_NET_E_PRIM;
 }
 
-/* Sets the sources, and the memory bank that they leave. */
+/* Sets the sources, and removes the memory bank if no kind reads it. */
 static void set_sources(saga_model *m, const uint8_t sources[SAGA_N_KINDS])
 {
     memcpy(m->sources, sources, SAGA_N_KINDS);
     if ((sources[0] | sources[1] | sources[2]) & SAGA_SOURCE_BANK)
         return;
-    /* No kind reads the bank, so the model has none, nor its networks. */
+    /* Without a reader, the model has no bank and none of its networks. */
     m->tools &= ~(uint32_t)(SAGA_TOOL_BANK | SAGA_TOOL_PLAIN_WRITE);
     m->bank_slots = m->bank_blocks = 0;
     m->bank_width = 0;
 }
 
-/* Returns s with the given sources alone, its entropy networks in params. */
+/* Returns s with only the given sources. Its entropy networks are in params. */
 static saga_scene reduced(const saga_scene *s, real *params,
                           const uint8_t sources[SAGA_N_KINDS])
 {
@@ -111,7 +112,7 @@ static saga_scene reduced(const saga_scene *s, real *params,
 
 static const char purpose[] = "choosing sources";
 
-/* Makes room for the entropy networks of s, whatever their sources. */
+/* Allocates memory for the entropy networks of s with any of its sources. */
 static real *alloc_params(const saga_scene *s, saga_error *error)
 {
     /* Constants can have more biases than a small network has parameters. */
@@ -126,7 +127,7 @@ static real *alloc_params(const saga_scene *s, saga_error *error)
 
 /* --- Costs --------------------------------------------------------------- */
 
-/* Returns the bits of the weights of network `number`, about. */
+/* Sets *bits to about what the weights of a network take. */
 static bool weights_bits(double *bits, const saga_net *net,
                          const saga_rate_decision *plan, int number,
                          saga_error *error)
@@ -153,17 +154,19 @@ typedef struct {
     saga_rate *r;
     saga_scene *s;
     const saga_rate_input *x;
-    real *feature;              /* (coarse, F) as coded with all sources, */
-    real *scratch;              /* with those that are tried */
-    real *params;               /* of those */
-    real *mean[SAGA_N_KINDS];   /* (inputs) of the networks' inputs */
-    double bits[SAGA_N_KINDS][ALL_SOURCES + 1];    /* residuals, by sources */
+    real *feature;              /* (coarse, F) decoded with all sources */
+    real *scratch;              /* (coarse, F) decoded with the sources of a
+                                 * trial */
+    real *params;               /* the networks of a trial */
+    real *mean[SAGA_N_KINDS];   /* mean of each input of the networks */
+    double bits[SAGA_N_KINDS][ALL_SOURCES + 1];    /* bits of residuals, by
+                                                    * subset of sources */
     double weights[SAGA_N_KINDS][ALL_SOURCES + 1];
-    double hyper, bank;         /* weights of their networks */
+    double hyper, bank;         /* bits of their networks' weights */
     saga_error *error;
 } search;
 
-/* Returns the bits of the residuals of a kind with the sources of r. */
+/* Returns the bits of a kind's residuals with the sources that r keeps. */
 static double kind_bits(search *f, int kind)
 {
     const size_t n = (size_t)f->s->n.coarse * f->s->model.features;
@@ -172,17 +175,16 @@ static double kind_bits(search *f, int kind)
                                 kind ? f->feature : f->scratch };
     double bits[SAGA_N_STEPS] = { 0 };
 
-    /* Coding overwrites features with what is decoded. Coarse anchors are
-     * coded from the trained ones every time; the other kinds always read those
-     * that begin_search has decoded, so that trials do not depend on one
-     * another. */
+    /* Coding replaces features by decoded ones. Coarse anchors are always coded
+     * from the trained features. The other kinds always read those that
+     * begin_search decoded, so that trials do not depend on each other. */
     memcpy(f->scratch, f->s->coarse_feature, n * sizeof *f->scratch);
     saga_rate_code(bits, f->r, &y, kind);
     return bits[0] + bits[1] + bits[2] + bits[3];
 }
 
-/* Finds features and offsets as all sources code them, and the networks' mean
- * inputs. */
+/* Codes features and offsets with all sources, and measures the mean inputs of
+ * the networks. */
 static bool begin_search(search *f)
 {
     const size_t n = (size_t)f->s->n.coarse * f->s->model.features;
@@ -202,10 +204,10 @@ static bool begin_search(search *f)
         if (!f->mean[kind])
             return false;
         saga_rate_code(bits, f->r, &y, kind);
-        /* Coding leaves in the batch the last run's inputs only; all blocks
-         * are evaluated once more to have everybody's. */
+        /* After coding, the batch has only the inputs of the last run, so all
+         * blocks are evaluated again. */
         saga_rate_all(f->r, &y, kind);
-        /* Where a kind has no blocks, the means are 0. */
+        /* For a kind without blocks the means are 0. */
         for (j = 0; k->n_blocks && j < dim; j++) {
             double sum = 0;
 
@@ -217,15 +219,15 @@ static bool begin_search(search *f)
     return true;
 }
 
-/* Tells whether a kind's residuals depend on a network: its own, the
- * hyperprior's, and the bank's. */
+/* Tells whether the residuals of a kind depend on a network: on its own, on the
+ * hyperprior's or on those of the bank. */
 static int depends(int kind, int net)
 {
     return is_kind_net(net) ? kind == net - SAGA_NET_E_COARSE : 1;
 }
 
-/* Returns the bits of a network that was trained, and of all residuals it has a
- * say in. */
+/* Sets *total to the bits of a network and of all residuals that depend on
+ * it. */
 static bool network_bits(double *total, search *f, int net)
 {
     const saga_scene rounded = saga_rate_rounded(f->r, f->s);
@@ -238,7 +240,8 @@ static bool network_bits(double *total, search *f, int net)
     return true;
 }
 
-/* Chooses the step of each network in turn, the others as they are. */
+/* Chooses the step of each network, one after the other, with the others
+ * fixed. */
 static bool find_steps(search *f)
 {
     double *const step = f->r->decision.step;
@@ -250,7 +253,7 @@ static bool find_steps(search *f)
 
         for (e = COARSEST; f->s->net[net].n_layers && e <= SAGA_RATE_FINEST;
              e++) {
-            /* A coarser step makes weights cheaper and residuals dearer. */
+            /* A larger step makes weights cheaper and residuals dearer. */
             step[net] = ldexp(1, -e);
             if (!network_bits(&bits, f, net))
                 return false;
@@ -264,8 +267,8 @@ static bool find_steps(search *f)
     return true;
 }
 
-/* Moves the means of a kind's sources that are not in `keep` into the biases;
- * sign -1: back out of them. */
+/* Adds the mean contribution of a kind's sources that are not in `keep` to the
+ * biases; with sign -1, subtracts it again. */
 static void fold(search *f, int kind, uint32_t keep, real sign)
 {
     const saga_model *const m = &f->s->model;
@@ -295,9 +298,8 @@ static bool try_subset(search *f, int kind, uint32_t subset)
     bool ok;
 
     sources[kind] = (uint8_t)subset;
-    /* The trial: a source that is left out is 0 and its mean is in the
-     * biases. The weights' bits are those of the network without its columns.
-     */
+    /* In a trial, a removed source has inputs of 0 and its mean in the biases.
+     * The bits of the weights are those of the network without its columns. */
     f->r->context.keep[kind] = (uint8_t)subset;
     fold(f, kind, subset, 1);
     f->bits[kind][subset] = kind_bits(f, kind);
@@ -306,15 +308,14 @@ static bool try_subset(search *f, int kind, uint32_t subset)
     ok = weights_bits(&f->weights[kind][subset],
                       &fewer.net[SAGA_NET_E_COARSE + kind], &f->r->decision,
                       SAGA_NET_E_COARSE + kind, f->error);
-    /* Back to all sources, where the next trial begins. */
+    /* All sources are restored for the next trial. */
     fold(f, kind, subset, -1);
     f->r->context.keep[kind] = had;
     return ok;
 }
 
-/* Tries every subset of each kind's sources, the other kinds as they are; the
- * last is all of them, so that the bank goes on with what these make of it.
- */
+/* Tries every subset of each kind's sources, with the other kinds fixed. The
+ * last subset is the full one, so the bank then continues with its results. */
 static bool try_subsets(search *f)
 {
     const saga_scene rounded = saga_rate_rounded(f->r, f->s);
@@ -339,7 +340,7 @@ static bool try_subsets(search *f)
     return true;
 }
 
-/* Returns the best subset of a kind that has none of `without`. */
+/* Returns the best subset of a kind's sources that has none of `without`. */
 static uint32_t best_subset(const search *f, int kind, uint32_t without)
 {
     const uint32_t not = ~(uint32_t)f->s->model.sources[kind] | without;
@@ -353,7 +354,7 @@ static uint32_t best_subset(const search *f, int kind, uint32_t without)
     return best;
 }
 
-/* Finds each kind's best. Returns all their bits. */
+/* Sets the best sources of every kind. Returns the sum of all their bits. */
 static double best_of_all(uint8_t sources[SAGA_N_KINDS], const search *f,
                           uint32_t without)
 {
@@ -372,22 +373,21 @@ static double best_of_all(uint8_t sources[SAGA_N_KINDS], const search *f,
            (any & SAGA_SOURCE_BANK ? f->bank : 0);
 }
 
-/* Hyperprior and memory bank are for those who are better off with them, or for
- * nobody. */
+/* Chooses the best sources, with and without hyperprior and memory bank. */
 static void choose(uint8_t best[SAGA_N_KINDS], search *f)
 {
     static const uint32_t without[] = {
         0, SAGA_SOURCE_HYPER, SAGA_SOURCE_BANK,
         SAGA_SOURCE_HYPER | SAGA_SOURCE_BANK
     };
-    double least[2] = { HUGE_VAL, HUGE_VAL };  /* with a bank, without */
+    double least[2] = { HUGE_VAL, HUGE_VAL };  /* with and without a bank */
     uint8_t sources[SAGA_N_KINDS];
     size_t i;
 
     for (i = 0; i < sizeof without / sizeof without[0]; i++) {
-        /* best_of_all finds each kind's best without looking at the networks
-         * that kinds share, and adds those once. So whether they pay is decided
-         * here, between whole choices. */
+        /* best_of_all ignores the cost of networks that kinds share when it
+         * chooses for each kind, and then adds that cost once. Whether the
+         * shared networks pay is decided here, between complete choices. */
         const int forgets = (without[i] & SAGA_SOURCE_BANK) != 0;
         const double total = best_of_all(sources, f, without[i]);
 
@@ -398,7 +398,7 @@ static void choose(uint8_t best[SAGA_N_KINDS], search *f)
     f->r->decision.bank_net = least[0] - least[1];
 }
 
-/* Returns the mask of a kind's sources but for the memory bank. */
+/* Returns a kind's sources except the memory bank. */
 static uint32_t forgetful(const search *f, int kind)
 {
     return f->s->model.sources[kind] & ~(uint32_t)SAGA_SOURCE_BANK;
@@ -444,8 +444,8 @@ bool saga_rate_decide(saga_rate *r, saga_scene *s, const saga_rate_input *x,
     f.params = alloc_params(s, error);
     ok = f.feature && f.scratch && f.params && begin_search(&f);
     if (ok) {
-        /* From here on saga_rate_rounded gives networks with rounded
-         * weights: the search is for what will be coded. */
+        /* From here on, saga_rate_rounded returns rounded weights, so the
+         * search uses what will be coded. */
         r->decision.decided = 1;
         ok = find_steps(&f) && try_subsets(&f);
         r->decision.decided = ok;
@@ -460,7 +460,8 @@ bool saga_rate_decide(saga_rate *r, saga_scene *s, const saga_rate_input *x,
     return ok;
 }
 
-/* --- The scene to be packed ---------------------------------------------- */
+/* --- The scene to pack
+ * ----------------------------------------------------- */
 
 bool saga_rate_choice_init(saga_rate_choice *c, saga_rate *r,
                            const saga_rate_input *x, saga_error *error)

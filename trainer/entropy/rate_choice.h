@@ -1,45 +1,50 @@
 /* SPDX-License-Identifier: MIT
  *
- * Code lengths on all blocks choose what of an entropy model in training is
- * worth its bytes: sources of each kind and the steps of the weights.
+ * Chooses the parts of an entropy model in training that are worth their bytes:
+ * the sources of each kind and the steps of the weights. The choice is made by
+ * code lengths on all blocks.
  *
- * A source that is left out is replaced by its mean: its columns of the first
- * layer move into the biases. A kind without any has measured constants. The
- * hyperprior's network counts once, if any kind reads it, and so do those of
- * the bank, which is no more once nobody reads it. Left out is whatever makes
- * residuals and weights together dearer.
+ * A source that is removed is replaced by its mean: the products of its columns
+ * of the first layer with the mean are added to the biases. A kind without
+ * sources has measured constants. The hyperprior's network counts once, if any
+ * kind reads it, and so do the networks of the bank, which is removed if no
+ * kind reads it. A source is removed if that makes residuals and weights
+ * together cheaper.
  *
- * Decided once, while there is training left: coarse features are rounded
- * against mu, so everything has to settle on what decides mu.
+ * The choice is made once, before the end of training: coarse features are
+ * rounded against mu, so the training must adapt to whatever mu depends on.
  */
 #ifndef SAGA_RATE_CHOICE_H
 #define SAGA_RATE_CHOICE_H
 
 #include "rate_loss.h"
 
-/* Sets r->decision and the sources that r keeps; s (x's scene) gets the biases
- * of what is left out. The twin's offsets, supports and features stand for the
- * scene's. False: no memory, and nothing is decided. */
+/* Sets r->decision and the sources that r keeps, and changes the biases of s
+ * (the scene of x) for the sources that are removed. Offsets, supports and
+ * features are those of x's twin. Returns false with *error set, and nothing
+ * decided, if memory is short. */
 bool saga_rate_decide(saga_rate *r, saga_scene *s, const saga_rate_input *x,
                       saga_error *error);
 
-/* The scene is to be packed as this, with what the networks gave. */
+/* The scene as it is packed, and the outputs of its entropy networks. */
 typedef struct saga_rate_choice {
-    saga_scene scene;            /* the trained one; its entropy networks and
-                                  * model.sources are what is left of them */
-    real *params;               /* of those networks */
-    const saga_rate *rate;       /* plan, constants; batches of all blocks */
-    double bits[SAGA_N_STEPS];   /* code lengths of the residuals, estimated */
+    saga_scene scene;            /* the trained scene; entropy networks and
+                                  * model.sources are those that were kept */
+    real *params;               /* of these entropy networks */
+    const saga_rate *rate;       /* has the decision, the constants and the
+                                  * batches of all blocks */
+    double bits[SAGA_N_STEPS];   /* estimated code lengths of the residuals */
 } saga_rate_choice;
 
-/* Makes the choice by the plan of r, which must outlive it. False: nothing is
- * to be freed. */
+/* Makes the choice by the decision of r, which must outlive it. Returns false
+ * with *error set, and nothing to free, if memory is short. */
 bool saga_rate_choice_init(saga_rate_choice *c, saga_rate *r,
                            const saga_rate_input *x, saga_error *error);
 void saga_rate_choice_free(saga_rate_choice *c);
 
-/* Adds to c->bits those of kinds first..last, in their order, x as for
- * saga_rate_code; sets their constants, and the batches of all their blocks. */
+/* Adds to c->bits the bits of kinds first..last, which must be coded in their
+ * order, with x as for saga_rate_code. Sets their constants and the batches of
+ * all their blocks. */
 void saga_rate_choice_code(saga_rate_choice *c, saga_rate *r,
                            const saga_rate_input *x, int first, int last);
 

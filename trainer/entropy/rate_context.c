@@ -93,15 +93,15 @@ void saga_rate_context_free(saga_rate_context *c)
 
 /* --- Positions and neighbours -------------------------------------------- */
 
-/* Sets sizes as in_side of common/context.c does: log2 half-sizes in units,
+/* Sets sizes as in_side of common/context.c does: log2 half-sizes in units, and
  * count / 8. */
 static void set_size(real size[SAGA_RATE_SIZES], const real log2_units[4],
                      uint32_t count)
 {
     int i;
 
-    /* The integers are Q10 and handed over as Q12: a fourth. A half-size of
-     * 2^12 box units or of 2^8 time units is 0. */
+    /* The integers are Q10 and passed on as Q12, a fourth of their value. 0
+     * stands for a half-size of 2^12 box units or 2^8 time units. */
     for (i = 0; i < 4; i++)
         size[i] = (log2_units[i] - (i < 3 ? 12 : 8)) / 4;
     size[4] = R(count) / 8;
@@ -113,7 +113,7 @@ static void keep_position(saga_rate_kind *k, size_t i, const saga_position *p,
     real log2_units[4];
     size_t a;
 
-    /* Box and time units become -1..1 on each axis. */
+    /* Positions are scaled to -1..1 on each axis. */
     for (a = 0; a < 3; a++)
         k->phase[4 * i + a] = R(p->x[a]) / 8388608;
     k->phase[4 * i + 3] = R(p->t) / 32768 - 1;
@@ -141,8 +141,9 @@ static void refresh_coarse(saga_rate_kind *k, const saga_scaffold *sc,
     }
 }
 
-/* The distances use the parent's half-sizes, the hyperprior the suffix cell's
- * (saga_context_run). */
+/* Sets positions and neighbours of fine anchors. Distances to neighbours are in
+ * the parent's half-sizes; the hyperprior reads the half-sizes of the suffix
+ * cell (saga_context_run). */
 static void refresh_fine(saga_rate_kind *k, const saga_scaffold *sc,
                          const saga_scene *s)
 {
@@ -173,8 +174,6 @@ static void refresh_fine(saga_rate_kind *k, const saga_scaffold *sc,
     }
 }
 
-/* A block of primitives has no position of its own; it uses its fine anchor's,
- * and its size. */
 void saga_rate_place_prims(saga_rate_kind *k, const saga_scene *s,
                            const saga_twin *w, const uint32_t *block,
                            size_t n)
@@ -228,7 +227,7 @@ int saga_rate_mu_q(const saga_model *m, int kind, size_t channel)
     uint32_t step = m->step_q16[saga_rate_step_of(kind, channel)] >> 16;
     int q = 0;
 
-    /* q = floor(log2(step)), the step in LSB of the value. */
+    /* q = floor(log2(step)), with the step in units of the value's format. */
     while (step >>= 1)
         q++;
     return q;
@@ -275,7 +274,7 @@ static saga_bank_twin_input bank_input(const saga_rate_context *c,
                                   *x };
     int i;
 
-    /* States stand in the order of coding: behind those of all kinds before. */
+    /* States are in the order of coding, after those of all earlier kinds. */
     for (i = 0; i < kind; i++)
         in.first += c->kind[i].runs.n;
     return in;
@@ -324,8 +323,8 @@ void saga_rate_context_remember(saga_rate_context *c, const saga_scene *s,
 
         saga_rate_context_write(c, s, kind, 0, c->kind[kind].runs.n, x);
         saga_rate_context_read(c, s, kind, 0, c->kind[kind].runs.n, x);
-        /* The evaluation that follows sets d_read of its own blocks; the
-         * others have none. */
+        /* The evaluation sets d_read for its blocks only; the others have no
+         * gradient. */
         memset(c->bank.kind[kind].d_read, 0, n * sizeof(real));
     }
 }
@@ -342,8 +341,7 @@ void saga_rate_context_remember_backward(saga_rate_context *c, saga_scene *d,
     for (kind = SAGA_N_KINDS - 1; kind >= 0; kind--) {
         const saga_bank_twin_input in = bank_input(c, s, kind, x);
 
-        /* A tier that reads nothing itself has written for the kinds after
-         * it. */
+        /* A tier that reads nothing may have written for later kinds. */
         if (readers >> kind)
             saga_bank_twin_backward(&c->bank, d, dx, &in,
                                     readers >> kind & 1u);

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Entropy parameters of the listed blocks, forward from their sources through
- * the kind's network, and backward to what the sources were read from.
+ * Computes entropy parameters of the listed blocks: forward from their sources
+ * through the network of the kind, and backward to the values that the sources
+ * read.
  */
 #include "rate_context.h"
 
@@ -12,20 +13,21 @@
 
 /* --- Forward ------------------------------------------------------------- */
 
-/* Threads take rows in chunks, as networks do, and this time, in ns, for
- * what is beside the networks in a row. */
+/* Threads take rows in chunks, as in the networks. ROW_NS is the time in
+ * nanoseconds for everything in a row except the networks. */
 enum { CHUNK = SAGA_NET_CHUNK, ROW_NS = 150 };
 
-/* A job is one evaluation; all chunks share it. */
+/* One evaluation; all chunks share it. */
 typedef struct {
     saga_rate_context *c;
-    saga_scene *d;           /* backward */
+    saga_scene *d;           /* gradients, for the backward pass */
     const saga_scene *s;
     const saga_rate_features *x, *dx;
     saga_rate_kind *k;
     int kind, net;
     saga_rate_list list;
-    size_t f, dim;           /* features; inputs of the network */
+    size_t f, dim;           /* number of features, and of the network's
+                              * inputs */
 } job;
 
 static job job_of(saga_rate_context *c, const saga_scene *s, int kind,
@@ -64,8 +66,8 @@ static bool has_hyper(const job *j)
            SAGA_SOURCE_HYPER;
 }
 
-/* Returns what a thread takes for a row; *most becomes the number of threads
- * there is scratch for. */
+/* Returns the nanoseconds for a row and sets *most to the number of threads
+ * that have scratch. */
 static double cost_of(const job *j, size_t *most)
 {
     *most = j->k->net.work.n_threads;
@@ -113,7 +115,7 @@ static void parent_forward(real *in, const job *j, saga_range of)
         copy_columns(in, j->dim, scratch, j->f, j->f, of);
         return;
     }
-    /* Primitives read their fine anchor's own features. */
+    /* Primitives read the features of their fine anchor. */
     for (i = of.begin; i < of.end; i++)
         memcpy(in + i * j->dim, j->x->fine + j->list.block[i] * j->f,
                j->f * sizeof *in);
@@ -134,7 +136,7 @@ static void groups_forward(real *in, const job *j, saga_range of)
         memset(in + i * j->dim + have, 0, (j->f - have) * sizeof *in);
 }
 
-/* The network's output becomes mu and log2 sigma. */
+/* Converts the network's outputs to mu and log2 sigma. */
 static void take_parameters(const job *j, saga_range of)
 {
     const saga_model *const m = &j->s->model;
@@ -144,8 +146,8 @@ static void take_parameters(const job *j, saga_range of)
 
     for (i = of.begin; i < of.end; i++)
         for (c = 0; c < channels; c++) {
-            /* A row of outputs is all channels' mu, then all channels' log2
-             * sigma. */
+            /* A row of outputs has mu of all channels, then log2 sigma of all
+             * channels. */
             const real *const out = k->net.out + 2 * channels * i + c;
             const real unit = saga_rate_mu_unit(m, j->kind, c);
             const real most = saga_rate_most(saga_rate_value_q(m, j->kind, c));
@@ -169,7 +171,7 @@ static void bank_forward(real *in, const job *j, saga_range of)
                d * sizeof *in);
 }
 
-/* Puts zeros into the columns of a source that is not kept. */
+/* Sets the inputs of a source that is not kept to 0. */
 static void drop(real *in, const job *j, size_t columns, saga_range of)
 {
     size_t i;
@@ -178,7 +180,7 @@ static void drop(real *in, const job *j, size_t columns, saga_range of)
         memset(in + i * j->dim, 0, columns * sizeof *in);
 }
 
-/* Fills one source's columns. */
+/* Sets the inputs of one source. */
 static void source_forward(real *in, const job *j, uint32_t source,
                            saga_range of)
 {
@@ -203,14 +205,14 @@ static void forward_chunk(void *user, size_t chunk)
     real *in = j->k->net.in;
     uint32_t source;
 
-    /* Fine anchors' supports come from F_fine and change with every
+    /* Supports of fine anchors are outputs of F_fine and change with every
      * iteration. */
     if (j->kind == SAGA_KIND_PRIM)
         saga_rate_place_prims(j->k, j->s, j->x->twin, j->list.block + of.begin,
                     of.end - of.begin);
     for (source = 1; source < SAGA_SOURCES_KNOWN; source <<= 1) {
         /* A source that the network has but that is not kept still has its
-         * columns, of zeros. */
+         * columns, which are 0. */
         const size_t columns = saga_rate_columns(&j->s->model, source);
 
         if (!(have & source))
@@ -237,7 +239,7 @@ void saga_rate_context_forward(saga_rate_context *c, const saga_scene *s,
                        .n = saga_n_parts(list.n, CHUNK) };
 
     j.x = x;
-    /* Weights are packed before the chunks, which share them. */
+    /* Weights are packed once, before the chunks, which share them. */
     saga_net_begin(&p);
     if (has_hyper(&j))
         saga_net_begin(&hyper);
@@ -283,9 +285,9 @@ static void hyper_backward(const job *j, const real *d_in, saga_range of,
     saga_net_block_backward(&p, block);
 }
 
-/* A source's gradients go on to others' features by links that it has; NULL:
- * they do not. Fine anchors' offsets, which they read of one another, learn
- * nothing. */
+/* Returns the links by which the gradients of a source are added to features of
+ * other anchors, or NULL if they are not. Offsets that fine anchors read from
+ * each other get no gradients. */
 static const saga_links *links_of(const job *j, uint32_t source)
 {
     return source == SAGA_SOURCE_PARENT && j->kind == SAGA_KIND_FINE
@@ -315,8 +317,8 @@ static void bank_backward(const job *j, const real *d_in, saga_range of)
                d_in + i * j->dim, d * sizeof *d_read);
 }
 
-/* A kind has one source with links at most, whose gradients go to the scratch
- * first. */
+/* Distributes the gradients of a source. For a source with links, of which a
+ * kind has at most one, they are only copied to the scratch. */
 static void source_backward(const job *j, uint32_t source, const real *d_in,
                             saga_range of, size_t block)
 {
@@ -340,8 +342,8 @@ static void backward_block(void *user, size_t block)
     const real *d_in = j->k->net.d_in;
     uint32_t source;
 
-    /* Parts are the network's blocks: gradients of the weights are summed in
-     * each, and add_sums adds the blocks in order. */
+    /* Parts are the network's blocks. Gradients of weights are summed in each
+     * block, and add_sums adds the blocks in order. */
     parameters_backward(j, of);
     saga_net_block_backward(&p, block);
     saga_rate_through(j->k->net.d_in + at, j->k->net.in + at,
@@ -356,7 +358,7 @@ static void backward_block(void *user, size_t block)
     }
 }
 
-/* The hyperprior's sums come behind the network's. */
+/* Adds sum k of the network, or of the hyperprior, whose sums follow. */
 static void add_sum(void *user, size_t k)
 {
     const job *const j = user;
@@ -397,8 +399,8 @@ void saga_rate_context_backward(saga_rate_context *c, saga_scene *d,
     all.ns = 2 * cost_of(&j, &all.most) * (double)list.n;
     saga_parallel(&all);
     add_sums(&j);
-    /* Listed blocks have neighbours in common: each row of the scratch has
-     * to be there before features learn from it. */
+    /* Blocks of the list may share neighbours, so all rows of the scratch must
+     * be complete before features get their gradients. */
     for (source = 1; source < SAGA_SOURCES_KNOWN; source <<= 1)
         if (saga_rate_sources(c, s, kind) & source && links_of(&j, source))
             saga_links_scatter(dx->coarse, links_of(&j, source), c->scratch,

@@ -81,7 +81,8 @@ void saga_rate_give(saga_rate *r, const saga_rate_constants *constants)
     r->decision.given = 1;
 }
 
-/* The offsets come as they are, or as coded. */
+/* Returns the features that networks read, with the given offsets: as trained
+ * or as decoded. */
 static saga_rate_features features_of(const saga_rate_input *x, real *offset)
 {
     const saga_rate_features f = { x->feature, offset, x->twin->fine_feature,
@@ -121,16 +122,16 @@ typedef struct {
     const saga_rate_options *o;
     int kind;
     saga_rng noise;
-    double step[SAGA_RATE_ROW];  /* of each channel, in reals of the value */
+    double step[SAGA_RATE_ROW];  /* of each channel, in the value's unit */
     saga_rate_list list;
 } job;
 
-/* The number of blocks a thread takes at a time; nanoseconds for a value. */
+/* Blocks in one task, and nanoseconds for a value. */
 enum { PART = 32, VALUE_NS = 15 };
 
-/* Gives the gradient of channel c of a primitive's offset to its position and,
- * since offsets are in supports, to its fine anchor's support. An offset that
- * is cut off says nothing. */
+/* Adds the gradient of channel c of a primitive's offset to its position and,
+ * since offsets are in supports, to the support of its fine anchor. An offset
+ * that is clamped has no gradient. */
 static void learn_offset(const job *j, size_t fine, size_t prim, size_t c,
                          double d)
 {
@@ -140,14 +141,14 @@ static void learn_offset(const job *j, size_t fine, size_t prim, size_t c,
 
     if (fabs(o) >= SAGA_OFFSET_MAX)
         return;
-    /* o = (x - centre) / support: do / dx = 1 / support, do / d(log2
+    /* o = (x - centre) / support, so do / dx = 1 / support and do / d(log2
      * support) = -o ln 2. */
     j->d->prim_x[at] += R(d / (double)w->support[to]);
     w->d_log2_support[to] -= R(d * o * M_LN2);
 }
 
-/* Gives the gradient of channel c of a block's row to what it belongs to; the
- * other anchors' values stand still. */
+/* Adds the gradient of channel c of a block's row to the value it belongs to.
+ * Positions of anchors are fixed and get none. */
 static void learn_value(const job *j, size_t block, size_t row, size_t c,
                         double d)
 {
@@ -166,22 +167,23 @@ static bool is_rounded(const job *j, size_t c)
            saga_rate_step_of(j->kind, c) != SAGA_STEP_FEATURE;
 }
 
-/* Returns a block's value i, of channel c, in steps from its mu. */
+/* Returns value i of a block, in channel c, as its distance from mu in steps,
+ * from `off`, the same in the value's unit. */
 static double steps_from_mu(const job *j, uint32_t block, size_t i, size_t c,
                             double off)
 {
     const uint64_t draw = ((uint64_t)block << 16) + i;
     const double v = off / j->step[c];
 
-    /* The others come as they are used: clean, noisy or rounded, but
-     * primitives perhaps against a mu of some iterations before. */
+    /* Other values are taken as they are: clean, noisy or rounded; those of
+     * primitives may be rounded against an older mu. */
     if (is_rounded(j, c))
         return floor(v + 0.5);
     return saga_rate_is_anchor(j->kind, c)
         ? v + saga_rng_double(j->noise, draw) - 0.5 : v;
 }
 
-/* Evaluates number `at` of the list, and writes to its own rows alone. */
+/* Evaluates entry `at` of the list, and writes only to its own rows. */
 static void add_block(const job *j, size_t at, uint32_t block)
 {
     const saga_model *const m = &j->x->scene->model;
@@ -210,8 +212,8 @@ static void add_block(const job *j, size_t at, uint32_t block)
     memset(d_log2_sigma, 0, channels * sizeof *d_log2_sigma);
     for (row = 0, i = 0; row < rows; row++)
         for (c = 0; c < channels; c++, i++) {
-            /* y and mu get opposite gradients. `weight` counts the block for
-             * those that this iteration leaves out. */
+            /* y and mu get opposite gradients. `weight` is larger by the number
+             * of blocks for which this block stands. */
             const double d = weight * (double)cost.d_v[i] / j->step[c];
 
             bits[saga_rate_step_of(j->kind, c)] += (double)cost.bits[i];
@@ -258,7 +260,7 @@ static void step_kind(double bits[SAGA_N_STEPS], job *j)
                                     .fine = j->x->twin->d_fine_feature };
     size_t i, c;
 
-    /* Fine offsets stand still between refreshes. */
+    /* Fine offsets do not change between refreshes. */
     if (!saga_rate_sources(&r->context, s, j->kind) &&
         j->kind != SAGA_KIND_FINE)
         saga_rate_measure(r, j->x, j->kind);
@@ -268,7 +270,7 @@ static void step_kind(double bits[SAGA_N_STEPS], job *j)
         .run = add_part, .user = j, .n = saga_n_parts(list.n, PART),
         .ns = (double)VALUE_NS * (double)saga_n_channels(&s->model, j->kind) *
               (double)list.n });
-    /* In the list's order, so that the sum does not depend on threads. */
+    /* The sum is in the order of the list, so it does not depend on threads. */
     for (i = 0; i < list.n; i++)
         for (c = 0; c < SAGA_N_STEPS; c++)
             bits[c] += j->o->every * r->row_bits[SAGA_N_STEPS * i + c];
@@ -290,8 +292,8 @@ void saga_rate_add(double bits[SAGA_N_STEPS], saga_rate *r, saga_scene *d,
     size_t c;
 
     memset(bits, 0, SAGA_N_STEPS * sizeof *bits);
-    /* The bank runs before the kinds that read it. It goes back after them:
-     * each leaves there the gradient of what it has read. */
+    /* The bank runs before the kinds that read it, and goes back after them,
+     * since each leaves the gradient of what it read. */
     if (remember)
         saga_rate_context_remember(&r->context, &rounded, &features);
     for (; j.kind < SAGA_N_KINDS; j.kind++) {
@@ -307,8 +309,9 @@ void saga_rate_add(double bits[SAGA_N_STEPS], saga_rate *r, saga_scene *d,
 
 /* --- As it is coded ------------------------------------------------------ */
 
-/* Codes one value with mu and sigma as integers have them, by the symbol the
- * closed loop makes. Returns its cost; *y becomes what is decoded. */
+/* Codes one value with mu and sigma rounded as in the decoder, by the symbol of
+ * the closed loop. Sets *y to the decoded value and returns the cost in
+ * bits. */
 static double code_value(double *y, const saga_model *m, int kind, size_t c,
                          real mu, real log2_sigma)
 {
@@ -317,18 +320,18 @@ static double code_value(double *y, const saga_model *m, int kind, size_t c,
     const double step = m->step_q16[saga_rate_step_of(kind, c)] / 65536.0;
     const double x = floor((ldexp(*y, q) - mu_lsb) / step + 0.5);
     const double symbol = fmin(fmax(x, -SAGA_MAX_RESIDUAL), SAGA_MAX_RESIDUAL);
-    /* The trainer gives the sigma output this format: the same scale as
-     * decoded. */
+    /* The file's sigma output has this format, so the scale is the
+     * decoder's. */
     const int16_t sigma = (int16_t)lrint(
         ldexp((double)log2_sigma, SAGA_COST_SIGMA_Q));
 
-    /* The decoder's value: mu and the symbol's steps, in whole LSB. */
+    /* The decoded value is mu plus the symbol's steps, in whole units. */
     *y = ldexp(mu_lsb + floor(symbol * step + 0.5), -q);
     return saga_cost_residual((int32_t)symbol,
                               saga_prob_index(sigma, SAGA_COST_SIGMA_Q));
 }
 
-/* Decoded values go where later blocks read them. */
+/* Stores decoded values where later blocks read them. */
 static void keep_decoded(saga_rate *r, const saga_rate_input *x, int kind,
                          size_t block, const double *y)
 {
@@ -355,7 +358,7 @@ static void code_list(double bits[SAGA_N_STEPS], saga_rate *r,
         const size_t rows = saga_rate_read_block(y, r, x, kind, list.block[i]);
 
         for (c = 0; c < rows * channels; c++) {
-            /* A fine anchor's primitives share their mu and sigma. */
+            /* All primitives of a fine anchor share mu and sigma. */
             const size_t p = i * channels + c % channels;
 
             bits[saga_rate_step_of(kind, c % channels)] += code_value(
@@ -365,7 +368,8 @@ static void code_list(double bits[SAGA_N_STEPS], saga_rate *r,
     }
 }
 
-/* Counts are known before offsets. */
+/* Starts with the true offsets and counts; offsets are replaced as they are
+ * decoded. Counts are coded before them. */
 static void begin_offsets(saga_rate *r, const saga_scene *s)
 {
     memcpy(r->decoded, r->offset,
@@ -388,8 +392,8 @@ void saga_rate_code(double bits[SAGA_N_STEPS], saga_rate *r,
         const saga_rate_list list = { runs->block + runs->begin[i],
                                       runs->begin[i + 1] - runs->begin[i] };
 
-        /* The decoder's order: a run reads the state that the runs before it
-         * left, is coded, and writes what was decoded. */
+        /* This is the decoder's order: a run reads the state after the previous
+         * runs, is coded, and writes what was decoded. */
         saga_rate_context_read(c, x->scene, kind, i, i + 1, &features);
         code_list(bits, r, x, kind, list);
         saga_rate_context_write(c, x->scene, kind, i, i + 1, &features);
@@ -401,7 +405,8 @@ void saga_rate_all(saga_rate *r, const saga_rate_input *x, int kind)
     const size_t n = r->context.kind[kind].runs.n;
     const saga_rate_features features = features_of(x, r->decoded);
 
-    /* Everything is decoded: all states first, then what each run reads. */
+    /* Everything is decoded, so all states are written first, and then all runs
+     * read. */
     saga_rate_context_write(&r->context, x->scene, kind, 0, n, &features);
     saga_rate_context_read(&r->context, x->scene, kind, 0, n, &features);
     predict(r, x, kind, every_one(r, kind, 0, 1), r->decoded);

@@ -1,84 +1,98 @@
 /* SPDX-License-Identifier: MIT
  *
- * The rate of a scene's residuals is differentiable in training, and at its end
- * what the closed loop will code. Paper: Rate-Distortion Optimization.
+ * The rate of a scene's residuals: a differentiable estimate in training and,
+ * at its end, the code length that the closed loop will reach. Paper:
+ * Rate-Distortion Optimization.
  *
- * Values, in reals: a coarse centre's offset from its cell's centre in
- * half-sizes; coarse features; a fine anchor's offset from its suffix cell's
- * centre in the parent's half-sizes; a primitive's from its suffix cell's in
- * supports. Sums of bits are by SAGA_STEP_*: which of the four it is.
+ * Values are reals in these units: the offset of a coarse centre from its
+ * cell's centre, in half-sizes; coarse features; the offset of a fine anchor
+ * from the centre of its suffix cell, in the parent's half-sizes; the offset of
+ * a primitive from the centre of its suffix cell, in supports. Sums of bits are
+ * indexed by SAGA_STEP_*, which names these four.
  *
- * A kind without sources has constants per channel, measured.
+ * A kind without sources has measured constants for each channel.
  */
 #ifndef SAGA_RATE_LOSS_H
 #define SAGA_RATE_LOSS_H
 
 #include "rate_context.h"
 
-/* Each kind and channel has a mean in reals, and the log2 of the deviation in
- * steps that is cheapest. */
+/* For each kind and channel, the mean of the values and the log2 deviation, in
+ * steps, that gives the fewest bits. */
 typedef struct saga_rate_constants {
     real mean[SAGA_N_KINDS][4 + SAGA_MAX_FEATURES];
     real log2_sigma[SAGA_N_KINDS][4 + SAGA_MAX_FEATURES];
 } saga_rate_constants;
 
 enum {
-    SAGA_RATE_FINEST = 9,        /* steps of the entropy networks' weights: 2^-9
-                                  * or coarser */
-    SAGA_RATE_EVERY = 4,         /* blocks: an iteration looks at one of them */
-    SAGA_RATE_REMEMBER_EVERY = 16, /* iterations: in one the bank is read anew
-                                  * and learns (docs/lab/memory.md), */
-    SAGA_BANK_TWIN_PACE = 2,     /* at this multiple of the others' rate:
-                                  * it has fewer steps */
-    SAGA_RAW_STEP = 11,          /* of raw networks: 2^-11, and the bits that */
-    SAGA_RAW_BITS = 16           /* stand for a parameter of theirs */
+    SAGA_RATE_FINEST = 9,        /* weights of entropy networks have steps of
+                                  * 2^-9 or more */
+    SAGA_RATE_EVERY = 4,         /* an iteration evaluates one block in this
+                                  * number */
+    SAGA_RATE_REMEMBER_EVERY = 16, /* iterations between two evaluations of the
+                                    * bank, which learns in these
+                                    * (docs/lab/memory.md) */
+    SAGA_BANK_TWIN_PACE = 2,     /* the bank's learning rate over that of the
+                                  * other entropy networks, since it learns in
+                                  * fewer iterations */
+    SAGA_RAW_STEP = 11,          /* raw networks (ablation.h) have a step of
+                                  * 2^-11 */
+    SAGA_RAW_BITS = 16           /* bits that count for one of their weights */
 };
 
-/* A kind's residuals and its network, hyperprior and memory bank apart, took
- * these bits when its sources were chosen. */
+/* Bits of a kind's residuals and network when its sources were chosen, without
+ * the networks of hyperprior and bank. */
 typedef struct saga_rate_gain {
-    double constants;            /* residuals without sources, */
-    double networks;             /* with those that were trained, */
-    double forgetful;            /* with these but for the bank, */
-    double chosen;               /* and with those that were kept */
-    double weights;              /* of the network that is kept; 0: constants */
+    double constants;            /* of residuals without sources */
+    double networks;             /* with all sources that were trained */
+    double forgetful;            /* with these except the bank */
+    double chosen;               /* with the sources that were kept */
+    double weights;              /* of the network that was kept; 0:
+                                  * constants */
 } saga_rate_gain;
 
-/* The plan says what was found to be worth its bytes (rate_choice.h). */
+/* The choice of sources (rate_choice.h). */
 typedef struct saga_rate_decision {
-    uint64_t decided;            /* 1: by then; 0: everything is kept */
-    double step[SAGA_N_NETS];    /* of the entropy networks' weights, reals */
+    uint64_t decided;            /* 1: the choice is made; 0: not yet, and
+                                  * everything is kept */
+    double step[SAGA_N_NETS];    /* of the entropy networks' weights */
     saga_rate_gain gain[SAGA_N_KINDS];
-    double hyper_weights;        /* bits; 0: no kind reads it */
-    double bank_weights;         /* of the bank's networks, kept or not */
-    double bank_net;             /* bits of the best choice in which those who
-                                  * gain from a bank read it, its networks
-                                  * counted, less those of the best without:
-                                  * kept if below 0; 0: nobody gains */
-    uint64_t raw;                /* 1: steps are given, SAGA_RAW_BITS each */
-    uint64_t keep;               /* 1: all sources stay, at whatever cost */
-    uint64_t given;              /* 1: networks and constants are another
-                                  * scene's, and stay what they are */
+    double hyper_weights;        /* bits of the hyperprior's network; 0: no kind
+                                  * reads it */
+    double bank_weights;         /* bits of the bank's networks, kept or not */
+    double bank_net;             /* bits of the best choice in which the kinds
+                                  * that gain from a bank read it, with its
+                                  * networks, minus bits of the best choice
+                                  * without it. The bank is kept if this is
+                                  * below 0; 0: no kind gains */
+    uint64_t raw;                /* 1: steps are fixed, and a weight counts
+                                  * SAGA_RAW_BITS */
+    uint64_t keep;               /* 1: all sources stay, whatever they cost */
+    uint64_t given;              /* 1: networks and constants are those of
+                                  * another scene and do not change */
 } saga_rate_decision;
 
 typedef struct saga_rate {
     saga_rate_context context;
     saga_rate_decision decision;
     saga_rate_constants constants;
-    real *mu_feature;            /* (coarse, F) of each block's last evaluation,
-                                  * in the format it is coded in: what its
-                                  * features are rounded against */
-    real *mu_offset;             /* (fine, 4) the same of primitives' offsets */
-    real *centre;                /* (coarse, 4) values */
-    real *offset;                /* (fine, 5) values and count / 16 */
-    real *decoded;               /* (fine, 5) the same as coded */
-    real *params;                /* of the entropy networks, rounded */
+    real *mu_feature;            /* (coarse, F) mu at each block's last
+                                  * evaluation, in the coded format, against
+                                  * which features are rounded */
+    real *mu_offset;             /* (fine, 4) the same for primitives'
+                                  * offsets */
+    real *centre;                /* (coarse, 4) values of centres */
+    real *offset;                /* (fine, 5) values of fine offsets, and count
+                                  * / 16 */
+    real *decoded;               /* (fine, 5) the same as decoded */
+    real *params;                /* of the rounded entropy networks */
     double *row_bits;            /* (blocks, SAGA_N_STEPS) */
     uint32_t *list;              /* (blocks) */
 } saga_rate;
 
-/* Coded are anchors and networks of scene; offsets, supports and features of
- * primitives and fine anchors of twin; coarse features as they are used. */
+/* The values to code: anchors from scene; offsets, supports and features of
+ * primitives and fine anchors from twin; and coarse features, with noise or
+ * rounded. */
 typedef struct saga_rate_input {
     const saga_scene *scene;
     saga_twin *twin;
@@ -87,19 +101,19 @@ typedef struct saga_rate_input {
 
 typedef struct saga_rate_options {
     uint32_t first, every;       /* blocks first, first + every, ... stand for
-                                  * all of their kind */
-    bool rounding;               /* anchors' offsets rounded, or with noise of
-                                  * a step; features and primitives' offsets
-                                  * come as they are used */
-    bool remember;               /* the bank is read anew, and learns; if any
-                                  * kind reads it. Else what was last read is a
-                                  * constant */
+                                  * all of a kind */
+    bool rounding;               /* 1: offsets of anchors are rounded; 0: they
+                                  * get noise of one step. Features and
+                                  * primitives' offsets are taken as they are */
+    bool remember;               /* 1: the bank is evaluated again and learns,
+                                  * if any kind reads it; 0: its last reads are
+                                  * constants */
     uint64_t seed;               /* of the noise */
-    real weight;                 /* of a bit in the loss */
+    real weight;                 /* price of a bit in the loss */
 } saga_rate_options;
 
-/* Iteration `turn` evaluates every SAGA_RATE_EVERY-th block, in turn, or with
- * the memory bank all of them. */
+/* Makes iteration `turn` evaluate one block in SAGA_RATE_EVERY, other blocks
+ * each time, or all of them if it evaluates the bank. */
 static inline void saga_rate_look(saga_rate_options *o, int turn,
                                   bool remember)
 {
@@ -125,77 +139,78 @@ static inline void saga_rate_look(saga_rate_options *o, int turn,
 #define saga_rate_code SAGA_REAL_NAME(saga_rate_code)
 #define saga_rate_all SAGA_REAL_NAME(saga_rate_all)
 
-/* Returns how many of s->params lie before the first network that is not the
- * entropy model's. */
+/* Returns the number of reals in s->params before the first network that is not
+ * the entropy model's. */
 size_t saga_rate_n_params(const saga_scene *s);
 
-/* Takes memory for scenes as saga_rate_context_init takes them, and for all
- * that is done here with them but saga_rate_refresh. False: nothing is to be
- * freed. */
+/* Allocates memory for scenes as saga_rate_context_init does, and for all calls
+ * below except saga_rate_refresh. Returns false with *error set, and nothing to
+ * free, if memory is short. */
 bool saga_rate_init(saga_rate *r, const saga_scene *s, saga_error *error);
 void saga_rate_free(saga_rate *r);
 
-/* Asks, before anything is decided, for the ablation in which weights are not
- * coded. */
+/* Selects, before the choice of sources, the ablation in which weights are not
+ * priced. */
 void saga_rate_keep_raw(saga_rate *r);
 
-/* Sets, before the first refresh, the constants of a scene whose networks were
- * trained with it and are the rate's from now on: nothing is measured. */
+/* Sets, before the first refresh, the constants of given networks. Networks and
+ * constants then stay the same, and nothing is measured. */
 void saga_rate_give(saga_rate *r, const saga_rate_constants *constants);
 
 /* Moves coarse and fine anchors to the nearest positions that can be coded. */
 void saga_rate_snap(saga_scene *s);
 
-/* Sets anchors' positions, values and neighbours, and the constants of fine
- * offsets, from the scene: once, and whenever an anchor moved. False: no
- * memory. */
+/* Sets values of anchors, their positions and neighbours, and the constants of
+ * fine offsets, from the scene. It is called once, and whenever an anchor has
+ * moved. Returns false with *error set if memory is short. */
 bool saga_rate_refresh(saga_rate *r, const saga_scene *s, saga_error *error);
 
-/* Measures the constants of a kind, from all its values without noise, unless
- * they are given. Of x, fine offsets take the scene alone. */
+/* Measures the constants of a kind from all its values without noise, unless
+ * they are given. For fine offsets only x->scene is used. */
 void saga_rate_measure(saga_rate *r, const saga_rate_input *x, int kind);
 
-/* Measures the constants of all kinds, before the first step; networks that are
- * not given begin as them (s's last layers: biases alone), features are rounded
- * against them. The bank begins with slots that differ and gates of 1/8. Fine
- * offsets that are all 0 by their step do without any source. */
+/* Measures the constants of all kinds, before the first iteration. Networks
+ * that are not given start as these constants, in the biases of their last
+ * layers, and features are rounded against them. The slots of the bank start
+ * different from each other, and its gates at 1/8. Fine offsets lose all
+ * sources if their step makes all of them 0. */
 void saga_rate_start(saga_rate *r, saga_scene *s, const saga_rate_input *x);
 
-/* Sets some of the (n.coarse * F) features to the nearest values that can be
+/* Rounds a range of the n.coarse F features to the nearest values that can be
  * coded. */
 void saga_rate_round(real *to, const saga_rate *r, const saga_scene *s,
                      saga_range of);
 
-/* The first returns a primitive's step in supports, the second moves the offset
- * o of one of a fine anchor's to the nearest that can be coded. */
+/* Return the step of a primitive's offset, in supports; and round the offset o
+ * of a primitive of a fine anchor to the nearest value that can be coded. */
 double saga_rate_prim_step(const saga_scene *s);
 void saga_rate_round_offset(real o[4], const saga_rate *r, const saga_scene *s,
                             size_t fine);
 
-/* Returns the scene with entropy networks whose weights are rounded to the
- * plan's steps (once it is decided): what is trained for from then on, and
- * coded. They live in the rate, until the next call. */
+/* Returns the scene with entropy networks rounded to the steps of the decision,
+ * if that is made. Training uses and packing codes these. They are owned by the
+ * rate and valid until the next call. */
 saga_scene saga_rate_rounded(saga_rate *r, const saga_scene *s);
 
-/* Estimates the bits of all blocks from those that are evaluated; adds weight
- * times their gradient to d (coarse features, primitives' positions, networks,
- * the latter straight through the rounding) and to the twin's d_fine_feature
- * and d_log2_support (of primitives' offsets), which saga_twin_backward then
- * takes. No gradient flows to anchors' positions, nor through what the networks
- * are told of sizes. */
+/* Estimates the bits of all blocks from those that are evaluated. Adds
+ * o->weight times their gradient to d (coarse features, primitives' positions,
+ * and networks, as if these were not rounded), and to the twin's d_fine_feature
+ * and d_log2_support, which saga_twin_backward then reads. No gradient flows to
+ * positions of anchors, nor through the sizes among the inputs. */
 void saga_rate_add(double bits[SAGA_N_STEPS], saga_rate *r, saga_scene *d,
                    const saga_rate_input *x, const saga_rate_options *o);
 
-/* Adds code lengths of all values of a kind, quantised in the order of coding
- * as the closed loop will: parameters from what is decoded, rounded to the
- * integers', symbols' costs those of cost.h. Of coarse anchors, x->feature
- * becomes what is decoded. Kinds in their order. */
+/* Adds the code lengths of all values of a kind. Values are quantised in the
+ * order of coding, as in the closed loop: parameters are computed from decoded
+ * values and rounded to integers, and the costs of symbols are those of cost.h.
+ * For coarse anchors, x->feature becomes the decoded features. Kinds must be
+ * coded in their order. */
 void saga_rate_code(double bits[SAGA_N_STEPS], saga_rate *r,
                     const saga_rate_input *x, int kind);
 
-/* Computes the parameters of all blocks of a kind at once, from what
- * saga_rate_code left: for the ranges in the kind's batches and the bank's.
- */
+/* Computes the parameters of all blocks of a kind again at once, from what
+ * saga_rate_code left, so that the batches of the kind and of the bank have the
+ * ranges of all blocks. */
 void saga_rate_all(saga_rate *r, const saga_rate_input *x, int kind);
 
 #endif

@@ -21,7 +21,8 @@ void saga_rate_cost_row(saga_rate_row *r, size_t n)
 
 #else
 
-/* p of P(X > x); and log2(1 + u) / u for 1 + u from 2^-1/2 to 2^1/2, 2.5e-7. */
+/* Coefficients of p (see P(X > x) in rate_row.h), and of log2(1 + u) / u for 1
+ * + u from 2^-1/2 to 2^1/2, with an error of 2.5e-7. */
 static const real tail_fit[] = {
     0.113698532f, 0.113698579f, 0.104505289f, 0.0851255849f, 0.0675775346f,
     0.00350077213f, 0.0739156356f, -0.0865910795f, 0.0245692317f
@@ -48,7 +49,7 @@ static inline vec absolute(vec x)
     return (vec)((vecu)x & 0x7fffffffu);
 }
 
-/* Returns e^(-x^2 / 2), 0 where it is below 2^-100. */
+/* Returns e^(-x^2 / 2), or 2^-100 where it is smaller. */
 static inline vec bell(vec x)
 {
     const vec half_log2e = vec_set1(0.72134752f), most = vec_set1(100);
@@ -66,8 +67,8 @@ static inline vec tail(vec x, vec e)
     return vec_select((veci)(x < vec_zero()), one - far, far);
 }
 
-/* Takes normal numbers above 0. The bits from those of 2^-1/2 on count whole
- * octaves above them. */
+/* Returns log2 x for positive normal numbers. Bits above those of 2^-1/2 count
+ * whole octaves. */
 static inline vec log2_of(vec x)
 {
     const vecu from = (vecu)x - 0x3f3504f3u;
@@ -80,7 +81,7 @@ static inline vec log2_of(vec x)
 static inline void cost(saga_rate_row *r, size_t at)
 {
     const vec v = vec_load(r->v + at);
-    /* log2 sigma is at least -22 / 7. */
+    /* log2 sigma is at least -22 / 7; the 4 makes the argument positive. */
     const vec per_sigma = vec_exp2_neg(vec_load(r->log2_sigma + at) +
                                        vec_set1(4)) * 16;
     const vec half = vec_set1(0.5f), density = vec_set1(0.39894228f);
@@ -90,7 +91,7 @@ static inline void cost(saga_rate_row *r, size_t at)
     const vec p = tail(near, e_near) - tail(far, e_far);
     const vec spread = vec_fma(v * v, vec_set1(1.0f / 64), vec_set1(1));
     const vec escape = vec_set1(0x1p-21f) / spread;
-    /* The difference of two fits may be a little below 0. */
+    /* The difference of two fits may be slightly negative. */
     const vec sum = vec_max(p, vec_zero()) + escape;
     const vec slope = (e_far - e_near) * density * per_sigma;
     const vec d_p = vec_select((veci)(v < vec_zero()), -slope, slope);
@@ -106,8 +107,8 @@ void saga_rate_cost_row(saga_rate_row *r, size_t n)
 {
     size_t i;
 
-    /* The last vector's other lanes get some valid input; nobody reads what
-     * they give. */
+    /* The remaining lanes of the last vector get a valid input; their results
+     * are not used. */
     for (i = n; i % VEC_LANES; i++)
         r->v[i] = r->log2_sigma[i] = 0;
     for (i = 0; i < n; i += VEC_LANES)

@@ -6,15 +6,15 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* A run of primitives has at least this number of blocks, so that the products
- * are large. */
+/* A run of primitives has at least this number of blocks, so that matrix
+ * products are large. */
 enum { LEAST_PRIM_RUN = 256 };
 
 static uint32_t most_blocks(const saga_scene *s, int kind)
 {
     const uint32_t most = s->model.bank_blocks;
 
-    /* Without a bank nothing is written between blocks: a run is a whole
+    /* Without a bank nothing is written between blocks, so a run is a whole
      * group. */
     if (!(s->model.tools & SAGA_TOOL_BANK))
         return UINT32_MAX;

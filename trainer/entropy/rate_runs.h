@@ -1,19 +1,20 @@
 /* SPDX-License-Identifier: MIT
  *
- * The blocks of a scene are coded in an order, in runs.
+ * The order in which the blocks of a scene are coded, and its division into
+ * runs.
  */
 #ifndef SAGA_RATE_RUNS_H
 #define SAGA_RATE_RUNS_H
 
 #include "scene.h"
 
-/* The blocks of a kind stand in the order in which they are coded. Run i holds
- * block[begin[i]] .. block[begin[i + 1] - 1], which see nothing of one another:
- * a group's, or with a bank at most bank_blocks of them. Those of
- * primitives, which write nothing, are only a division of the work. */
+/* The blocks of a kind in the order of coding. Run i has block[begin[i]] ..
+ * block[begin[i + 1] - 1], whose contexts do not depend on each other: they are
+ * the blocks of a group or, with a bank, at most bank_blocks of them. Runs of
+ * primitives, which write nothing, only divide the work. */
 typedef struct saga_rate_runs {
-    uint32_t *block;             /* (blocks) ranks, ascending in a run */
-    uint32_t *index;             /* (blocks) of a rank, where it is there */
+    uint32_t *block;             /* (blocks) ranks, ascending within a run */
+    uint32_t *index;             /* (blocks) position of each rank in `block` */
     uint32_t *begin;             /* (n + 1) */
     size_t n;
 } saga_rate_runs;
@@ -29,10 +30,12 @@ static inline size_t saga_rate_n_blocks(const saga_scene *s, int kind)
     return kind == SAGA_KIND_COARSE ? s->n.coarse : s->n.fine;
 }
 
-/* Returns the most runs that scenes of s's counts and model have of a kind. */
+/* Returns the largest number of runs of a kind in scenes with the counts and
+ * model of s. */
 size_t saga_rate_runs_most(const saga_scene *s, int kind);
 
-/* Makes room for those. saga_rate_runs_free it also after a failure. */
+/* Allocates memory for that number of runs. Returns false with *error set if
+ * memory is short; saga_rate_runs_free must be called in either case. */
 bool saga_rate_runs_alloc(saga_rate_runs *r, const saga_scene *s, int kind,
                           saga_error *error);
 void saga_rate_runs_free(saga_rate_runs *r);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Where the entropy model begins: constants measured from all values of a kind,
- * networks that begin as these, and weights rounded to their steps.
+ * The start of the entropy model: constants measured from all values of a kind,
+ * networks that start as these constants, and weights rounded to their steps.
  */
 #include "rate_values.h"
 
@@ -16,8 +16,8 @@
 #define FLOOR floorf
 #endif
 
-/* Adds up the bits of a kind's values under its constants, of the channels that
- * are not settled; of some thousand blocks, which tell enough. */
+/* Sets the bits of a kind's values under its constants, for channels that are
+ * not settled. A sample of about a thousand blocks is enough. */
 static void constants_bits(double bits[SAGA_RATE_ROW], const saga_rate *r,
                            const saga_rate_input *x, int kind,
                            const bool settled[SAGA_RATE_ROW])
@@ -35,7 +35,7 @@ static void constants_bits(double bits[SAGA_RATE_ROW], const saga_rate *r,
         for (i = 0; i < rows * channels; i++) {
             const size_t c = i % channels;
 
-            /* A settled channel's bits are not asked for any more. */
+            /* The bits of a settled channel are not needed any more. */
             if (!settled[c])
                 bits[c] += saga_rate_bits(
                     (y[i] - (double)r->constants.mean[kind][c]) /
@@ -45,8 +45,8 @@ static void constants_bits(double bits[SAGA_RATE_ROW], const saga_rate *r,
     }
 }
 
-/* Few values far from the others make a deviation that serves none of them. It
- * goes down from scale to scale of the coder while a channel gets cheaper. */
+/* Reduces the deviations where that saves bits, one scale of the coder at a
+ * time. A few outliers can make a deviation so large that it suits no value. */
 static void narrow_constants(saga_rate *r, const saga_rate_input *x, int kind)
 {
     const size_t channels = saga_n_channels(&x->scene->model, kind);
@@ -60,8 +60,9 @@ static void narrow_constants(saga_rate *r, const saga_rate_input *x, int kind)
     do {
         left = 0;
         for (i = 0; i < channels; i++) {
-            /* One scale narrower for all that are not settled. Who got
-             * dearer goes back to where it was and is settled. */
+            /* All channels that are not settled get one scale narrower. A
+             * channel that got dearer returns to its previous scale and is
+             * settled. */
             settled[i] = settled[i] || log2_sigma[i] - scale < narrowest;
             log2_sigma[i] -= settled[i] ? 0 : scale;
         }
@@ -106,15 +107,15 @@ void saga_rate_measure(saga_rate *r, const saga_rate_input *x, int kind)
         const double step = saga_rate_step_size(m, kind, i);
 
         r->constants.mean[kind][i] = R(mean);
-        /* The rounding's own deviation stays; the coder's widest is the most
-         * that can be said. */
+        /* The deviation includes that of rounding, and is at most the coder's
+         * widest. */
         r->constants.log2_sigma[kind][i] = R(fmin(SAGA_RATE_LOG2_MAX,
             0.5 * log2(fmax(spread, 0) / (step * step) + 1.0 / 12)));
     }
     narrow_constants(r, &clean, kind);
 }
 
-/* The last layer begins with no weights, and the constants as biases. */
+/* Sets the weights of the last layer to 0 and its biases to the constants. */
 static void begin_as_constants(saga_net *net, const saga_model *m,
                                const saga_rate_constants *c, int kind)
 {
@@ -156,7 +157,7 @@ saga_scene saga_rate_rounded(saga_rate *r, const saga_scene *s)
         for (l = 0; l < f->n_layers; l++) {
             f->w[l] = r->params + (f->w[l] - s->params);
             f->b[l] = r->params + (f->b[l] - s->params);
-            /* Weights alone are rounded; biases stay as they are. */
+            /* Only weights are rounded, not biases. */
             for (i = 0; i < (size_t)f->dim[l] * (size_t)f->dim[l + 1]; i++)
                 f->w[l][i] = step * FLOOR(f->w[l][i] / step + R(0.5));
         }
@@ -164,8 +165,9 @@ saga_scene saga_rate_rounded(saga_rate *r, const saga_scene *s)
     return to;
 }
 
-/* A slot's number enters as a 1 among zeros: weights as large as if it were all
- * of its layer's variance. The gate's bias is sigmoid^-1(1/8). */
+/* Starts the bank. The input of SLOT is a single 1, so its weights are scaled
+ * up until the outputs vary as much as with full inputs. The gate's bias is
+ * sigmoid^-1(1/8). */
 static void begin_bank(saga_scene *s)
 {
     const saga_net *const slot = &s->net[SAGA_NET_SLOT];
@@ -179,8 +181,9 @@ static void begin_bank(saga_scene *s)
     write->b[0][s->model.bank_width] = R(-1.9459101490553132);
 }
 
-/* Tells whether every fine anchor is in the middle of its suffix cell, which is
- * no wider than the step (Q16 of Q14): its offset's residual is 0. */
+/* Tells whether all fine anchors are in the middle of their suffix cells,
+ * because the step (Q16 of Q14) is at least a suffix cell. Then the residuals
+ * of their offsets are 0. */
 static bool fine_offsets_are_0(const saga_model *m)
 {
     return m->step_q16[SAGA_STEP_FINE] >> 16 >=

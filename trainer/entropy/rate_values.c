@@ -1,21 +1,20 @@
 /* SPDX-License-Identifier: MIT
  *
- * Values are read from the scene, block by block, and rounded to the grids of
- * their steps, against their mu.
+ * Reads the values of the scene, block by block, and rounds them to the grids
+ * of their steps around mu.
  */
 #include "rate_values.h"
 
 #include <math.h>
 
-/* Returns a step in reals of the value. */
 double saga_rate_step_size(const saga_model *m, int kind, size_t c)
 {
-    /* The file's step is in Q16 of the value's LSB. */
+    /* The step in the file is Q16, in units of the value's format. */
     return ldexp(m->step_q16[saga_rate_step_of(kind, c)],
                  -16 - saga_rate_value_q(m, kind, c));
 }
 
-/* Finds a primitive's residual in its suffix cell. */
+/* Sets y to the offset of a primitive from the centre of its suffix cell. */
 static void prim_values(double y[4], const saga_rate_input *x, size_t prim)
 {
     const uint32_t bits = x->scene->model.tier[SAGA_TIER_FINE].suffix_bits;
@@ -28,8 +27,6 @@ static void prim_values(double y[4], const saga_rate_input *x, size_t prim)
         y[k] -= saga_suffix_centre(suffix, bits, k);
 }
 
-/* Finds the values of a block: rows of all its channels. Returns how many rows:
- * one, or as many as it has primitives. */
 size_t saga_rate_read_block(double y[SAGA_RATE_ROW], const saga_rate *r,
                          const saga_rate_input *x, int kind, size_t block)
 {
@@ -53,9 +50,9 @@ size_t saga_rate_read_block(double y[SAGA_RATE_ROW], const saga_rate *r,
     return 1;
 }
 
-/* Keeps what is rounded against: mu in whole steps of the values' format, as
- * the coder has it. Values that training holds between two steps would else all
- * go to the same side when they are coded. */
+/* Keeps mu rounded to the values' format, as the coder rounds it. Without this,
+ * values that training holds midway between two steps would all be coded to the
+ * same side. */
 void saga_rate_remember_mu(saga_rate *r, const saga_model *m, int kind,
                         size_t block, const real *mu)
 {

@@ -23,7 +23,7 @@ void saga_weights_list(saga_weights *w, const saga_net net[SAGA_N_NETS],
     int i, k;
 
     memset(w, 0, sizeof *w);
-    /* The entropy model's networks are those before and behind these. */
+    /* The networks of the entropy model come before and after these. */
     for (i = SAGA_NET_FUSE_C; i < SAGA_NET_QUERY; i++)
         for (k = 0; k < net[i].n_layers && net[i].dim[0] > 0; k++) {
             const size_t rows = (size_t)net[i].dim[k + 1];
@@ -36,21 +36,21 @@ void saga_weights_list(saga_weights *w, const saga_net net[SAGA_N_NETS],
         }
 }
 
-/* A tensor has deviations of its rows or columns, or one of all of it. */
+/* The deviations of a tensor's rows or columns, or the one of all of it. */
 typedef struct {
-    int mode;                /* SAGA_SCALE_* */
+    int mode;                /* number of deviations */
     size_t lines;
     double sigma[SAGA_MAX_VECTOR];
 } deviations;
 
-/* Returns the line of parameter i of a tensor. */
+/* Returns the index of the deviation for parameter i of a tensor. */
 static size_t line_of(int mode, size_t i, size_t cols)
 {
     return mode == SAGA_SCALE_ROW ? i / cols
          : mode == SAGA_SCALE_COLUMN ? i % cols : 0;
 }
 
-/* Measures deviations, of which none is below `least`. */
+/* Measures the deviations of a tensor, each at least `least`. */
 static void measure(deviations *d, int mode, const real *x,
                     const saga_weight_tensor *t, double least)
 {
@@ -70,7 +70,7 @@ static void measure(deviations *d, int mode, const real *x,
                            least);
 }
 
-/* A layer's biases follow its weights. */
+/* The biases of a layer follow its weights. */
 static bool is_bias(int tensor)
 {
     return tensor % 2 == 1;
@@ -106,10 +106,10 @@ double saga_weights_step(const saga_weights *w, int t)
     return exp2(t % 2 || w->tensor[t].int8 ? floor(x + 0.5) : x);
 }
 
-/* Nanoseconds that a thread takes to put noise on a parameter. */
+/* Nanoseconds for the noise of a parameter. */
 enum { NOISE_NS = 5 };
 
-/* All tensors share this. */
+/* The inputs that all tensors share. */
 typedef struct {
     real *y;
     const real *x;
@@ -163,29 +163,30 @@ void saga_weights_round(real *y, const real *x, const saga_weights *w)
 
 /* --- Bits ---------------------------------------------------------------- */
 
-/* An interval of `step` around y costs bits, with derivatives by y and by the
- * logarithm (base e) of the step. */
+/* The bits of an interval of `step` around y, with the derivatives by y and by
+ * the natural logarithm of the step. */
 typedef struct { double bits, by_y, by_ln; } cost;
 
 static cost cost_of(double y, double step, double sigma)
 {
-    /* p = cdf(b) - cdf(a), on the negative side, where the cdf keeps its
-     * digits. 1e-30 ends a parameter's bits at 100. */
+    /* p = cdf(b) - cdf(a), on the negative side, where the cdf is precise.
+     * 1e-30 limits the bits of a parameter to 100. */
     const double a = (-fabs(y) - step / 2) / sigma;
     const double b = (-fabs(y) + step / 2) / sigma;
     const double p = fmax(saga_normal_cdf(b) - saga_normal_cdf(a), 1e-30);
     const double pa = saga_normal_pdf(a), pb = saga_normal_pdf(b);
     const double scale = 1 / (p * sigma * M_LN2);
 
-    /* By y: a and b move by 1 / sigma with -|y|. By ln step: by step / 2 /
-     * sigma, in opposite directions. */
+    /* By y: a and b change by 1 / sigma with -|y|. By ln step: they change by
+     * step / 2 / sigma, in opposite directions. */
     return (cost){ -log2(p), (y < 0 ? -1 : 1) * (pb - pa) * scale,
                    -(pa + pb) * step / 2 * scale };
 }
 
-/* Returns about what n parameters and their deviations' scales take: a normal
- * distribution's log2(sigma / step sqrt(2 pi e)) each, with a 1 under the root
- * so that what is far below a step takes nothing. */
+/* Returns about what n parameters take together with the scales of their
+ * deviations: log2(sigma / step sqrt(2 pi e)) each, as for a normal
+ * distribution, with a 1 added under the root so that values far below a step
+ * take nothing. */
 static double about(const deviations *d, size_t n, double step)
 {
     const double each = (double)n / (double)d->lines;
@@ -201,8 +202,8 @@ static double about(const deviations *d, size_t n, double step)
     return bits;
 }
 
-/* Chooses the mode that takes the fewest bits; biases have one scale. No
- * deviation is below that of the file's lowest scale. */
+/* Chooses the mode that takes the fewest bits; biases have one deviation. No
+ * deviation is below the lowest scale of the file. */
 static void choose(deviations *d, const real *x, const saga_weight_tensor *t,
                    double step, int is_bias)
 {
@@ -222,7 +223,7 @@ static void choose(deviations *d, const real *x, const saga_weight_tensor *t,
     }
 }
 
-/* Does everything for one tensor. */
+/* Computes bits and gradients of one tensor. */
 static void rate_of(real *dx, saga_weights *w, int t, const real *y,
                     const real *x, double price)
 {
@@ -241,8 +242,8 @@ static void rate_of(real *dx, saga_weights *w, int t, const real *y,
 
         bits += k.bits;
         dx[i] += (real)(price * k.by_y);
-        /* By ln step, y moves by y - x, and dx is what the loss and the
-         * price want of y. */
+        /* By ln step, y changes by y - x, and dx is the gradient of loss and
+         * price by y. */
         by_ln += price * k.by_ln +
                  (double)dx[i] * ((double)y[i] - (double)x[i]);
     }
@@ -251,10 +252,10 @@ static void rate_of(real *dx, saga_weights *w, int t, const real *y,
     w->d_log2_step[t] = (real)(by_ln * M_LN2);
 }
 
-/* Nanoseconds that a thread takes for a parameter. */
+/* Nanoseconds for a parameter. */
 enum { PARAM_NS = 50 };
 
-/* All tensors share this. */
+/* The inputs that all tensors share. */
 typedef struct {
     real *dx;
     saga_weights *w;

@@ -8,21 +8,21 @@
 #include <stdint.h>
 #include <stdlib.h>
 
-/* This part of H's mean diagonal is added to it: directions that no input takes
- * must not take the errors of the others. */
+/* This part of H's mean diagonal is added to it. Otherwise errors would be
+ * moved to directions that no input has by now. */
 #define DAMPING 1e-3
 
-/* Columns stand in the reverse of the order they are rounded in: first the
- * bias, then by ascending diagonal. */
+/* The columns in the reverse order of rounding: first the bias, then by
+ * ascending diagonal of H. */
 typedef struct {
     size_t n;                    /* n_in + 1 */
-    size_t *order;               /* (n) */
-    double *h;                   /* (n, n) the lower triangle of H, in the
-                                  * columns' own order */
-    double *factor;              /* (n, n) lower: factor factor^T = H, ordered
-                                  */
-    double *follow;              /* (n, n) row i: what the columns before i
-                                  * change by per error of column i */
+    size_t *order;               /* (n) column at each position */
+    double *h;                   /* (n, n) lower triangle of H, with columns in
+                                  * their original order */
+    double *factor;              /* (n, n) lower triangle: factor factor^T = H,
+                                  * in `order` */
+    double *follow;              /* (n, n) row i: the change of columns before i
+                                  * for a unit error of column i */
 } work;
 
 static double input_at(const saga_weight_round_input *in, size_t p, size_t c)
@@ -30,7 +30,7 @@ static double input_at(const saga_weight_round_input *in, size_t p, size_t c)
     return c < in->n_in ? (double)in->x[p * in->stride + c] : 1;
 }
 
-/* Nanoseconds that a thread takes for a product. */
+/* Nanoseconds for a multiplication. */
 enum { PRODUCT_NS = 1 };
 
 typedef struct { double *h; const saga_weight_round_input *in; } gathering;
@@ -45,7 +45,7 @@ static void gather_row(void *user, size_t a)
     for (p = 0; p < in->points; p++) {
         const double x = input_at(in, p, a) / (double)in->points;
 
-        /* The lower triangle is enough: H is symmetric. */
+        /* H is symmetric, so the lower triangle is enough. */
         for (b = 0; b <= a && x != 0; b++)
             row[b] += x * input_at(in, p, b);
     }
@@ -76,8 +76,8 @@ static void sort_columns(size_t *order, const double *h, size_t n)
 {
     size_t i, k;
 
-    /* The bias stays first, which is rounded last: an input of 1 is always
-     * there to take up what the others leave. */
+    /* The bias is first, so it is rounded last: its input is always 1, so it
+     * can compensate for the other errors. */
     order[0] = n - 1;
     for (i = 0; i + 1 < n; i++) {
         for (k = i + 1; k > 1 && h[order[k - 1] * (n + 1)] > h[i * (n + 1)];
@@ -87,7 +87,7 @@ static void sort_columns(size_t *order, const double *h, size_t n)
     }
 }
 
-/* Factorises by Cholesky's method. */
+/* Computes the Cholesky factor. */
 static void factorise(work *w)
 {
     const size_t n = w->n;
@@ -101,14 +101,14 @@ static void factorise(work *w)
 
             for (k = 0; k < j; k++)
                 s -= f[i * n + k] * f[j * n + k];
-            /* Damping keeps pivots above 0; this is for what rounding makes
-             * of a tiny one. */
+            /* Damping keeps pivots positive; the limit is for rounding errors
+             * of tiny ones. */
             f[i * n + j] = i == j ? sqrt(fmax(s, 1e-15)) : s / f[j * n + j];
         }
 }
 
-/* Finds the regression of input i on those before it, z = H_<<^-1 H_<i: with
- * H_<i = F f_i and H_<< = F F^T, F^T z = f_i. */
+/* Finds the regression of input i on those before it, z = H_<<^-1 H_<i. With
+ * H_<i = F f_i and H_<< = F F^T, it solves F^T z = f_i. */
 static void regress(work *w)
 {
     const size_t n = w->n;
@@ -117,7 +117,7 @@ static void regress(work *w)
     for (i = 0; i < n; i++) {
         double *const z = w->follow + i * n;
 
-        /* Backward through F^T, whose row k is column k of F. */
+        /* Back substitution through F^T, whose row k is column k of F. */
         for (k = i; k-- > 0;) {
             double s = w->factor[i * n + k];
 
@@ -128,8 +128,8 @@ static void regress(work *w)
     }
 }
 
-/* Rounds row, (n) parameters in order, with steps `times` the input's. Returns
- * the largest weight, in steps. */
+/* Rounds `row`, the n parameters of a row in `order`, with `times` the input's
+ * steps. Returns the largest weight in steps. */
 static double round_ordered(double *row, const work *w,
                             const saga_weight_round_input *in, double times)
 {
@@ -141,8 +141,8 @@ static double round_ordered(double *row, const work *w,
         const double step = times * (is_weight ? in->step : in->bias_step);
         const double q = floor(row[i] / step + 0.5);
 
-        /* With an error e of input i, e^T H e is least where the inputs
-         * before it have errors -z e. */
+        /* For an error e of input i, e^T H e is least if the inputs before it
+         * have errors -z e. */
         for (k = 0; k < i; k++)
             row[k] += (row[i] - step * q) * w->follow[i * w->n + k];
         row[i] = step * q;
@@ -151,7 +151,7 @@ static double round_ordered(double *row, const work *w,
     return most;
 }
 
-/* Rounds one row; row (n) is scratch, the row's parameters in order. */
+/* Rounds one row. `row` (n) is scratch for its parameters in `order`. */
 static void round_row(real *weight, real *bias, double *row, const work *w,
                       const saga_weight_round_input *in)
 {
@@ -159,8 +159,8 @@ static void round_row(real *weight, real *bias, double *row, const work *w,
     size_t i;
 
     do {
-        /* All of the row from the start, with steps of 1, 2, 4, ... times
-         * the input's. */
+        /* The whole row is rounded again with 1, 2, 4, ... times the input's
+         * steps. */
         times *= 2;
         for (i = 0; i < w->n; i++)
             row[i] = w->order[i] < in->n_in ? (double)weight[w->order[i]]
@@ -191,7 +191,8 @@ bool saga_weight_round(real *weight, real *bias,
     w.h = block + n;
     w.factor = w.h + n * n;
     w.follow = w.factor + n * n;
-    /* H and what comes from it hold for every row of the layer. */
+    /* H, its factor and the regressions are the same for all rows of the
+     * layer. */
     gather(w.h, in);
     damp(w.h, n);
     sort_columns(w.order, w.h, n);

@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: MIT
  *
- * A layer is rounded so that the errors of its weights undo each other. The
- * inputs x of a layer (P points) depend on each other, so errors e of a row
- * that are far from 0 can have outputs e . x next to it. The squared error of a
- * row's outputs is e^T H e, H the mean of x x^T with the bias as an input of 1.
- * Columns are rounded one by one, those of the largest H_cc first, the bias
- * last; the error of each is made up for by the columns still to come, as
- * linear regression tells (Hassibi and Stork's optimal brain surgeon; Frantar
- * and others' GPTQ for rounding).
+ * Rounds a layer so that the errors of its weights compensate each other. The
+ * inputs x of a layer (at P points) are correlated, so a row of errors e can be
+ * large and still change the outputs e . x little. The squared error of a row's
+ * outputs is e^T H e, where H is the mean of x x^T with the bias as an input of
+ * 1. Columns are rounded one by one, those with the largest H_cc first and the
+ * bias last. The columns still to come compensate for the error of each, by
+ * linear regression (Hassibi and Stork's optimal brain surgeon; Frantar and
+ * others' GPTQ for rounding).
  */
 #ifndef SAGA_WEIGHT_ROUND_H
 #define SAGA_WEIGHT_ROUND_H
@@ -19,9 +19,9 @@
 
 #define saga_weight_round SAGA_REAL_NAME(saga_weight_round)
 
-/* A layer was given x (points, stride), n_in reals of each used; it has steps
- * of weights and of biases. Both double, for the whole of a row, until no
- * weight is more than `most` steps; 0: there is no such limit. */
+/* The inputs of a layer and its steps. x has `points` rows, `stride` reals
+ * apart, of which n_in are used. If a weight would exceed `most` steps, both
+ * steps are doubled for its whole row until none does; 0: no limit. */
 typedef struct saga_weight_round_input {
     const real *x;
     size_t points, stride, n_in, n_out;
@@ -30,8 +30,8 @@ typedef struct saga_weight_round_input {
 } saga_weight_round_input;
 
 /* Rounds weight (n_out, n_in) and bias (n_out) to multiples of their rows'
- * steps.
- * False: no memory, and nothing was changed. */
+ * steps. Returns false with *error set, and nothing changed, if memory is
+ * short. */
 bool saga_weight_round(real *weight, real *bias,
                        const saga_weight_round_input *in, saga_error *error);
 
