@@ -38,8 +38,8 @@ void saga_weights_list(saga_weights *w, const saga_net net[SAGA_N_NETS],
 
 /* The deviations of a tensor's rows or columns, or the one of all of it. */
 typedef struct {
-    int mode;                /* number of deviations */
-    size_t lines;
+    int mode;                /* SAGA_SCALE_* */
+    size_t lines;            /* number of deviations */
     double sigma[SAGA_MAX_VECTOR];
 } deviations;
 

@@ -6,8 +6,8 @@
 
 #include <stdatomic.h>
 
-/* A thread takes about SLICE reals at a time, in whole lines of the cache; the
- * two times are what it takes to check and to step one, in nanoseconds. */
+/* About how many reals are in one task, in whole cache lines; and the
+ * nanoseconds to check and to step a real. */
 enum { SLICE = 4096, LINE = 16 };
 #define CHECK_NS 0.15
 #define STEP_NS 0.7
@@ -17,7 +17,7 @@ saga_adam saga_adam_default(void)
     return (saga_adam){ R(0.9), R(0.999), R(1e-15), R(4) };
 }
 
-/* x * 0 is 0 for finite x, NaN otherwise. */
+/* x * 0 is 0 for finite x and NaN otherwise. */
 static int part_is_finite(const real *x, size_t n)
 {
     vec sum = vec_zero();
@@ -31,7 +31,7 @@ static int part_is_finite(const real *x, size_t n)
     return vec_sum(sum) + rest == 0;
 }
 
-/* All slices share this. */
+/* The inputs that all slices share. */
 typedef struct {
     const saga_adam *adam;
     const saga_adam_tensor *tensor;
@@ -61,7 +61,8 @@ static void check_slice(void *user, size_t k)
     }
 }
 
-/* Names the first of them that is not finite. */
+/* Returns false with *error naming the first number that is not finite, or true
+ * if all are. */
 static bool blame(const real *x, const char *what, const saga_adam_tensor *t,
                   uint64_t step, saga_error *error)
 {
@@ -75,7 +76,7 @@ static bool blame(const real *x, const char *what, const saga_adam_tensor *t,
                      what, t->name, (unsigned long long)step);
 }
 
-/* A step is x -= (rate / c1) m / (sqrt(v) / sqrt(c2) + eps). */
+/* The factors of a step x -= (rate / c1) m / (sqrt(v) / sqrt(c2) + eps). */
 typedef struct {
     vec beta1, rest1, beta2, rest2, rate, scale, eps, most;
 } factors;
@@ -84,8 +85,8 @@ static inline vec step_of(vec *m, vec *v, vec g, const factors *f)
 {
     vec sigma, most;
 
-    /* v takes the gradient as it is, m what lies within `most` deviations by
-     * the new v. scale is 1 / sqrt(c2), so that sigma is sqrt(v') + eps. */
+    /* v uses the gradient as it is; m uses it clamped to `most` deviations by
+     * the new v. scale is 1 / sqrt(c2), so sigma is sqrt(v') + eps. */
     *v = vec_fma(f->beta2, *v, f->rest2 * (g * g));
     sigma = vec_fma(vec_sqrt(*v), f->scale, f->eps);
     most = f->most * sigma;
@@ -114,8 +115,8 @@ static void step_part(const saga_adam_tensor *t, size_t begin, size_t n,
     }
     if (i == n)
         return;
-    /* The rest goes through the same vector code, with zeros beside it: what
-     * a number becomes does not depend on where its slice ends. */
+    /* The remaining numbers go through the same vector code with zeros
+     * appended, so a result does not depend on where its slice ends. */
     for (k = 0; k < n - i; k++) {
         tail[0][k] = m[i + k];
         tail[1][k] = v[i + k];
@@ -168,8 +169,8 @@ bool saga_adam_update(const saga_adam *adam, const saga_adam_tensor *tensors,
 
     for (k = 0; k < n_tensors; k++)
         n += tensors[k].n;
-    /* Everything is looked at before anything is changed. Which number is to
-     * blame is searched for only where there is one. */
+    /* Everything is checked before anything is changed. The number that is not
+     * finite is only searched if there is one. */
     j.n_slices = saga_n_parts(n, SLICE);
     saga_parallel(&(saga_tasks){ .run = check_slice, .user = &j,
                                  .n = j.n_slices,

@@ -6,15 +6,15 @@
 #include <string.h>
 #include <tgmath.h>
 
-/* A turn adds this part of the trace to the diagonal: axes stay, while those
- * along which nothing was seen yet remain independent of the others. */
+/* This part of the trace is added to the diagonal. It does not change axes with
+ * gradients, and keeps axes without any linearly independent. */
 #define RIDGE R(1e-5)
 
-/* Blocks that a task takes, and nanoseconds for each number of a matrix. */
+/* Blocks in one task, and nanoseconds for each number of a matrix. */
 enum { BLOCKS = 64 };
 #define ENTRY_NS 1.5
 
-/* One step of all blocks. */
+/* A step of all blocks. */
 typedef struct {
     const saga_block_adam *b;
     const saga_adam *adam;
@@ -22,8 +22,8 @@ typedef struct {
     real c1, c2;                 /* 1 - beta^step */
 } job;
 
-/* Sums in four parts, which the compiler may keep in a vector: the order is
- * written down and not left to it. */
+/* Returns the dot product as four interleaved sums, so that the compiler can
+ * use a vector and the order is fixed by the source. */
 static real dot(const real *a, const real *b, size_t n)
 {
     real sum[4] = { 0 };
@@ -42,21 +42,21 @@ static real clamp(real x, real most)
     return x > most ? most : x < -most ? -most : x;
 }
 
-/* y += a x */
+/* y += a x. */
 static void add(real *restrict y, real a, const real *restrict x, size_t n)
 {
     for (size_t i = 0; i < n; i++)
         y[i] += a * x[i];
 }
 
-/* Makes row k of y a unit vector that is orthogonal to the rows before it. */
+/* Makes row k of y a unit vector orthogonal to the previous rows. */
 static void orthogonalise(real *y, size_t k, size_t n)
 {
     real *const row = y + k * n;
     real length;
 
-    /* Twice: what rounding leaves of the first pass is as large as the result
-     * where that is small. */
+    /* Two passes are needed: if the result is small, the rounding error of the
+     * first is about as large. */
     for (int pass = 0; pass < 2; pass++)
         for (size_t i = 0; i < k; i++)
             add(row, -dot(row, y + i * n, n), y + i * n, n);
@@ -65,9 +65,9 @@ static void orthogonalise(real *y, size_t k, size_t n)
         row[i] /= length;
 }
 
-/* Turns a block's axes towards the covariance's: one step of orthogonal
- * iteration, which converges over the turns. m is taken along, v is what the
- * covariance says of the new axes. */
+/* Rotates a block's axes towards the eigenvectors of its covariance, by one
+ * step of orthogonal iteration, which converges over the updates. m is rotated
+ * with them; v is computed from the covariance for the new axes. */
 static void turn(real *axes, real *m, real *v, const real *covariance,
                  size_t n)
 {
@@ -77,7 +77,7 @@ static void turn(real *axes, real *m, real *v, const real *covariance,
 
     for (size_t i = 0; i < n; i++)
         trace += covariance[i * n + i];
-    /* Nothing was seen of this block. */
+    /* This block had no gradient yet. */
     if (!(trace > 0))
         return;
     /* Row k becomes (C + ridge) axis k. */
@@ -91,7 +91,8 @@ static void turn(real *axes, real *m, real *v, const real *covariance,
         add(world, m[k], axes + k * n, n);
     for (size_t k = 0; k < n; k++) {
         m[k] = dot(y + k * n, world, n);
-        /* Along axes that no gradient had, rounding is not a direction. */
+        /* Keeps v positive along axes without gradients, where m is only
+         * rounding error. */
         v[k] = RIDGE * trace;
         for (size_t i = 0; i < n; i++)
             v[k] += y[k * n + i] * dot(covariance + i * n, y + k * n, n);
@@ -110,7 +111,7 @@ static void step_block(const job *j, size_t i)
     real *const m = b->m + i * n, *const v = b->v + i * n;
     real r[SAGA_MAX_FEATURES];
 
-    /* C = beta2 C + (1 - beta2) g g^T: of Adam's v the whole matrix. */
+    /* C = beta2 C + (1 - beta2) g g^T: like Adam's v, but the whole matrix. */
     for (size_t k = 0; k < n; k++) {
         for (size_t l = 0; l < n; l++)
             covariance[k * n + l] *= a->beta2;
@@ -125,7 +126,7 @@ static void step_block(const job *j, size_t i)
         for (size_t k = 0; k < n; k++)
             r[k] = dot(axes + k * n, g, n);
     }
-    /* Adam along each axis: r is the gradient there, bounded as in adam.c. */
+    /* Adam along each axis: r is the gradient there, limited as in adam.c. */
     for (size_t k = 0; k < n; k++) {
         const real sigma = sqrt(fmax(v[k], R(0)) / j->c2) + a->eps;
 

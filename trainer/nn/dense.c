@@ -1,14 +1,15 @@
 /* SPDX-License-Identifier: MIT
  *
- * Tiles have 16 columns and as many rows as make eight accumulators, which two
- * fused multiply-adds a cycle need at four cycles each: 8 rows in AVX-512, 4 in
- * AVX2. Each sum runs in its own order, so both give the same bits.
+ * Tiles have 16 columns and as many rows as give eight accumulators, since a
+ * processor that starts two fused multiply-adds in a cycle and finishes each in
+ * four needs eight: 8 rows in AVX-512, 4 in AVX2. The order of each sum is the
+ * same in both, so results have the same bits.
  */
 #include "dense.h"
 
 #include "wide.h"
 
-/* Rows of a tile: as many registers, or halves of them in AVX2. */
+/* Rows of a tile. A row is one register, or two in AVX2. */
 #if defined __AVX512F__ && !defined SAGA_REAL_DOUBLE
 enum { ROWS = 8 };
 #else
@@ -29,7 +30,7 @@ static vec rectify(vec x)
 
 /* --- y = x w ------------------------------------------------------------- */
 
-/* It says where a tile lies and what surrounds it. */
+/* The place of a tile, and its surroundings. */
 typedef struct {
     const real *x, *w, *bias;
     real *y;
@@ -60,9 +61,8 @@ static void tile_wide(const tile *t, size_t row, size_t column)
     WIDE_UNROLL
     for (i = 0; i < ROWS; i++)
         a[i] = t->bias ? wide_load(t->bias + column) : wide_zero();
-    /* Sixteen weights are loaded once for ROWS points. Each sum starts with
-     * the bias and runs over the inputs in their order, as in the smaller
-     * tiles. */
+    /* Sixteen weights are loaded once for ROWS points. Each sum starts with the
+     * bias and adds the inputs in order, as in the smaller tiles. */
     for (k = 0; k < t->n_in; k++, w += t->stride) {
         const wide at = wide_load(w);
 
@@ -123,8 +123,8 @@ void saga_dense_forward(real *y, const saga_dense *layer,
                      x->width, layer->relu };
     size_t row, column, i;
 
-    /* Whole tiles, beside them columns that do not fill one, then points
-     * that are left over, one by one. */
+    /* Whole tiles first, next to them the columns that do not fill one, and
+     * then the remaining points one by one. */
     for (row = 0; row + ROWS <= x->n; row += ROWS) {
         for (column = 0; column + WIDE_LANES <= width; column += WIDE_LANES)
             tile_wide(&t, row, column);
@@ -217,8 +217,8 @@ static void outer_chunk(const outer *t, size_t n_out)
 {
     size_t row, column, i;
 
-    /* Rows of dw, one for each output: in tiles of ROWS, in fours, one by
-     * one. */
+    /* dw has a row for each output: tiles of ROWS rows, then of four, then
+     * single rows. */
     for (row = 0; row + ROWS <= n_out; row += ROWS) {
         for (column = 0; column + WIDE_LANES <= t->stride; column += WIDE_LANES)
             outer_wide(t, row, column);
@@ -240,7 +240,7 @@ void saga_dense_backward(real *dw, const saga_dense_rows *dy,
     size_t i;
 
     for (i = 0; i < dy->n; i += CHUNK) {
-        /* The same chunks in every build, so that sums have the same order. */
+        /* Chunks are the same in every build, so sums have the same order. */
         const size_t left = dy->n - i;
         const outer t = { dw, dy->at + i * dy->stride, x->at + i * x->stride,
                           dy->stride, x->stride, left < CHUNK ? left : CHUNK };

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Products of matrices for dense layers over batches of points.
- * Matrices are row-major; what is called `padded` has rows of a whole number of
- * vectors, saga_dense_pad(n) reals, the excess zero.
+ * Matrix products for dense layers over batches of points. Matrices are
+ * row-major. Rows of a `padded` matrix have saga_dense_pad(n) reals, a multiple
+ * of the vector length; the excess is zero.
  */
 #ifndef SAGA_DENSE_H
 #define SAGA_DENSE_H
@@ -18,34 +18,34 @@
 
 size_t saga_dense_pad(size_t n);
 
-/* n rows have `width` reals each, a stride apart: what goes in or comes back
- * for n points. */
+/* n rows of `width` reals, `stride` reals apart: inputs or gradients of n
+ * points. */
 typedef struct saga_dense_rows {
     const real *at;
     size_t n, width, stride;
 } saga_dense_rows;
 
-/* Runs a layer of width n_out; with relu negative values become 0. */
+/* A layer with n_out outputs; relu = 1 sets negative outputs to 0. */
 typedef struct saga_dense {
-    const real *w;               /* [n_in][pad(n_out)], padded */
-    const real *bias;            /* [pad(n_out)], padded; NULL: 0 */
+    const real *w;               /* (n_in, pad(n_out)), padded */
+    const real *bias;            /* (pad(n_out)), padded; NULL: 0 */
     size_t n_out;
     int relu;
 } saga_dense;
 
-/* Computes y[n][pad(n_out)] = bias + x w. The sum over x's width runs in its
- * order, whatever n is. With the transposed weights this is also the backward
- * pass to the input. */
+/* Sets y (n, pad(n_out)) to bias + x w. The sum over the inputs is in their
+ * order for any n. With transposed weights it is also the backward pass to the
+ * input. */
 void saga_dense_forward(real *y, const saga_dense *layer,
                         const saga_dense_rows *x);
 
-/* Adds to dw[n_out][pad(n_in)] dy^T x, of n points; dy's width is n_out, x's
- * n_in and its stride pad(n_in). In chunks of 64 points, each summed in
- * order. */
+/* Adds dy^T x over n points to dw (n_out, pad(n_in)). The width of dy is n_out;
+ * the width of x is n_in and its stride pad(n_in). Sums are over chunks of 64
+ * points, each in order. */
 void saga_dense_backward(real *dw, const saga_dense_rows *dy,
                          const saga_dense_rows *x);
 
-/* Adds to db[n_out] the sums over the points of dy, in order. */
+/* Adds to db (n_out) the sums of dy over the points, in order. */
 void saga_dense_bias_backward(real *db, const saga_dense_rows *dy);
 
 #endif

@@ -3,11 +3,11 @@
 
 #include "vec.h"
 
-enum { ANGLES = 32 };     /* of a point that are turned at a time */
+enum { ANGLES = 32 };     /* angles computed at a time */
 
-/* Both give sin and cos of f quarter turns, |f| <= 1/2, from z = f^2:
- * Chebyshev fits, errors 4.9e-9 and 4.8e-11 (double: below 1e-20). x + magic
- * holds the nearest integer to x in its low bits. */
+/* Coefficients of sin and cos of f quarter turns, |f| <= 1/2, in z = f^2:
+ * Chebyshev fits with errors 4.9e-9 and 4.8e-11 (double: below 1e-20). x +
+ * MAGIC has the integer nearest to x in its low bits. */
 #ifdef SAGA_REAL_DOUBLE
 #define MAGIC 0x1.8p52
 static const real sine_fit[] = {
@@ -54,26 +54,26 @@ static inline vec negate_on_bit1(vec a, veci n)
     return vec_select(sign, -a, a);
 }
 
-/* The number of whole quarter turns decides which of the two is the sine, and
- * the signs. */
+/* Sets *sine and *cosine of x quarter turns. */
 static inline void turn(vec *sine, vec *cosine, vec x)
 {
     const vec shifted = x + vec_set1(MAGIC);
-    /* The nearest whole number of quarter turns leaves a rest of -1/2..1/2. */
+    /* Subtracting the nearest whole number of quarter turns leaves
+     * -1/2..1/2. */
     const vec f = x - (shifted - vec_set1(MAGIC));
     const veci n = (veci)shifted;
     const veci odd = (n & 1) != 0;
     const vec s = f * polynomial(sine_fit, N_SINE, f * f);
     const vec c = polynomial(cosine_fit, N_COSINE, f * f);
 
-    /* An odd number of quarter turns swaps sine and cosine. The sine is
-     * negative after 2 and 3 of them, the cosine one quarter earlier. */
+    /* An odd number of quarter turns exchanges sine and cosine. The sine is
+     * negative after 2 and 3 of them, the cosine after 1 and 2. */
     *sine = negate_on_bit1(vec_select(odd, c, s), n);
     *cosine = negate_on_bit1(vec_select(odd, s, c), n + 1);
 }
 
-/* Turns angles x[0..n), n <= ANGLES, into pairs. x has room for whole
- * vectors. */
+/* Writes sine and cosine of angles x[0..n), n <= ANGLES. x must have room for
+ * whole vectors. */
 static void put_pairs(real *y, const real *x, int n)
 {
     real s[ANGLES], c[ANGLES];
@@ -92,7 +92,7 @@ static void put_pairs(real *y, const real *x, int n)
     }
 }
 
-/* Writes the pairs of one point. */
+/* Writes the embedding of one point. */
 static void embed(real *at, const real *p, int n_axes, int octaves)
 {
     real x[ANGLES] = { 0 };
@@ -100,7 +100,7 @@ static void embed(real *at, const real *p, int n_axes, int octaves)
 
     for (axis = 0; axis < n_axes; axis++)
         for (k = 0; k < octaves; k++) {
-            /* Full batches leave as they come; the last may be shorter. */
+            /* Full batches are written at once; the last one may be shorter. */
             x[n++] = p[axis] * R(1 << k);
             if (n == ANGLES) {
                 put_pairs(at, x, n);

@@ -14,11 +14,11 @@
 
 enum {
     CHUNK = SAGA_NET_CHUNK,
-    MAX_BLOCKS = 32,     /* sums of gradients kept apart */
-    MIN_BLOCK = 512      /* points */
+    MAX_BLOCKS = 32,     /* separate sums of gradients */
+    MIN_BLOCK = 512      /* in points */
 };
 
-/* Nanoseconds that a thread takes to add one of the blocks' numbers. */
+/* Nanoseconds to add one number of one block. */
 #define SUM_NS 0.3
 
 static size_t dim(const saga_net *net, int l)
@@ -59,7 +59,7 @@ void saga_net_init(saga_net *net, unsigned long long seed)
     for (l = 0; l < net->n_layers; l++) {
         const saga_rng r = saga_rng_stream(seed, (uint64_t)l);
         const size_t n = dim(net, l) * dim(net, l + 1);
-        /* A uniform number within +-h has the variance h^2 / 3. */
+        /* A uniform number in +-h has variance h^2 / 3. */
         const double gain = l + 1 < net->n_layers ? 6 : 3;
         const double half = sqrt(gain / net->dim[l]);
         size_t i;
@@ -70,10 +70,11 @@ void saga_net_init(saga_net *net, unsigned long long seed)
     }
 }
 
-/* --- Weights as the products want them ----------------------------------- */
+/* --- Packed weights
+ * -------------------------------------------------------- */
 
-/* work->packed has of one layer: transposed (dim[l], pad(l + 1)), bias
- * (pad(l + 1)), as they are (dim[l + 1], pad(l)). */
+/* One layer in work->packed: transposed (dim[l], pad(l + 1)), bias (pad(l +
+ * 1)), not transposed (dim[l + 1], pad(l)). */
 typedef struct { const real *across, *bias, *along; } layer_weights;
 
 static size_t layer_size(const saga_net *net, int l)
@@ -104,8 +105,8 @@ static void pack_layer(real *at, const saga_net *net, int l)
     real *const along = bias + wide;
     size_t i, o;
 
-    /* Forward, vectors run along the outputs, and backward along the inputs:
-     * each has its own order. Padding is 0, and so are the sums there. */
+    /* Vectors run along the outputs in the forward pass and along the inputs in
+     * the backward pass, so both orders are stored. The padding is 0. */
     memset(at, 0, layer_size(net, l) * sizeof *at);
     memcpy(bias, net->b[l], n_out * sizeof *bias);
     for (o = 0; o < n_out; o++)
@@ -146,14 +147,15 @@ static size_t widest(const saga_net *net)
     return top;
 }
 
-/* Returns the reals of a thread: room for three chunks of the widest layer. */
+/* Returns the number of reals in a thread's scratch: three chunks of the widest
+ * layer. */
 static size_t scratch_size(const saga_net *net)
 {
     return 3 * CHUNK * widest(net);
 }
 
-/* Returns the points of a block: a multiple of CHUNK that depends on m
- * alone. */
+/* Returns the number of points in a block, a multiple of CHUNK that depends
+ * only on m. */
 static size_t block_size(size_t m)
 {
     const size_t share = (m + MAX_BLOCKS - 1) / MAX_BLOCKS;
@@ -162,7 +164,7 @@ static size_t block_size(size_t m)
     return (n + CHUNK - 1) / CHUNK * CHUNK;
 }
 
-/* Copies n rows of one stride to another, the excess zero. */
+/* Copies n rows to rows of another stride; the excess is 0. */
 static void copy_rows(real *to, size_t to_stride, const real *from,
                       size_t from_stride, size_t n)
 {
@@ -181,7 +183,7 @@ static void copy_rows(real *to, size_t to_stride, const real *from,
 
 typedef saga_net_pass pass;
 
-/* Returns the scratch of this thread. */
+/* Returns the scratch of the present thread. */
 static real *scratch_of(const pass *p)
 {
     return p->work->chunk + scratch_size(p->net) * saga_thread_number();
@@ -207,9 +209,9 @@ static void forward_chunk(const pass *p, size_t begin)
         const layer_weights lw = weights_of(p->work, net, l);
         const saga_dense layer = { lw.across, lw.bias, dim(net, l + 1),
                                    l < last };
-        /* Hidden layers stay for the backward pass, padded. The last goes
-         * straight to y where its rows need no padding, else through the
-         * scratch. */
+        /* Hidden layers are kept for the backward pass, padded. The last layer
+         * is written to y if its rows need no padding, otherwise to the scratch
+         * first. */
         real *const out = l < last
             ? p->work->hidden[l] + begin * pad(net, l + 1)
             : whole ? p->y + begin * n_out : scratch;
@@ -255,7 +257,8 @@ void saga_net_forward(real *y, saga_net_work *work, const real *x, size_t m,
 
 /* --- Backward ------------------------------------------------------------ */
 
-/* A block has padded gradients: per layer dw (dim[l + 1], pad(l)), db. */
+/* Returns the size of a block's padded gradients: for each layer dw (dim[l +
+ * 1], pad(l)) and db. */
 static size_t partial_size(const saga_net *net)
 {
     size_t n = 0;
@@ -266,7 +269,7 @@ static size_t partial_size(const saga_net *net)
     return n;
 }
 
-/* d becomes 0 where the activation is. */
+/* Sets d to 0 where the activation is 0. */
 static void rectify_backward(real *d, const real *active, size_t n)
 {
     size_t i;
@@ -276,8 +279,8 @@ static void rectify_backward(real *d, const real *active, size_t n)
                                  vec_load(d + i)));
 }
 
-/* Returns the input of layer l for n points from begin on, padded; in scratch
- * where it is not so already. */
+/* Returns the padded input of layer l for n points from begin on, copied to
+ * scratch if it is not padded already. */
 static const real *input_of(const pass *p, int l, size_t begin, size_t n,
                             real *scratch)
 {
@@ -291,8 +294,8 @@ static const real *input_of(const pass *p, int l, size_t begin, size_t n,
     return scratch;
 }
 
-/* Adds to partial. The scratch holds the input, padded, and two gradients in
- * turn. */
+/* Adds the gradients of n points to partial. The scratch holds the padded input
+ * and, alternately, two gradients. */
 static void backward_chunk(real *partial, const pass *p, size_t begin,
                            size_t n)
 {
@@ -312,15 +315,16 @@ static void backward_chunk(real *partial, const pass *p, size_t begin,
                                   .n_out = n_in };
         real *const d_in = scratch + (size_t)(1 + (l & 1)) * area;
 
-        /* Layers' gradients lie first to last; the walk goes from the end. */
+        /* Gradients are stored from the first layer to the last; the loop
+         * starts with the last. */
         at -= d.width * (stride + 1);
         saga_dense_backward(at, &d, &in);
         saga_dense_bias_backward(at + d.width * stride, &d);
-        /* Inputs may be constants, whose gradient nobody wants. */
+        /* Inputs may be constants, which need no gradient. */
         if (l == 0 && !p->dx)
             return;
         saga_dense_forward(d_in, &back, &d);
-        /* Layer l's input is the ReLU of the layer below. */
+        /* The input of layer l is the ReLU of the layer below. */
         if (l > 0)
             rectify_backward(d_in, in.at, n * stride);
         d = (saga_dense_rows){ d_in, n, n_in, stride };
@@ -346,12 +350,12 @@ void saga_net_block_backward(const saga_net_pass *p, size_t block)
     size_t i;
 
     memset(partial, 0, size * sizeof *partial);
-    /* One thread, chunk after chunk: a block's sum has one order. */
+    /* One thread adds the chunks, so the sum of a block has a fixed order. */
     for (i = of.begin; i < of.end; i += CHUNK)
         backward_chunk(partial, p, i, chunk_at(i, of.end));
 }
 
-/* There is one for the weights and the bias of each output of each layer. */
+/* There is one sum for each output of each layer, of its weights and bias. */
 size_t saga_net_n_sums(const saga_net *net)
 {
     size_t n = 0;
@@ -367,7 +371,7 @@ double saga_net_sums_ns(const saga_net *net, size_t m)
     return SUM_NS * (double)(saga_net_n_blocks(m) * saga_net_n_params(net));
 }
 
-/* Adds the blocks' sums, in their order. */
+/* Adds sum number `sum` of all blocks, in their order. */
 void saga_net_add_sum(saga_net *d, const saga_net_pass *p, size_t sum)
 {
     const size_t size = partial_size(d), n_blocks = saga_net_n_blocks(p->m);
@@ -375,7 +379,7 @@ void saga_net_add_sum(saga_net *d, const saga_net_pass *p, size_t sum)
     size_t n_in, stride, k, i;
     int l;
 
-    /* Finds the layer that this output is of, and then its row. */
+    /* Finds the layer of this output, and its row there. */
     for (l = 0; sum >= dim(d, l + 1); l++) {
         at += dim(d, l + 1) * (pad(d, l) + 1);
         sum -= dim(d, l + 1);
@@ -442,8 +446,8 @@ static real *reals(size_t n, saga_error *error)
 bool saga_net_reserve(saga_net_work *work, const saga_net *net, size_t m,
                       saga_error *error)
 {
-    /* As many blocks as m points make at most (block_size); fewer points
-     * make no more. */
+    /* The number of blocks of m points (block_size); fewer points give no
+     * more. */
     const size_t n_blocks = m < MIN_BLOCK * MAX_BLOCKS
         ? (m + MIN_BLOCK - 1) / MIN_BLOCK : MAX_BLOCKS;
     bool ok = true;

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: MIT
  *
- * Networks of dense layers, ReLU after every layer but the last, over
+ * Networks of dense layers with ReLU after each layer except the last, over
  * batches of points: x (M, dim[0]) -> y (M, dim[n_layers]).
  *
- * The same bits for any number of threads: points are divided in blocks by
- * their number alone, each block sums its gradients, the blocks' sums are
- * added in order.
+ * Results do not depend on the number of threads: points are divided into
+ * blocks by their number only, each block sums its gradients, and the sums of
+ * the blocks are added in order.
  */
 #ifndef SAGA_NET_H
 #define SAGA_NET_H
@@ -18,7 +18,8 @@
 
 enum { SAGA_NET_LAYERS = 4 };
 
-/* A network has weights, or their gradients, or an optimiser's moments. */
+/* The weights of a network, or their gradients, or the moments of an
+ * optimiser. */
 typedef struct saga_net {
     int n_layers;                 /* 1..SAGA_NET_LAYERS */
     int dim[SAGA_NET_LAYERS + 1]; /* >= 1 */
@@ -26,12 +27,12 @@ typedef struct saga_net {
     real *b[SAGA_NET_LAYERS];     /* (dim[l + 1]) */
 } saga_net;
 
-/* It holds what a forward pass leaves for its backward pass, and scratch.
- * Zero, or saga_net_reserve; saga_net_free at the end. */
+/* What a forward pass keeps for its backward pass, and scratch. It is all zero
+ * or set by saga_net_reserve, and freed by saga_net_free. */
 typedef struct saga_net_work {
-    size_t n_points, n_threads;    /* at most */
+    size_t n_points, n_threads;    /* the most that it has room for */
     real *hidden[SAGA_NET_LAYERS]; /* (M, padded), after ReLU */
-    real *packed;                  /* weights, transposed and as they are */
+    real *packed;                  /* the weights, transposed and not */
     real *chunk;                   /* scratch of each thread */
     real *partial;                 /* gradients of each block */
 } saga_net_work;
@@ -53,40 +54,41 @@ typedef struct saga_net_work {
 #define saga_net_forward SAGA_REAL_NAME(saga_net_forward)
 #define saga_net_backward SAGA_REAL_NAME(saga_net_backward)
 
-/* Returns the reals of all weights and biases. */
+/* Returns the number of weights and biases. */
 size_t saga_net_n_params(const saga_net *net);
 
-/* Points w and b into params[n_params]: w[0], b[0], w[1], ... */
+/* Points w and b into params (n_params), in the order w[0], b[0], w[1], ... */
 void saga_net_bind(saga_net *net, real *params);
 
-/* Initialises as He does: uniform weights of variance 2 / dim[l]
- * (1 / dim[l] in the last layer), biases 0. */
+/* Initialises by He's method: uniform weights of variance 2 / dim[l] (1 /
+ * dim[l] in the last layer), and biases of 0. */
 void saga_net_init(saga_net *net, unsigned long long seed);
 
-/* Reserves memory for up to m points through networks no larger than this one,
- * layer by layer, with as many threads as there may be now. False: nothing is
- * to be freed. */
+/* Allocates memory for up to m points through networks whose layers are no
+ * larger than those of net, with the present number of threads. Returns false
+ * with *error set, and nothing to free, if memory is short. */
 bool saga_net_reserve(saga_net_work *work, const saga_net *net, size_t m,
                       saga_error *error);
 void saga_net_free(saga_net_work *work);
 
-/* A pass goes through points: forward y from x, back from dy to dx (NULL: not
- * wanted) and to the weights. The other pointers are not read or written. */
+/* A pass over points: forward, x to y; or backward, from dy to dx (if not NULL)
+ * and to the gradients of the weights. The pointers of the other direction are
+ * not used. */
 typedef struct saga_net_pass {
     const saga_net *net;
     saga_net_work *work;
     const real *x, *dy;          /* (M, dim[0]), (M, dim[n_layers]) */
     real *y, *dx;
-    size_t m;                    /* points */
+    size_t m;                    /* number of points */
 } saga_net_pass;
 
-/* This number of points goes through all layers together. */
+/* The number of points that go through all layers together. */
 enum { SAGA_NET_CHUNK = 128 };
 
-/* For those who do more with points than a network, a part at a time, in
- * several threads (saga_parallel, with at most work->n_threads): begin, then
- * all chunks of SAGA_NET_CHUNK points; later the blocks of the same points, in
- * which they go back, and then all of the blocks' sums. */
+/* Steps of a pass, for callers that do other work on the same points, with
+ * saga_parallel and at most work->n_threads threads. Forward: saga_net_begin,
+ * then all chunks of SAGA_NET_CHUNK points. Backward: all blocks of the same
+ * points, and then all sums. */
 void saga_net_begin(const saga_net_pass *pass);
 void saga_net_chunk_forward(const saga_net_pass *pass, size_t chunk);
 size_t saga_net_n_blocks(size_t m);
@@ -95,19 +97,19 @@ void saga_net_block_backward(const saga_net_pass *pass, size_t block);
 size_t saga_net_n_sums(const saga_net *net);
 void saga_net_add_sum(saga_net *d, const saga_net_pass *pass, size_t sum);
 
-/* Returns about the nanoseconds that a thread takes for a point forward; twice
- * that back. */
+/* Returns about how many nanoseconds a point takes forward; backward takes
+ * twice that. */
 double saga_net_ns(const saga_net *net);
 
-/* Returns the same of adding the sums of m points. */
+/* Returns the same for all sums of m points. */
 double saga_net_sums_ns(const saga_net *net, size_t m);
 
 /* Sets y (M, dim[n_layers]). */
 void saga_net_forward(real *y, saga_net_work *work, const real *x, size_t m,
                       const saga_net *net);
 
-/* Goes back through the same forward pass: SETS dx (M, dim[0]; NULL: not
- * wanted), ADDS to d's weights and biases. */
+/* Goes back through the last forward pass: SETS dx (M, dim[0]; may be NULL),
+ * and ADDS to weights and biases of d. */
 void saga_net_backward(real *dx, saga_net *d, saga_net_work *work,
                        const real *dy, const real *x, size_t m,
                        const saga_net *net);

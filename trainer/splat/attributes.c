@@ -10,9 +10,9 @@
 #define ORDERS SAGA_TOOL_MOTION_MASK
 #define IN_TIME (SAGA_TOOL_OPACITY_T | SAGA_TOOL_SLOPE | SAGA_TOOL_MOTION_MASK)
 
-/* No network gives mean and support, which are the anchors'. Bounds: an opacity
- * below 2^-8 is never drawn again, and a temporal width of 2^3 segments shows a
- * primitive all the time. */
+/* Networks do not compute mean and support, which come from the anchors.
+ * Bounds: an opacity below 2^-8 is never drawn again, and with a temporal width
+ * of 2^3 segments a primitive is visible all the time. */
 const saga_attribute saga_attributes[SAGA_N_ATTRS] = {
     [SAGA_ATTR_MEAN] = {
         .name = "mean", .width = 3, .unit = SAGA_UNIT_PLACE,
@@ -105,7 +105,7 @@ bool saga_params_alloc(saga_splat_params *p, uint32_t set, size_t n,
     return block != NULL;
 }
 
-/* Returns which arrays are there. */
+/* Returns the set of attributes whose arrays exist. */
 static uint32_t set_of(const saga_splat_params *p)
 {
     uint32_t set = 0;
@@ -132,7 +132,7 @@ bool saga_params_gather(saga_splat_params *p, const saga_splat_params *from,
 
 void saga_params_free(saga_splat_params *p)
 {
-    /* All arrays lie in one block, which the mean begins. */
+    /* All arrays are in one block, which begins with the mean. */
     free(p->mean);
     *p = (saga_splat_params){ .mean = NULL };
 }

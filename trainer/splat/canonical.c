@@ -6,7 +6,7 @@
 
 enum { N_TURNS = 24 };           /* rotations of a cube onto itself */
 
-/* Sets x = a b, quaternions. */
+/* Sets x = a b, a product of quaternions. */
 static void multiply(double x[4], const double a[4], const double b[4])
 {
     x[0] = a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3];
@@ -20,7 +20,7 @@ static double dot(const double a[4], const double b[4])
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3];
 }
 
-/* Finds all products of quarter turns about x and y, each once. */
+/* Finds all products of quarter turns about x and y. */
 static void find_turns(double turn[N_TURNS][4])
 {
     const double h = sqrt(0.5);
@@ -33,8 +33,8 @@ static void find_turns(double turn[N_TURNS][4])
         for (int k = 0; k < 2 && n < N_TURNS; k++) {
             int j = 0;
 
-            /* Each turn in the list is tried with both quarters; what is new is
-             * appended, and tried later. All 24 are reached so. */
+            /* Each turn in the list is multiplied by both quarter turns, and
+             * new turns are appended. This gives all 24. */
             multiply(turn[n], turn[i], quarter[k]);
             /* A quaternion and its negative are the same turn. */
             while (j < n && fabs(dot(turn[n], turn[j])) < 0.99)
@@ -43,8 +43,8 @@ static void find_turns(double turn[N_TURNS][4])
         }
 }
 
-/* Axis k of the turned ellipsoid is axis from[k] of the old one: where the
- * turn's rotation matrix has +-1 in column k. */
+/* Sets from[k] to the old axis that becomes axis k of the turned ellipsoid: the
+ * row with +-1 in column k of the turn's rotation matrix. */
 static void axes_of(int from[3], const double g[4])
 {
     static const double unit[3][4] = {
@@ -71,8 +71,8 @@ static void turn_one(saga_splat_params *p, size_t i, const double u[4],
     double x[4], slope[4];
     int from[3] = { 0, 1, 2 };
 
-    /* Turning the axes among themselves first, then as before, draws the same
-     * ellipsoid, if the scales follow their axes. */
+    /* Turning the ellipsoid onto itself before its rotation changes nothing, if
+     * the scales follow their axes. */
     multiply(x, u, g);
     axes_of(from, g);
     for (size_t k = 0; k < 3; k++)
@@ -81,7 +81,7 @@ static void turn_one(saga_splat_params *p, size_t i, const double u[4],
         p->quat[4 * i + k] = (real)(scale * x[k]);
         slope[k] = p->slope ? (double)p->slope[4 * i + k] : 0;
     }
-    /* The change over time is of the same quaternion, and turns with it. */
+    /* The slope is a change of the same quaternion, and is turned with it. */
     multiply(x, slope, g);
     for (size_t k = 0; p->slope && k < 4; k++)
         p->slope[4 * i + k] = (real)(scale * x[k]);
@@ -104,15 +104,16 @@ void saga_splat_canonical(saga_splat_params *p, uint32_t n)
             continue;
         for (int k = 0; k < N_TURNS; k++) {
             multiply(x, u, turn[k]);
-            /* Nearest to 1 is the largest w. Among equals the first turn stays,
-             * whatever the rounding. */
+            /* The smallest rotation has the largest |w|. Between equals the
+             * first turn wins, in spite of rounding. */
             if (fabs(x[0]) > most * (1 + 1e-12)) {
                 most = fabs(x[0]);
                 best = k;
             }
         }
         multiply(x, u, turn[best]);
-        /* q and -q rotate alike: take the one with w above 0; and length 1. */
+        /* q and -q are the same rotation: w is made positive, and the length
+         * 1. */
         turn_one(p, i, u, turn[best], (x[0] < 0 ? -1 : 1) / length);
     }
 }

@@ -69,7 +69,7 @@ double saga_canvas_mse(const saga_canvas *c)
     size_t i;
 
     for (i = 0; i < n; i++) {
-        /* A truth below 0 marks a pixel that does not count. */
+        /* Pixels with truth < 0 do not count. */
         const double e = c->truth[i] < 0 ? 0
             : (double)(saga_clamp(c->image[i], 0, 1) - c->truth[i]);
 
@@ -84,8 +84,8 @@ bool saga_canvas_grow(void **p, size_t *cap, size_t nbytes, saga_error *error)
         return true;
     free(*p);
     *cap = 0;
-    /* A quarter more than needed, so that a slowly growing scene does not move
-     * its buffers in every picture. What they held is lost. */
+    /* A quarter more than needed is allocated, so that a slowly growing scene
+     * does not reallocate in every picture. */
     *p = saga_alloc(nbytes + nbytes / 4, 1, "drawing a picture", error);
     if (!*p)
         return false;

@@ -1,11 +1,13 @@
 /* SPDX-License-Identifier: MIT
  *
- * A tile's pixels, and how a splat is blended into them: what the rasteriser
- * does forward, and backward once more. Its functions are in both files, since
- * a call for each splat of each tile would cost what it does.
+ * The pixels of a tile and the blending of a splat into them, which the
+ * rasteriser does in the forward pass and again in the backward pass. The
+ * functions are inline in both files, because a call for each splat in each
+ * tile would cost as much as its work.
  *
- * Work goes by tile and splat, in blocks of 8 x 2 pixels; the tile's state
- * stays in L1. Blocks whose pixels are all outside the cut are skipped.
+ * Work is done tile by tile and splat by splat, in blocks of 8 x 2 pixels; the
+ * state of a tile fits L1. Blocks whose pixels are all outside the cut are
+ * skipped.
  */
 #ifndef SAGA_RASTER_TILE_H
 #define SAGA_RASTER_TILE_H
@@ -19,35 +21,37 @@
 enum {
     TILE = SAGA_SPLAT_TILE,
     AREA = TILE * TILE,
-    ROWS = WIDE_LANES / 8, /* of a block */
-    PAIRS = TILE / ROWS,   /* blocks above each other */
+    ROWS = WIDE_LANES / 8, /* rows of a block */
+    PAIRS = TILE / ROWS,   /* blocks in a column */
     BLOCKS = AREA / WIDE_LANES,
-    CHECK_EVERY = 32       /* splats between looks for an unfinished pixel */
+    CHECK_EVERY = 32       /* splats between two checks for unfinished pixels */
 };
 
-/* Nanoseconds to draw a splat in a tile, and the rest of a tile. */
+/* Nanoseconds to draw a splat in a tile, and for everything else in a tile. */
 enum { PAIR_NS = 40, TILE_NS = 200 };
 
-/* The state of a tile's pixels, block by block: blocks of the left half from
- * top to bottom, then those of the right. */
+/* The state of a tile's pixels, in blocks: first those of the left half from
+ * top to bottom, then those of the right half. */
 typedef struct {
     _Alignas(64) real trans[AREA];
-    real colour[3][AREA];  /* so far */
-    real slope[3][AREA];   /* backward: dL/dC */
-    real rest[AREA];       /* backward: D */
-    int x0, y0;            /* of the tile in the picture */
-    int width, height;     /* of its part in the picture */
+    real colour[3][AREA];  /* sum so far */
+    real slope[3][AREA];   /* for the backward pass: dL/dC */
+    real rest[AREA];       /* for the backward pass: D (see
+                            * splat_raster_backward) */
+    int x0, y0;            /* position of the tile in the picture */
+    int width, height;     /* size of its part inside the picture */
 } tile;
 
-/* A splat in a tile has these pairs of rows and half-columns. */
+/* The rows of blocks and halves of a tile that a splat may touch. */
 typedef struct { int y0, y1, x0, x1; } window;
 
 typedef struct { wide floor, cut, cap, square; } limits;
 
-/* A splat does this to a block. */
+/* alpha and blending weight alpha T of a splat in the pixels of a block. */
 typedef struct { real alpha[WIDE_LANES], weight[WIDE_LANES]; } kept;
 
-/* Coordinates of a block's pixels from the tile's middle. */
+/* Coordinates of the pixels of each block, relative to the middle of the
+ * tile. */
 typedef struct {
     _Alignas(64) real x[2][WIDE_LANES], y[PAIRS][WIDE_LANES];
 } grid;
@@ -64,13 +68,14 @@ static inline void fill_grid(grid *g)
     }
 }
 
-/* Finds eight pixels of row y, from the left (half 0) or the middle on. */
+/* Returns the index of the first of eight pixels in row y, in the left half (0)
+ * or the right half (1). */
 static inline int eight_at(int half, int y)
 {
     return (half * PAIRS + y / ROWS) * WIDE_LANES + y % ROWS * 8;
 }
 
-/* Says how many of these are in the picture. */
+/* Returns how many of these eight pixels are inside the picture. */
 static inline int n_inside(const tile *t, int half)
 {
     const int n = t->width - 8 * half;
@@ -87,8 +92,8 @@ static inline void place(tile *t, const saga_splat_work *work, size_t index,
     t->height = cam->height - t->y0 < TILE ? cam->height - t->y0 : TILE;
 }
 
-/* Pixels of the tile outside the picture start finished, so that nothing
- * they hold counts. */
+/* Sets the transmittance to 1, but to 0 outside the picture, so that pixels
+ * there count as finished. */
 static inline void clear_trans(tile *t)
 {
     int half, y, x;
@@ -115,7 +120,7 @@ static inline window clip(const saga_splat_2d *o, const tile *t)
     const int x0 = o->x0 - t->x0, x1 = o->x1 - t->x0;
     const int y0 = o->y0 - t->y0, y1 = o->y1 - t->y0;
 
-    /* Rounded outwards, to rows of blocks and to halves of the tile. */
+    /* Rounds outwards to whole blocks and halves of the tile. */
     return (window){
         .y0 = y0 > 0 ? y0 / ROWS : 0,
         .y1 = y1 < TILE ? (y1 + ROWS - 1) / ROWS : PAIRS,
@@ -125,24 +130,26 @@ static inline window clip(const saga_splat_2d *o, const tile *t)
 
 static inline limits limits_of(const saga_splat_rules *rules)
 {
-    /* A floor of 0 means none; padding pixels must stay below it. */
+    /* A floor of 0 stands for none, but pixels outside the picture must stay
+     * below it. */
     const real floor = rules->t_floor > 0 ? rules->t_floor : REAL_MIN;
 
     return (limits){ wide_set1(floor), wide_set1(rules->cut),
                      wide_set1(rules->alpha_cap), wide_set1(rules->square) };
 }
 
-/* Goes from the splat's mean to the tile's middle. */
+/* Sets d to the vector from the splat's mean to the middle of the tile. */
 static inline void to_middle(real d[2], const saga_splat_2d *o, const tile *t)
 {
     d[0] = R(t->x0 + TILE / 2) - o->mean[0];
     d[1] = R(t->y0 + TILE / 2) - o->mean[1];
 }
 
-/* All tiles share this. */
+/* The inputs that all tiles share. */
 typedef struct {
     saga_canvas *canvas;
-    int learn;             /* backward: from the truth, not from d_image */
+    int learn;             /* backward pass from the truth (1) or from d_image
+                            * (0) */
     limits limit;
     grid grid;
 } pass;
@@ -155,8 +162,8 @@ static inline pass pass_of(saga_canvas *canvas)
     return p;
 }
 
-/* Finds q of all blocks in the splat's window; returns which of them it
- * touches, bit b for block b. */
+/* Sets q of all blocks in the splat's window. Returns a bit mask of the blocks
+ * that the splat touches. */
 static inline unsigned touch(real q[BLOCKS][WIDE_LANES], const tile *t,
                              const saga_splat_2d *o, const pass *p)
 {
@@ -189,7 +196,8 @@ static inline unsigned touch(real q[BLOCKS][WIDE_LANES], const tile *t,
     return touched;
 }
 
-/* Writes what it did to the blocks it touches, which it returns. */
+/* Blends a splat into the blocks that it touches, and writes its alpha and
+ * weight for each of them to `to`. Returns the bit mask of these blocks. */
 static inline unsigned blend(kept *to, tile *t, const saga_splat_2d *o,
                              const pass *p)
 {
@@ -203,7 +211,7 @@ static inline unsigned blend(kept *to, tile *t, const saga_splat_2d *o,
     for (left = touched; left; left &= left - 1, to++) {
         const int b = __builtin_ctz(left), at = b * WIDE_LANES;
         const wide q_b = wide_load(q[b]), trans = wide_load(t->trans + at);
-        /* A pixel that is finished (T below the floor) takes nothing more. */
+        /* A finished pixel (T below the floor) takes nothing more. */
         const wide_mask on = wide_both(wide_less(q_b, p->limit.cut),
                                        wide_at_least(trans, p->limit.floor));
         const wide alpha = wide_keep(on, wide_min(wide_exp2_neg(q_b),
@@ -231,7 +239,7 @@ static inline void begin_tile(tile *t, const pass *p, size_t index)
     memset(t->colour, 0, sizeof t->colour);
 }
 
-/* Shows the background where something is left of it. */
+/* Adds the background where transmittance is left. */
 static inline void end_tile(tile *t, const real *background)
 {
     int i, c;
@@ -241,7 +249,7 @@ static inline void end_tile(tile *t, const real *background)
             t->colour[c][i] += t->trans[i] * background[c];
 }
 
-/* Says where eight pixels of the tile lie in a plane of the picture. */
+/* Returns the index of eight pixels of the tile in a plane of the picture. */
 static inline size_t plane_at(const tile *t, int half, int y, int width)
 {
     return (size_t)(t->y0 + y) * (size_t)width + (size_t)(t->x0 + 8 * half);
@@ -252,8 +260,9 @@ static inline size_t plane_size(const saga_splat_camera *cam)
     return (size_t)cam->width * (size_t)cam->height;
 }
 
-/* Lists jump about in the splats, so these are asked for in time: without that
- * half of the forward pass waits for memory. */
+/* Returns the splat of list entry e, and prefetches that of a later entry. The
+ * lists access splats in random order; without this, the forward pass waits for
+ * memory half of the time. */
 static inline const saga_splat_2d *splat_at(const saga_splat_work *work,
                                             size_t e)
 {
@@ -265,7 +274,8 @@ static inline const saga_splat_2d *splat_at(const saga_splat_work *work,
     return work->splat + work->pair[e].splat;
 }
 
-/* Says whether it is time to look, and nothing is left to draw. */
+/* Tells whether all pixels are finished; checks only after every CHECK_EVERY
+ * splats. */
 static inline int is_done(const tile *t, const pass *p, size_t nth)
 {
     return nth % CHECK_EVERY == CHECK_EVERY - 1 &&
@@ -277,7 +287,8 @@ static inline size_t n_tiles(const saga_splat_work *work)
     return (size_t)work->n_tiles_x * work->n_tiles_y;
 }
 
-/* Does work on all tiles that takes `times` as long as to draw them. */
+/* Runs a function on all tiles. `times` is its cost relative to drawing
+ * them. */
 static inline void do_tiles(void (*run)(void *, size_t), pass *p, int times)
 {
     const saga_splat_work *const w = &p->canvas->splat;

@@ -16,12 +16,11 @@ static bool grow_posed(saga_splat_posed *p, size_t *cap, size_t n,
            saga_canvas_grow((void **)&p->q0, cap + 2, n * sizeof(real), error);
 }
 
-/* Primitives that go together, and what a thread takes for one, in
- * nanoseconds. */
+/* Primitives in one task, and nanoseconds for one. */
 enum { PART = 128, FORWARD_NS = 90, BACKWARD_NS = 120 };
 
-/* Goes from a part of the primitives to splats. Those of the canvas come behind
- * the n given ones. */
+/* Turns a range of primitives into splats. The canvas's own come after the n
+ * given ones. */
 static void place(saga_canvas *c, const saga_splat_params *p, size_t n,
                   saga_range of)
 {
@@ -42,12 +41,12 @@ static void place(saga_canvas *c, const saga_splat_params *p, size_t n,
     saga_splat_project_forward(c, p, of);
 }
 
-/* All parts share this. */
+/* The inputs that all parts share. */
 typedef struct {
     saga_canvas *c;
     const saga_splat_params *p;
-    size_t n;                    /* primitives that are placed */
-    saga_splat_params *d;        /* backward */
+    size_t n;                    /* number of primitives given */
+    saga_splat_params *d;        /* for the backward pass */
     saga_splat_stats *stats;
 } pass;
 
@@ -77,7 +76,7 @@ static void part_backward(void *user, size_t k)
     saga_splat_animate_backward(t->d, t->c, t->p, of);
 }
 
-/* Goes from the tiles' records to the gradients of the given primitives. */
+/* Takes gradients from the tiles' records back to the given primitives. */
 static void place_backward(saga_splat_params *d, saga_splat_stats *stats,
                            saga_canvas *c, const saga_splat_params *p)
 {
@@ -89,7 +88,7 @@ static void place_backward(saga_splat_params *d, saga_splat_stats *stats,
         .ns = (double)BACKWARD_NS * (double)n });
 }
 
-/* Goes from primitives to the tiles' lists. */
+/* Projects the primitives and lists them for each tile. */
 static bool list_splats(saga_canvas *c, const saga_splat_params *p, uint32_t n,
                         saga_error *error)
 {

@@ -8,10 +8,11 @@
 #define PEAK R(SAGA_PEAK_LOG2)
 #define LOG2_E R(1.4426950408889634)
 #define LN_2 R(0.6931471805599453)
-#define LIMIT_U R(16)         /* of |dt| / width, as the norm saturates; */
-#define LIMIT_AGE R(4)        /* of the age */
+#define LIMIT_U R(16)         /* limit of |dt| / width, as in
+                               * docs/arithmetic.md */
+#define LIMIT_AGE R(4)        /* limit of the age */
 
-/* Returns log2(1 + 2^x), without overflow and exact for small 2^x. */
+/* Returns log2(1 + 2^x), without overflow, and precise for small 2^x. */
 static real softplus2(real x)
 {
     const real e = exp2(-fabs(x));
@@ -24,8 +25,8 @@ static real elapsed(const saga_splat_params *p, size_t i, real t)
     return p->t_centre ? t - p->t_centre[i] : t;
 }
 
-/* Returns |dt| / width, saturated; the comparison fails for NaN, which stays.
- * dt = 0 is 0 for every width, 2^-width infinite included. */
+/* Returns |dt| / width, limited. NaN stays NaN. dt = 0 gives 0 for every width,
+ * even if 2^-width is infinite. */
 static real width_ratio(const saga_splat_params *p, size_t i, real dt)
 {
     const real u = dt == 0 ? 0 : fabs(dt) * exp2(-p->log2_width[i]);
@@ -54,7 +55,7 @@ static void animate_mean(real *out, const saga_splat_params *p, size_t i,
 
         out[a] = p->mean[3 * i + a];
         if (b)
-            /* mean + support (b1 age + b2 age^2 + b3 age^3), by Horner. */
+            /* mean + support (b1 age + b2 age^2 + b3 age^3). */
             out[a] += support * (((b[6] * age + b[3]) * age + b[0]) * age);
     }
 }
@@ -86,8 +87,7 @@ void saga_splat_animate_forward(saga_splat_posed *out,
             if (p->slope)
                 out->quat[4 * i + a] += p->slope[4 * i + a] * age;
         }
-        /* An opacity o gives alpha 8 / (1 + 2^(3 - o)), as -log2: a
-         * logistic curve that ends at 8. */
+        /* An opacity o means alpha = 8 / (1 + 2^(3 - o)); this is its -log2. */
         out->q0[i] = softplus2(PEAK - p->opacity[i]) - PEAK;
         if (p->log2_width) {
             const real u = width_ratio(p, i, dt);
@@ -157,9 +157,9 @@ static real pose_backward(saga_splat_params *d, const saga_splat_posed *d_out,
            quat_backward(d, d_out->quat + 4 * i, p, i, age);
 }
 
-/* d log2(1 + 2^(3 - o)) / do = -1 / (1 + 2^(o - 3)). With u = |dt| / width
- * below its limit, q = log2(e) u^2 gives dq/d log2_width = -2 u^2 and
- * dq/ddt = 2 log2(e) u^2 / dt. Returns dL/ddt. */
+/* Adds the gradients of opacity and width. d log2(1 + 2^(3 - o)) / do = -1 / (1
+ * + 2^(o - 3)). With u = |dt| / width below its limit, q = log2(e) u^2 gives
+ * dq/d log2_width = -2 u^2 and dq/ddt = 2 log2(e) u^2 / dt. Returns dL/ddt. */
 static real opacity_backward(saga_splat_params *d, real d_q0,
                              const saga_splat_params *p, size_t i, real dt)
 {
@@ -188,14 +188,14 @@ void saga_splat_animate_backward(saga_splat_params *d,
         const real pace = saga_splat_ageing(p, i), age = dt * pace;
         real d_dt, d_age;
 
-        /* Not drawn, so there is no gradient. */
+        /* A primitive that is not drawn has no gradient. */
         if (c->splat.extent[i] == 0)
             continue;
         d_age = pose_backward(d, d_out, p, i,
                               saga_clamp(age, -LIMIT_AGE, LIMIT_AGE));
         d_dt = opacity_backward(d, d_out->q0[i], p, i, dt);
-        /* age = pace dt, and for what lives shortly pace = 2^-log2_width. At
-         * the limit nothing moves, and no gradient passes. */
+        /* age = pace dt, and below a width of 1/2 pace = 2^-log2_width. At its
+         * limit the age is constant, and no gradient passes. */
         if (!c->rules.detach_time && fabs(age) < LIMIT_AGE) {
             d_dt += pace * d_age;
             if (d->log2_width && is_short(p, i))

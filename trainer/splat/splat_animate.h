@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Primitives at a time t have cubic motion, linear rotation, temporal opacity.
+ * Poses primitives at a time t, with cubic motion, linear rotation and temporal
+ * opacity.
  */
 #ifndef SAGA_SPLAT_ANIMATE_H
 #define SAGA_SPLAT_ANIMATE_H
@@ -12,24 +13,24 @@
 #define saga_splat_animate_forward SAGA_REAL_NAME(saga_splat_animate_forward)
 #define saga_splat_animate_backward SAGA_REAL_NAME(saga_splat_animate_backward)
 
-/* Says how much older primitive i is after a unit of time: 1 / min(width, 1/2),
- * and 2^100 at most, so that a dt of 0 is none. */
+/* Returns by how much the age of primitive i grows in a unit of time: 1 /
+ * min(width, 1/2), at most 2^100, so that a dt of 0 gives age 0. */
 real saga_splat_ageing(const saga_splat_params *p, size_t i);
 
-/* Finds where the mean of primitive i is at time t. */
+/* Sets x to the mean of primitive i at time t. */
 void saga_splat_place(real x[3], const saga_splat_params *p, size_t i, real t);
 
-/* Goes for some primitives, by one thread: others may do others.
+/* Poses a range of primitives on one thread; other threads may do other ranges:
  *
- * dt = t - t_centre, age = dt ageing within +-4;
- * mean + support (((b3 age + b2) age + b1) age), quat + slope age,
- * log2(1 + 2^-o) + log2(e) min(16, |dt| 2^-log2_width)^2. */
+ * dt = t - t_centre, age = dt ageing, clamped to +-4; mean + support (((b3 age
+ * + b2) age + b1) age), quat + slope age, log2(1 + 2^-o) + log2(e) min(16, |dt|
+ * 2^-log2_width)^2. */
 void saga_splat_animate_forward(saga_splat_posed *out,
                                 const saga_splat_params *p, saga_range of,
                                 real t);
 
-/* Adds to d, given canvas->splat.d_posed; primitives that the canvas does not
- * show have no gradient and are skipped. */
+/* Adds to d from canvas->splat.d_posed. Primitives that are not visible have no
+ * gradient and are skipped. */
 void saga_splat_animate_backward(saga_splat_params *d,
                                  const saga_canvas *canvas,
                                  const saga_splat_params *p, saga_range of);

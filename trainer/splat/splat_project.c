@@ -1,11 +1,13 @@
 /* SPDX-License-Identifier: MIT
  *
  * With W the camera's rotation, R S the primitive's axes and J the Jacobian of
- * the projection, the 2-D covariance is T T^t + d I, T = J W R S (2 x 3), d the
- * low-pass; its rows t0, t1 give A0 = t0.t0, B = t0.t1, C0 = t1.t1, and
+ * the projection, the 2-D covariance is T T^t + d I, where T = J W R S (2 x 3)
+ * and d is the low-pass. The rows t0, t1 of T give A0 = t0.t0, B = t0.t1, C0 =
+ * t1.t1, and
  *   A = A0 + d,  C = C0 + d,  det = |t0 x t1|^2 + d (A0 + C0) + d^2
  *   h = sqrt(k / C),  g = sqrt(k C / det),  n = g B / C,  k = log2(e) / 2.
- * det so written, and its derivative, do not cancel for needles.
+ * In this form, det and its derivative suffer no cancellation for thin
+ * ellipses.
  */
 #include "splat_project.h"
 
@@ -15,25 +17,28 @@
 
 #define K R(0.72134752044448170)       /* log2(e) / 2 */
 #define LN_2 R(0.69314718055994531)
-#define RATIO_MAX R(8)                 /* |x/z| and |y/z| */
-#define MEAN_MAX R(32768)              /* px from the picture's centre */
-#define BORDER R(0.15)                 /* of a side, for the Jacobian */
-#define SCALE_MAX R(60)                /* |log2_scale| used */
-#define ROW_MAX R(1048576)             /* px: larger splats are drawn so */
+#define RATIO_MAX R(8)                 /* limit of |x/z| and |y/z| */
+#define MEAN_MAX R(32768)              /* limit in pixels from the picture's
+                                        * centre */
+#define BORDER R(0.15)                 /* part of a side by which the Jacobian's
+                                        * clamp exceeds the picture */
+#define SCALE_MAX R(60)                /* limit of |log2_scale| */
+#define ROW_MAX R(1048576)             /* in pixels: larger splats are shrunk to
+                                        * it */
 
-/* Forward and backward both need this of the projection. */
+/* The intermediate values of a projection, for both directions. */
 typedef struct {
     real view[3];          /* in camera axes */
     real ratio[2];         /* x/z, y/z */
     real slope[2];         /* the same, clamped for the Jacobian */
     real row[2][3];        /* J W */
     real quat[4];          /* of unit length */
-    real quat_recip;       /* 1 / its length before; 0: it was zero */
+    real quat_recip;       /* 1 / length of the given one; 0: it was zero */
     real r[9];             /* rotation matrix */
     real scale[3];
-    real u[2][3], t[2][3]; /* J W R, and times the scales */
-    real shrink;           /* 1, or what brought a huge T to ROW_MAX */
-    real low_pass;         /* of the canvas's rules */
+    real u[2][3], t[2][3]; /* J W R, and the same times the scales */
+    real shrink;           /* 1, or the factor that reduced T to ROW_MAX */
+    real low_pass;         /* from the canvas's rules */
 } shape;
 
 static real dot3(const real *a, const real *b)
@@ -56,7 +61,8 @@ static real max_real(real a, real b)
 
 /* --- Forward ------------------------------------------------------------- */
 
-/* Applies the norm's drop rules. Comparisons are written so that NaN drops. */
+/* Projects the mean and applies the drop rules of docs/arithmetic.md; returns 0
+ * if the primitive is dropped. Comparisons are written so that NaN drops. */
 static int project_mean(real *mean, shape *s, const real *x,
                         const saga_splat_camera *cam)
 {
@@ -80,8 +86,8 @@ static int project_mean(real *mean, shape *s, const real *x,
         mean[i] = p + f * s->ratio[i];
         if (!(fabs(mean[i] - side[i] / 2) <= MEAN_MAX))
             return 0;
-        /* The linear projection is that of the picture's border for what
-         * lies further out. */
+        /* Outside a border around the picture, the linear approximation is that
+         * of the border. */
         s->slope[i] = saga_clamp(s->ratio[i], (-BORDER * side[i] - p) / f,
                                  ((1 + BORDER) * side[i] - p) / f);
     }
@@ -95,7 +101,7 @@ static void rotation(shape *s, const real *quat)
     const real *const q = s->quat;
     int i;
 
-    /* Squares that vanish or overflow count as a zero quaternion. */
+    /* A length whose square underflows or overflows counts as zero. */
     s->quat_recip = 0;
     if (norm2 > FLT_MIN && norm2 < REAL_MAX)
         s->quat_recip = R(1) / sqrt(norm2);
@@ -129,7 +135,7 @@ static void project_shape(shape *s, const real *quat, const real *log2_scale,
         for (j = 0; j < 3; j++)
             /* J W: d(f x/z) = f/z (dx - x/z dz). */
             s->row[i][j] = f * (w[3 * i + j] - s->slope[i] * w[6 + j]);
-        /* T = J W R S, a column for each of the primitive's axes. */
+        /* T = J W R S has a column for each axis of the primitive. */
         for (j = 0; j < 3; j++) {
             s->u[i][j] = s->row[i][0] * s->r[j] + s->row[i][1] * s->r[3 + j] +
                          s->row[i][2] * s->r[6 + j];
@@ -137,7 +143,7 @@ static void project_shape(shape *s, const real *quat, const real *log2_scale,
             top = max_real(top, fabs(s->t[i][j]));
         }
     }
-    /* Squares of what is larger would leave float in covariance_of. */
+    /* The squares of larger values would overflow a float in covariance_of. */
     s->shrink = top > ROW_MAX ? ROW_MAX / top : 1;
     if (s->shrink < 1)
         for (i = 0; i < 2; i++)
@@ -161,8 +167,8 @@ static void covariance_of(covariance *v, const shape *s)
              s->low_pass * s->low_pass;
 }
 
-/* Finds the pixels of one axis whose centre may lie within half of mean; half
- * is widened by more than its rounding error. */
+/* Sets [*lo, *hi) to the pixels of one axis whose centres may be within `half`
+ * of mean. `half` is widened to cover its rounding error. */
 static void span(int16_t *lo, int16_t *hi, real mean, real half, int side)
 {
     const real h = half * R(1.0001) + R(0.01);
@@ -173,14 +179,15 @@ static void span(int16_t *lo, int16_t *hi, real mean, real half, int side)
     *hi = (int16_t)saga_clamp(b, 0, R(side));
 }
 
-/* Returns where s + square s^2 is rest. */
+/* Returns the s at which s + square s^2 = rest. */
 static real reach(real rest, real square)
 {
     return square > 0 ? (sqrt(1 + 4 * square * rest) - 1) / (2 * square) : rest;
 }
 
-/* The ellipse s < most reaches sqrt(A most / k) pixels to each side, and its
- * major half-axis is the same for the larger eigenvalue. */
+/* Sets the pixels that the splat touches. The ellipse s < most extends sqrt(A
+ * most / k) pixels to each side. Returns its major half-axis, the same with the
+ * larger eigenvalue, or 0 if it covers no pixel. */
 static real bound(saga_splat_2d *o, const covariance *v, real most,
                   const saga_splat_camera *cam)
 {
@@ -201,7 +208,8 @@ static real bound(saga_splat_2d *o, const covariance *v, real most,
     return sqrt(big * most / K);
 }
 
-/* Counts the primitives that a pass was given: the canvas's come behind. */
+/* Returns the number of primitives given to the pass, which precede the
+ * canvas's own. */
 static size_t n_given(const saga_canvas *canvas)
 {
     return canvas->splat.n - canvas->n_still;
@@ -221,7 +229,8 @@ static real project_one(saga_splat_2d *o, const saga_canvas *canvas,
     size_t a;
 
     *o = (saga_splat_2d){ 0 };
-    /* Too faint at this time, behind or aside, degenerate: an extent of 0. */
+    /* Primitives that are too faint at this time, outside the view or
+     * degenerate get an extent of 0. */
     if (!(posed->q0[i] < cut))
         return 0;
     if (!project_mean(o->mean, &s, posed->mean + 3 * i, cam))
@@ -231,7 +240,7 @@ static real project_one(saga_splat_2d *o, const saga_canvas *canvas,
     covariance_of(&v, &s);
     if (!(v.det > 0 && v.det < REAL_MAX))
         return 0;
-    /* The conic's Cholesky factor: s = (g dx - n dy)^2 + (h dy)^2. */
+    /* The Cholesky factor of the conic: s = (g dx - n dy)^2 + (h dy)^2. */
     o->h = sqrt(K / v.c);
     o->g = sqrt(K * (v.c / v.det));
     o->n = o->g * (v.b / v.c);
@@ -254,7 +263,7 @@ void saga_splat_project_forward(saga_canvas *canvas,
 
 /* --- Backward ------------------------------------------------------------ */
 
-/* The picture says this about one splat. */
+/* The gradients of one splat. */
 typedef struct {
     real mean[2], g, n, h, q0, colour[3], weight;
 } splat_gradient;
@@ -266,15 +275,16 @@ static void gather(splat_gradient *d, const saga_splat_work *work, size_t i)
     real sum[SAGA_N_SUMS] = { 0 };
     size_t r, k;
 
-    /* Each tile has left a record; their order is fixed, and so is the sum. */
+    /* Each tile has left a record. Their order is fixed, so the sum is too. */
     for (r = work->slot_begin[i]; r < end; r++)
         for (k = 0; k < SAGA_N_SUMS; k++)
             sum[k] += work->record[r * SAGA_N_SUMS + k];
-    /* dL/dq = -ln 2 alpha dL/dalpha, of which the tiles leave ln 2 out. */
+    /* dL/dq = -ln 2 alpha dL/dalpha; the records leave out ln 2. */
     for (k = SAGA_SUM_Q; k <= SAGA_SUM_YY; k++)
         sum[k] *= LN_2;
     d->q0 = sum[SAGA_SUM_Q];
-    /* s = v^2 + w^2 with v = g dx - n dy, w = h dy, (dx, dy) from the mean. */
+    /* s = v^2 + w^2 with v = g dx - n dy, w = h dy, and (dx, dy) from the
+     * mean. */
     d->g = 2 * sum[SAGA_SUM_VX];
     d->n = -2 * sum[SAGA_SUM_VY];
     d->h = 2 * o->h * sum[SAGA_SUM_YY];
@@ -286,7 +296,7 @@ static void gather(splat_gradient *d, const saga_splat_work *work, size_t i)
     d->weight = sum[SAGA_SUM_WEIGHT];
 }
 
-/* Carries the gradient to the rows of T. */
+/* Computes the gradients of the rows of T from those of the conic. */
 static void conic_backward(real dt[2][3], const splat_gradient *d,
                            const saga_splat_2d *o, const shape *s)
 {
@@ -296,13 +306,13 @@ static void conic_backward(real dt[2][3], const splat_gradient *d,
     int j;
 
     covariance_of(&v, s);
-    /* g = sqrt(k C / det), n = g B / C, h = sqrt(k / C), C and det taken as
-     * independent. */
+    /* g = sqrt(k C / det), n = g B / C, h = sqrt(k / C), with C and det as
+     * independent variables. */
     d_g = d->g + d->n * (v.b / v.c);
     d_b = d->n * o->g / v.c;
     d_c = (d_g * o->g / 2 - d->n * o->n - d->h * o->h / 2) / v.c;
     d_det = -d_g * o->g / (2 * v.det);
-    /* d |t0 x t1|^2 / dt0 = 2 t1 x (t0 x t1), and the same for t1. */
+    /* d |t0 x t1|^2 / dt0 = 2 t1 x (t0 x t1), and likewise for t1. */
     cross3(x[0], s->t[1], v.cross);
     cross3(x[1], v.cross, s->t[0]);
     for (j = 0; j < 3; j++) {
@@ -313,7 +323,8 @@ static void conic_backward(real dt[2][3], const splat_gradient *d,
     }
 }
 
-/* Carries dR[i][j] to the quaternion, through its normalisation. */
+/* Computes the gradient of the quaternion from dR[i][j], through its
+ * normalisation. */
 static void rotation_backward(real *d_quat, const real *dr, const shape *s)
 {
     const real *const q = s->quat;
@@ -328,14 +339,15 @@ static void rotation_backward(real *d_quat, const real *dr, const shape *s)
                 q[3] * (dr[5] + dr[7]) - 2 * q[2] * (dr[0] + dr[8]));
     d[3] = 2 * (q[0] * (dr[3] - dr[1]) + q[1] * (dr[2] + dr[6]) +
                 q[2] * (dr[5] + dr[7]) - 2 * q[3] * (dr[0] + dr[4]));
-    /* q = p / |p|: dp = (d - (d.q) q) / |p|, what is along q changes
-     * nothing. */
+    /* q = p / |p| gives dp = (d - (d.q) q) / |p|: a change along q has no
+     * effect. */
     along = q[0] * d[0] + q[1] * d[1] + q[2] * d[2] + q[3] * d[3];
     for (i = 0; i < 4; i++)
         d_quat[i] = (d[i] - along * q[i]) * s->quat_recip;
 }
 
-/* Goes on to quaternion, scales and the rows of J W. */
+/* Computes the gradients of quaternion, scales and the rows of J W from those
+ * of T. */
 static void shape_backward(real *d_quat, real *d_scale, real d_row[2][3],
                            real dt[2][3], const shape *s,
                            const real *log2_scale)
@@ -345,13 +357,14 @@ static void shape_backward(real *d_quat, real *d_scale, real d_row[2][3],
 
     for (j = 0; j < 3; j++) {
         if (log2_scale[j] >= -SCALE_MAX && log2_scale[j] <= SCALE_MAX)
-            /* T's column grows with 2^log2_scale: d = ln 2 <dT, T>. */
+            /* A column of T is proportional to 2^log2_scale, so d = ln 2 <dT,
+             * T>. */
             d_scale[j] += LN_2 * (dt[0][j] * s->t[0][j] +
                                   dt[1][j] * s->t[1][j]);
         du[0][j] = dt[0][j] * s->scale[j];
         du[1][j] = dt[1][j] * s->scale[j];
     }
-    /* U = (J W) R: dR = (J W)^T dU, d(J W) = dU R^T. */
+    /* U = (J W) R gives dR = (J W)^T dU and d(J W) = dU R^T. */
     for (i = 0; i < 3; i++) {
         for (j = 0; j < 3; j++)
             dr[3 * i + j] = s->row[0][i] * du[0][j] + s->row[1][i] * du[1][j];
@@ -361,8 +374,8 @@ static void shape_backward(real *d_quat, real *d_scale, real d_row[2][3],
     rotation_backward(d_quat, dr, s);
 }
 
-/* Carries rows f/z (w_i - slope w_2) and mean = p + f x/z to the position.
- * Where the slope was clamped it is a constant. */
+/* Computes the gradient of the position from those of the rows f/z (w_i - slope
+ * w_2) and of mean = p + f x/z. A slope that was clamped is a constant. */
 static void mean_backward(real *d_mean, const real *d_mean2d,
                           real d_row[2][3], const shape *s,
                           const saga_splat_camera *cam)
@@ -374,12 +387,13 @@ static void mean_backward(real *d_mean, const real *d_mean2d,
 
     for (i = 0; i < 2; i++) {
         const real f = cam->focal[i] / z;
-        /* x/z moves the mean, and the slope where that is not clamped. */
+        /* x/z changes the mean, and the slope unless that is clamped. */
         real d_ratio = cam->focal[i] * d_mean2d[i];
 
         if (s->slope[i] == s->ratio[i])
             d_ratio -= f * dot3(w + 6, d_row[i]);
-        /* (x/z) by x is 1/z, by z -(x/z)/z; rows of J W go with 1/z too. */
+        /* The derivative of x/z by x is 1/z, by z -(x/z)/z; rows of J W are
+         * proportional to 1/z too. */
         dv[i] = d_ratio / z;
         dv[2] -= (dot3(s->row[i], d_row[i]) + d_ratio * s->ratio[i]) / z;
     }
@@ -387,7 +401,8 @@ static void mean_backward(real *d_mean, const real *d_mean2d,
         d_mean[i] = w[i] * dv[0] + w[3 + i] * dv[1] + w[6 + i] * dv[2];
 }
 
-/* A splat that was shrunk to ROW_MAX has no gradient to its shape. */
+/* Takes the gradients of a splat back to its primitive. A splat that was shrunk
+ * to ROW_MAX gives none to its shape. */
 static void project_one_backward(saga_splat_params *d,
                                  const splat_gradient *ds,
                                  saga_canvas *canvas, size_t i,
@@ -401,7 +416,8 @@ static void project_one_backward(saga_splat_params *d,
     shape s;
     size_t a;
 
-    /* The forward pass kept nothing but splats: its steps are made again. */
+    /* The forward pass keeps only splats, so its intermediate values are
+     * computed again. */
     if (!project_mean(mean, &s, work->posed.mean + 3 * i, &canvas->camera))
         return;
     s.low_pass = canvas->rules.low_pass;

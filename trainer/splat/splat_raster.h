@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * Blends the tiles' lists front to back, and differentiates it. The rules are
- * the decoder's: a splat touches the pixels with q < cut, alpha = 2^-q capped,
- * w = alpha T, a pixel is finished once its T fell below the floor, and what
- * is left shows the background.
+ * Blends the lists of the tiles front to back, and computes the gradients. The
+ * rules are the decoder's: a splat touches the pixels with q < cut, alpha =
+ * 2^-q is capped, its weight is alpha T, a pixel is finished when its T falls
+ * below the floor, and the remaining T shows the background.
  */
 #ifndef SAGA_SPLAT_RASTER_H
 #define SAGA_SPLAT_RASTER_H
@@ -15,20 +15,20 @@
 #define saga_splat_raster_backward SAGA_REAL_NAME(saga_splat_raster_backward)
 #define saga_splat_raster_learn SAGA_REAL_NAME(saga_splat_raster_learn)
 
-/* Draws canvas->splat's splats and lists into canvas->image. */
+/* Draws the splats and lists of canvas->splat into canvas->image. */
 void saga_splat_raster_forward(saga_canvas *canvas);
 
-/* Takes memory for a backward pass over the same lists, with as many threads as
- * there may be now. */
+/* Allocates memory for a backward pass over the same lists, with the present
+ * number of threads. Returns false with *error set if memory is short. */
 bool saga_splat_raster_reserve(saga_canvas *canvas, saga_error *error);
 
-/* SETS canvas->splat.record[n_pairs][SAGA_N_SUMS], every one of them, given
+/* SETS all of canvas->splat.record[n_pairs][SAGA_N_SUMS], from
  * canvas->d_image. */
 void saga_splat_raster_backward(saga_canvas *canvas);
 
-/* Does the same where the loss is the mean of (image - truth)^2, which it
- * returns: forward, loss and backward of a tile in one visit. Neither image nor
- * d_image is read or written. */
+/* Does the same for the loss mean of (image - truth)^2, and returns it. Each
+ * tile is drawn, compared and differentiated in one visit. image and d_image
+ * are neither read nor written. */
 double saga_splat_raster_learn(saga_canvas *canvas);
 
 #endif

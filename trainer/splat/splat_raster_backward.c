@@ -1,16 +1,16 @@
 /* SPDX-License-Identifier: MIT
  *
- * Backward begins with the forward pass of the same tile, which keeps alpha
- * and alpha T of every block that a splat touches: in L2, as many as there is
- * room for; of the splats behind these, backward computes them again. With
- * b = g.c (g = dL/dC), T before the splat and
+ * The backward pass of a tile starts with its forward pass, and keeps alpha and
+ * alpha T of the blocks that each splat touches. They stay in L2, as far as
+ * there is room; for the remaining splats they are computed again. With b = g.c
+ * (g = dL/dC) and T before the splat,
  *   D = g.(C_final - what splats up to and including this one gave),
  *   dL/dalpha = T b - D / (1 - alpha),   dL/dq = -ln 2 alpha dL/dalpha
- * (0 where the cap holds), dL/ds = (1 + 2 square s) dL/dq.
+ * (0 where alpha is capped), dL/ds = (1 + 2 square s) dL/dq.
  *
- * Sums over pixels are taken of dL/ds times powers of x and y from the tile's
- * middle, and become those of the record at the end: so far from the splat's
- * mean nothing cancels.
+ * Sums over pixels are of dL/ds times powers of x and y from the tile's middle,
+ * and are converted to those of the record at the end. If a tile is far from
+ * the splat's mean, this avoids cancellation.
  */
 #include "splat_raster.h"
 
@@ -21,22 +21,23 @@
 #include <string.h>
 
 enum {
-    KEPT = 2048,           /* blocks of a tile that are kept for backward; */
-    LAST = KEPT + BLOCKS,  /* the splat that fills them ends before, */
-    KEPT_ALL = LAST + BLOCKS /* and one more is worked on */
+    KEPT = 2048,           /* blocks of a tile that are kept */
+    LAST = KEPT + BLOCKS,  /* with the rest of the splat that fills them */
+    KEPT_ALL = LAST + BLOCKS /* with the blocks of the present splat */
 };
 
 /* --- A splat ------------------------------------------------------------- */
 
-/* Sums over the pixels of a tile, of which the moments are of dL/ds / ln 2, and
- * q of dL/dq / ln 2. */
+/* Sums over the pixels of a tile: q of dL/dq / ln 2, and moments m of dL/ds /
+ * ln 2. */
 typedef struct {
     wide q, m00, m10, m01, m20, m11, m02;
     wide red, green, blue, weight;
 } sums;
 
-/* Writes the record's sums of v = g dx - n dy and dy, where (x, y) is from the
- * tile's middle, which lies d from the mean. */
+/* Writes a record. Its sums are of v = g dx - n dy and of dy from the splat's
+ * mean; those of s are of (x, y) from the tile's middle, which is at d from the
+ * mean. */
 static void write_record(real *record, const sums *s, const saga_splat_2d *o,
                          const tile *t)
 {
@@ -49,8 +50,9 @@ static void write_record(real *record, const sums *s, const saga_splat_2d *o,
 
     vec_sum8(m, all);
     vec_sum2(record + SAGA_SUM_B, wide_fold(s->blue), wide_fold(s->weight));
-    /* With v = v0 + g x - n y and dy = d1 + y: sums of v, v dx, v dy, dy and
-     * dy^2 from the moments m00, m10, m01, m20, m11, m02 in m[0] to m[5]. */
+    /* With v = v0 + g x - n y and dy = d1 + y, the sums of v, v dx, v dy, dy
+     * and dy^2 follow from the moments m00, m10, m01, m20, m11, m02 in m[0] to
+     * m[5]. */
     to_middle(d, o, t);
     v0 = o->g * d[0] - o->n * d[1];
     vx = v0 * m[1] + o->g * m[3] - o->n * m[4];
@@ -65,7 +67,8 @@ static void write_record(real *record, const sums *s, const saga_splat_2d *o,
     record[SAGA_SUM_G] = m[7];
 }
 
-/* Adds the blocks of a half that the splat touched, of which `from` tells. */
+/* Adds the blocks in one half of the tile that the splat touched. `from` has
+ * its alpha and weight in these blocks. */
 static void add_half(sums *s, tile *t, const saga_splat_2d *o, const pass *p,
                      const kept *from, int half, unsigned touched)
 {
@@ -94,12 +97,12 @@ static void add_half(sums *s, tile *t, const saga_splat_2d *o, const pass *p,
         const wide shown = wide_mul(
             weight, wide_fma(d_blue, blue, wide_fma(d_green, green,
                                                     wide_mul(d_red, red))));
-        /* D after this splat: what those behind it,
-         * and the background, give. */
+        /* D after this splat: what the splats behind it and the background
+         * give. */
         const wide rest = wide_sub(wide_load(t->rest + at), shown);
         const wide y = wide_load(p->grid.y[j]);
-        /* dL/dq / ln 2 = -(alpha T b - D alpha / (1 - alpha)), of which alpha T
-         * b is `shown`; 0 where the cap holds. */
+        /* dL/dq / ln 2 = -(alpha T b - D alpha / (1 - alpha)), where alpha T b
+         * is `shown`; 0 where alpha is capped. */
         const wide odds = wide_div(alpha, wide_sub(one, alpha));
         const wide d_q = wide_keep(wide_less(alpha, p->limit.cap),
                                    wide_sub(wide_mul(odds, rest), shown));
@@ -119,8 +122,8 @@ static void add_half(sums *s, tile *t, const saga_splat_2d *o, const pass *p,
         s_blue = wide_fma(weight, d_blue, s_blue);
         s_weight = wide_add(s_weight, weight);
     }
-    /* x is the same in all blocks of a half, so it
-     * comes in once, at the end. */
+    /* x is the same for all blocks of a half, so it is applied once at the
+     * end. */
     m0_x = wide_mul(m0, x);
     s->q = s_q;
     s->m00 = wide_add(s->m00, m0);
@@ -153,13 +156,13 @@ static void blend_backward(real *record, tile *t, const saga_splat_2d *o,
 
 /* --- A tile's list ------------------------------------------------------- */
 
-/* The forward pass of a tile leaves this. */
+/* What the forward pass of a tile keeps. */
 typedef struct {
     kept *block;
-    uint16_t *touched;     /* of each splat of the list that is kept */
-    size_t begin, end;     /* of the list, as far as it was drawn */
-    size_t unkept;         /* first that is not kept, or end */
-    real trans[AREA];      /* before it */
+    uint16_t *touched;     /* bit mask of blocks, for each splat that is kept */
+    size_t begin, end;     /* the part of the list that was drawn */
+    size_t unkept;         /* first splat that is not kept, or end */
+    real trans[AREA];      /* transmittance before that splat */
 } trail;
 
 static void draw_and_keep(trail *r, tile *t, const pass *p)
@@ -170,8 +173,8 @@ static void draw_and_keep(trail *r, tile *t, const pass *p)
 
     r->unkept = r->end;
     for (e = r->begin; e < r->end && !is_done(t, p, e - r->begin); e++) {
-        /* There is no room for another splat: T is noted
-         * for going on from here. */
+        /* There is no room for another splat. T is saved, so that the backward
+         * pass can draw again from here. */
         if (r->unkept == r->end && to > r->block + KEPT) {
             r->unkept = e;
             memcpy(r->trans, t->trans, sizeof r->trans);
@@ -196,7 +199,8 @@ static real *record_of(const saga_splat_work *work, size_t e)
     return work->record + (size_t)work->pair[e].slot * SAGA_N_SUMS;
 }
 
-/* t holds the gradient of its pixels. */
+/* Goes through the list and writes all records. t holds the gradient of its
+ * pixels. */
 static void go_back(const trail *r, tile *t, const pass *p)
 {
     const saga_splat_work *const work = &p->canvas->splat;
@@ -208,7 +212,7 @@ static void go_back(const trail *r, tile *t, const pass *p)
                        r->touched[e]);
         from += __builtin_popcount(r->touched[e]);
     }
-    /* Those that were not kept: drawn once more, from the T that was noted. */
+    /* Splats that were not kept are drawn again, starting with the saved T. */
     if (e < r->end)
         memcpy(t->trans, r->trans, sizeof t->trans);
     for (; e < r->end; e++) {
@@ -260,7 +264,7 @@ static void take_plane(real *to, const tile *t, const real *plane, int width)
                    (size_t)n_inside(t, half) * sizeof *to);
 }
 
-/* The slope becomes a picture's values; those outside of it are 0. */
+/* Sets the slope to the values of a picture, with 0 outside of it. */
 static void take_picture(tile *t, const saga_splat_camera *cam,
                          const real *picture)
 {
@@ -272,7 +276,7 @@ static void take_picture(tile *t, const saga_splat_camera *cam,
                    cam->width);
 }
 
-/* Where a pixel does not count, what is drawn is right. */
+/* Sets the truth of pixels that do not count to what is drawn. */
 static void forgive(tile *t)
 {
     for (int c = 0; c < 3; c++)
@@ -281,12 +285,12 @@ static void forgive(tile *t)
                 t->slope[c][i] = t->colour[c][i];
 }
 
-/* The slope, which holds the truth, becomes that of the mean squared error.
- * Returns the sum of squares. */
+/* Replaces the truth, which is in t->slope, by the gradient of the mean squared
+ * error. Returns the sum of squares. */
 static double compare(tile *t, const saga_splat_camera *cam)
 {
-    /* dL/dC of the mean over all values of the picture, those that
-     * do not count among them. */
+    /* The factor is that of a mean over all values of the picture, including
+     * those that do not count. */
     const wide unit = wide_set1(R(2) / R(3 * plane_size(cam)));
     wide sum = wide_zero();
     int c, i;
@@ -308,7 +312,7 @@ static void begin_rest(tile *t)
     int c, i;
 
     for (i = 0; i < AREA; i += WIDE_LANES) {
-        /* D = g . C, C with the background: nothing is taken off yet. */
+        /* D = g . C, where C includes the background. */
         wide rest = wide_zero();
 
         for (c = 0; c < 3; c++)
@@ -318,8 +322,8 @@ static void begin_rest(tile *t)
     }
 }
 
-/* Goes back from the gradient to the picture, or from the truth: then it sets
- * the sum of squared errors. */
+/* Computes the records of a tile from the gradient of the picture, or from the
+ * truth; then it also sets the tile's sum of squared errors. */
 static void tile_backward(void *user, size_t index)
 {
     const pass *const p = user;
@@ -335,8 +339,8 @@ static void tile_backward(void *user, size_t index)
     size_t e;
 
     begin_tile(&t, p, index);
-    /* Forward, then the gradient of the pixels, then back, while all of it
-     * is in this core's cache. */
+    /* Forward pass, gradient of the pixels and backward pass follow each other
+     * while the data is in this core's cache. */
     draw_and_keep(&r, &t, p);
     end_tile(&t, cam->background);
     take_picture(&t, cam, p->learn ? p->canvas->truth : p->canvas->d_image);
@@ -346,7 +350,7 @@ static void tile_backward(void *user, size_t index)
         work->squares[index] = compare(&t, cam);
     begin_rest(&t);
     go_back(&r, &t, p);
-    /* Splats behind the last pixel's end have records, too, of zeros. */
+    /* Splats after the last one that was drawn get records of zeros. */
     for (e = r.end; e < end; e++)
         memset(record_of(work, e), 0, SAGA_N_SUMS * sizeof(real));
 }
@@ -367,7 +371,7 @@ double saga_splat_raster_learn(saga_canvas *canvas)
 
     p.learn = 1;
     do_tiles(tile_backward, &p, 3);
-    /* Tiles in their order, whichever thread had them. */
+    /* The sum is in the order of tiles, so it does not depend on threads. */
     for (i = 0; i < n; i++)
         sum += canvas->splat.squares[i];
     return sum / saga_canvas_n_seen(canvas);

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * Visible splats are sorted by the bits of their depth (radix sort, stable, so
- * equal depths stay in index order), then counted and scattered into the lists
- * in that order. The scatter is stable: lists are the same for any division of
- * the splats among threads.
+ * Visible splats are sorted by the bits of their depth (by a stable radix sort,
+ * so that equal depths stay in index order), and then counted and scattered
+ * into the lists in that order. The scatter is stable, so the lists do not
+ * depend on how the splats are divided among threads.
  */
 #include "splat_tiles.h"
 
@@ -14,14 +14,14 @@
 
 enum { TILE = SAGA_SPLAT_TILE, RADIX_BITS = 11, RADIX = 1 << RADIX_BITS };
 
-/* Nanoseconds that a splat takes to be put into the lists. */
+/* Nanoseconds to put a splat into the lists. */
 enum { LIST_NS = 60 };
 
 /* --- Order --------------------------------------------------------------- */
 
 typedef struct { uint32_t key, index; } depth_key;
 
-/* Bits of a positive float grow with its value. */
+/* For positive floats, the order of bits is the order of values. */
 static uint32_t depth_bits(real depth)
 {
     const float d = (float)depth;
@@ -39,7 +39,7 @@ static void sort_pass(depth_key *to, const depth_key *from, uint32_t n,
 
     for (i = 0; i < n; i++)
         begin[(from[i].key >> shift) % RADIX]++;
-    /* Counts become the places where each digit's keys begin. */
+    /* Counts become the index at which the keys of each digit begin. */
     for (i = 0; i < RADIX; i++) {
         const uint32_t count = begin[i];
 
@@ -66,8 +66,8 @@ static bool sort_by_depth(saga_splat_work *work, saga_error *error)
     for (i = 0; i < work->n; i++)
         if (work->extent[i] > 0)
             a[n++] = (depth_key){ depth_bits(work->splat[i].depth), i };
-    /* Least digit first; three of 11 bits cover 32.
-     * The third pass ends in b. */
+    /* The least significant digit comes first; three of 11 bits cover 32. The
+     * third pass ends in b. */
     sort_pass(b, a, n, 0);
     sort_pass(a, b, n, RADIX_BITS);
     sort_pass(b, a, n, 2 * RADIX_BITS);
@@ -94,10 +94,11 @@ static int clamp_int(real x, int lo, int hi)
     return x < R(lo) ? lo : x > R(hi) ? hi : (int)x;
 }
 
-/* Finds columns of tiles the ellipse q < cut touches in pixel rows ya..yb-1:
- * its extremes in x over that strip, widened by more than the rounding error.
- * At dy the ellipse spans (n dy +- sqrt(rest - h^2 dy^2)) / g, which is extreme
- * at dy = +-n sqrt(rest / (n^2 + h^2)) / h, or at the strip's edge. */
+/* Sets [*c0, *c1) to the columns of tiles that the ellipse q < cut touches in
+ * pixel rows ya..yb-1: its extremes in x over these rows, widened by more than
+ * the rounding error. At dy the ellipse covers (n dy +- sqrt(rest - h^2 dy^2))
+ * / g, which is extreme at dy = +-n sqrt(rest / (n^2 + h^2)) / h, or at the
+ * first or last row. */
 static void columns(int *c0, int *c1, const saga_splat_2d *o, int ya, int yb,
                     real cut)
 {
@@ -108,7 +109,7 @@ static void columns(int *c0, int *c1, const saga_splat_2d *o, int ya, int yb,
     real hi = R(yb) - R(0.5) - o->mean[1];
     real a, b, right, left, slack;
 
-    /* Only as far up and down as the ellipse goes. */
+    /* Limited to the height of the ellipse. */
     lo = saga_clamp(lo, -tall, tall);
     hi = saga_clamp(hi, -tall, tall);
     a = saga_clamp(peak, lo, hi);
@@ -124,7 +125,8 @@ static void columns(int *c0, int *c1, const saga_splat_2d *o, int ya, int yb,
                                    o->x1 - 1));
 }
 
-/* Does the same for one row of tiles; small boxes are taken whole. */
+/* Sets the columns for one row of tiles. For a small splat they are those of
+ * its bounding box. */
 static void tile_columns(int *c0, int *c1, const saga_splat_2d *o, int row,
                          real cut)
 {
@@ -141,13 +143,13 @@ static void tile_columns(int *c0, int *c1, const saga_splat_2d *o, int row,
 
 /* --- Lists --------------------------------------------------------------- */
 
-/* Divides [0, n) in parts, always alike. */
+/* Returns the begin of a part of [0, n), equal in both passes. */
 static uint32_t part_begin(uint32_t n, size_t part, size_t n_parts)
 {
     return (uint32_t)((uint64_t)n * part / n_parts);
 }
 
-/* All parts share this. */
+/* The inputs that all parts share. */
 typedef struct {
     saga_splat_work *work;
     size_t *count;         /* (parts, tiles) */
@@ -155,7 +157,7 @@ typedef struct {
     real cut;
 } listing;
 
-/* Counts splats of one part per tile, and slots per splat. */
+/* Counts the entries of one part for each tile, and the slots of each splat. */
 static void count_part(void *user, size_t part)
 {
     const listing *const l = user;
@@ -176,8 +178,8 @@ static void count_part(void *user, size_t part)
                 count[(size_t)row * work->n_tiles_x + (size_t)c]++;
             slots += (uint32_t)(c1 - c0);
         }
-        /* One place later, so that the sums in begin_lists
-         * leave the begin of each. */
+        /* One index higher, so that the sums in begin_lists become the begin of
+         * each. */
         work->slot_begin[work->order[r] + 1u] = slots;
     }
 }
@@ -201,8 +203,8 @@ static void scatter_part(void *user, size_t part)
             for (c = c0; c < c1; c++) {
                 const size_t t = (size_t)row * work->n_tiles_x + (size_t)c;
 
-                /* Slots are numbered by splat, so that backward finds all
-                 * records of a splat side by side; lists are by tile. */
+                /* Slots are numbered by splat, so that all records of a splat
+                 * are adjacent; lists are by tile. */
                 work->pair[next[t]++] =
                     (saga_splat_pair){ work->order[r], slot++ };
             }
@@ -210,8 +212,8 @@ static void scatter_part(void *user, size_t part)
     }
 }
 
-/* count[part][tile] becomes where that part's entries of the tile begin.
- * Returns the number of pairs. */
+/* Replaces count[part][tile] by the index at which this part's entries of the
+ * tile begin. Returns the number of pairs. */
 static size_t prefix_tiles(size_t *count, saga_splat_work *work,
                            size_t n_tiles, size_t n_parts)
 {
@@ -219,8 +221,8 @@ static size_t prefix_tiles(size_t *count, saga_splat_work *work,
 
     for (t = 0; t < n_tiles; t++) {
         work->tile_begin[t] = sum;
-        /* Within a tile the parts follow each other, and a part is a range of
-         * depths: each list is sorted by depth. */
+        /* Within a tile the parts follow each other, and each part is a range
+         * of depths, so every list is sorted by depth. */
         for (part = 0; part < n_parts; part++) {
             size_t *const c = count + part * n_tiles + t;
             const size_t n = *c;
@@ -233,7 +235,7 @@ static size_t prefix_tiles(size_t *count, saga_splat_work *work,
     return sum;
 }
 
-/* Makes room for the lists, once it is known how long they are. */
+/* Allocates the lists when their lengths are known. */
 static bool begin_lists(const listing *l, saga_error *error)
 {
     saga_splat_work *const work = l->work;
@@ -248,7 +250,8 @@ static bool begin_lists(const listing *l, saga_error *error)
                           (work->n_pairs + SAGA_SPLAT_AHEAD) *
                           sizeof *work->pair, error))
         return false;
-    /* Those who read ahead of the list's end find splat 0, which is there. */
+    /* Reads past the end of the lists, for prefetching, find splat 0, which
+     * exists. */
     memset(work->pair + work->n_pairs, 0,
            SAGA_SPLAT_AHEAD * sizeof *work->pair);
     return true;
@@ -268,8 +271,8 @@ static bool fill_lists(saga_splat_work *work, size_t n_tiles, real cut,
     l.count = work->scratch[2];
     memset(l.count, 0, count_nbytes);
     memset(work->slot_begin, 0, (work->n + 1u) * sizeof *work->slot_begin);
-    /* Both passes find the same tiles for a splat:
-     * what is counted is filled. */
+    /* Both passes find the same tiles for a splat, so counts and entries
+     * agree. */
     saga_parallel(&(saga_tasks){ .run = count_part, .user = &l, .n = n_parts,
                                  .ns = ns });
     if (!begin_lists(&l, error))

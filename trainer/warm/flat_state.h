@@ -7,87 +7,90 @@
 
 #include "flat.h"
 
-/* Streams of the random numbers; counters are iterations or draws. */
+/* Streams of random numbers (rng.h); counters are iterations or draws. */
 enum {
     FLAT_RNG_PICTURE, FLAT_RNG_SEED, FLAT_RNG_GROW, FLAT_RNG_SCORE,
     FLAT_RNG_EXPOSURE
 };
 
-/* An attribute learns like this in one set. */
+/* How an attribute is trained in one set. */
 typedef struct saga_flat_rule {
-    real lo, hi;                /* values are kept in it */
-    real rate, rate_end;        /* learning rate: first, last */
+    real lo, hi;                /* values are clamped to this range */
+    real rate, rate_end;        /* first and last learning rate */
 } saga_flat_rule;
 
 struct saga_flat {
     const saga_pictures *pictures;
     saga_flat_options o;
-    double reach;               /* half-cubes: typical depth of the scene */
-    uint32_t attrs;             /* the set of those that there are */
+    double reach;               /* typical depth of the scene, in half-cubes */
+    uint32_t attrs;             /* set of the attributes in use */
     saga_flat_rule rule[SAGA_N_ATTRS];
 
     uint32_t n, cap;
     saga_splat_params value, grad, m, v; /* m, v: Adam's moments */
-    saga_splat_stats stats;     /* sums, halved at every round */
-    real *worth;                /* (n) what the squared error would grow by
-                                 * without it: a sum that an epoch halves */
-    real *step;                 /* (n, 3) of the means, along own axes */
+    saga_splat_stats stats;     /* sums, halved in every round of growing */
+    real *worth;                /* (n) growth of the squared error without each
+                                 * primitive: a sum that is halved every
+                                 * epoch */
+    real *step;                 /* (n, 3) of the means, along each primitive's
+                                 * axes */
     int iteration;
 
     saga_canvas canvas;
 };
 
-/* A pixel says this about a place in the scene. */
+/* What a pixel tells about a place in the scene. */
 typedef struct saga_flat_sight {
-    double position[3];         /* world */
-    double depth, footprint;    /* world; size of a pixel there */
+    double position[3];         /* world units */
+    double depth, footprint;    /* world units; footprint: size of a pixel
+                                 * there */
     real rgb[3];
     real t_centre, log2_width;
     bool still;
 } saga_flat_sight;
 
 /* flat_set.c */
-/* Makes room for n primitives, values kept. */
+/* Allocates room for n primitives and keeps the values. */
 bool saga_flat_reserve(saga_flat *f, uint32_t n, saga_error *error);
 void saga_flat_free_set(saga_flat *f);
-/* Appends a primitive, as its attributes start, or a copy of another; room must
- * be there. Returns its number. */
+/* Append a primitive with the attributes' initial values, or a copy of another
+ * one. There must be room. Return its index. */
 uint32_t saga_flat_append(saga_flat *f);
 uint32_t saga_flat_append_copy(saga_flat *f, uint32_t from);
-/* Sets moments and statistics of a primitive to zero: they are of what it was
- * before. */
+/* Sets moments and statistics of a primitive that has changed to zero. */
 void saga_flat_forget(saga_flat *f, uint32_t i);
-/* Moves values of an attribute into its bounds. */
+/* Clamps a range of an attribute's values to its bounds. */
 void saga_flat_bound(saga_flat *f, int attr, saga_range of);
-/* Keeps those with keep[i], in order. */
+/* Keeps the primitives with keep[i] set, in order. */
 void saga_flat_keep(saga_flat *f, const uint8_t *keep);
-/* Gives the unit vectors along which log2_scale[0], [1], [2] lie. */
+/* Sets axes to the unit vectors of log2_scale[0], [1] and [2]. */
 void saga_flat_axes(real axes[3][3], const real *quat);
-/* Sets the canvas's image and truth. */
+/* Draws a picture into the canvas's image, and sets its truth. */
 bool saga_flat_draw(saga_flat *f, saga_sample sample, saga_error *error);
 
 /* flat_sight.c */
-/* Looks at a pixel. Returns false where the depth is a guess; the rest of *s is
- * then filled all the same, unless the pixel is too near to the border
- * (depth 0). */
+/* Sets *s from a pixel. Returns false if the depth is a guess; the rest of *s
+ * is set then too, except if the pixel is too close to the border (depth 0). */
 bool saga_flat_look(const saga_flat *f, int view, int frame, double u,
                     double v, saga_flat_sight *s);
-/* Looks at a point of the capture, which is taken to be seen at frame 0 by the
- * views where its colour fits; false where none does. */
+/* Sets *s from a point of the capture. The point is assumed to be seen at frame
+ * 0 by the views in which its colour fits. Returns false if there is none. */
 bool saga_flat_look_at_point(const saga_flat *f, const saga_point *p,
                              saga_flat_sight *s);
 
 /* flat_seed.c */
 /* Makes the first primitives. */
 bool saga_flat_init(saga_flat *f, saga_error *error);
-/* Appends a primitive where s is, its standard deviation sigma in world units;
- * room must be there. */
+/* Appends a primitive at the place of s, with standard deviation sigma in world
+ * units. There must be room. */
 void saga_flat_add(saga_flat *f, const saga_flat_sight *s, double sigma);
 
-/* flat_save.c: f as saga_flat_new makes it, but without primitives. */
+/* flat_save.c: reads the state into f, which is as saga_flat_new makes it but
+ * without primitives. */
 bool saga_flat_load(saga_flat *f, saga_checkpoint *c, saga_error *error);
 
-/* flat_grow.c: before iteration f->iteration. */
+/* flat_grow.c: changes the number of primitives before iteration
+ * f->iteration. */
 bool saga_flat_change_count(saga_flat *f, saga_error *error);
 
 #endif
