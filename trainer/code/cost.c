@@ -4,11 +4,11 @@
 #include <math.h>
 #include <string.h>
 
-#define RANGE_MIN (1u << 24)     /* of range_enc.c */
+#define RANGE_MIN (1u << 24)     /* as in range_enc.c */
 
 /* --- Single symbols ------------------------------------------------------ */
 
-/* A symbol is coded so: an interval of 2^15, then plain bits. */
+/* The code of a symbol: an interval of 2^15, then plain bits. */
 typedef struct {
     uint32_t start, end, plain;
 } code;
@@ -18,8 +18,8 @@ static double length_of(code x)
     return SAGA_PROB_BITS - log2(x.end - x.start) + x.plain;
 }
 
-/* Counts prefix and rest of the Exp-Golomb code of v, whose order grows up to
- * 16. */
+/* Returns the bits of the Exp-Golomb code of v: its prefix and its remainder,
+ * whose order grows up to 16. */
 static uint32_t escape_bits(uint32_t v)
 {
     uint32_t order = SAGA_ESCAPE_ORDER, prefix = 0;
@@ -40,15 +40,15 @@ static code code_residual(int32_t q, uint32_t scale)
     uint32_t half;
 
     if (m > row.max) {
-        /* An escape's interval goes to the end; behind it the rest of |q|
-         * and the sign are plain bits. */
+        /* The interval of an escape goes to the end. After it, the remainder of
+         * |q| and the sign are plain bits. */
         x.start = row.start[row.max + 1];
         x.plain = escape_bits(m - row.max - 1) + 1;
         return x;
     }
     x.start = row.start[m];
     x.end = row.start[m + 1];
-    /* A pair's interval is halved: first +m, then -m. */
+    /* +m and -m share an interval: the first half is +m, the second -m. */
     half = (x.start + x.end) >> 1;
     if (q > 0)
         x.end = half;
@@ -79,7 +79,7 @@ static void renormalise(saga_cost *k)
         k->range <<= 8;
 }
 
-/* Does to the range what range_enc.c does; low is of no interest. */
+/* Changes the range as range_enc.c does; `low` has no influence. */
 static void spend(saga_cost *k, saga_at at, code x)
 {
     const uint32_t before = k->range, r = before >> SAGA_PROB_BITS;
@@ -87,13 +87,13 @@ static void spend(saga_cost *k, saga_at at, code x)
 
     k->range = x.end == SAGA_PROB_TOTAL ? before - r * x.start
                                         : r * (x.end - x.start);
-    /* `spent` is what the range lost, `bits` what the frequencies say. */
+    /* `spent` is what the range lost, `bits` what the frequencies give. */
     k->spent[at.sym] += log2((double)before / k->range) + x.plain;
     k->bits[at.sym] += length_of(x);
     if (saga_component_of(at.sym) == SAGA_COMPONENT_NETWORKS)
         k->net_bits[at.index] += length_of(x);
     renormalise(k);
-    /* Halving 2^24 or more loses less than 2^-23 bits. */
+    /* Halving a range of at least 2^24 loses less than 2^-23 bits. */
     for (i = 0; i < x.plain; i++) {
         k->range >>= 1;
         renormalise(k);
@@ -112,7 +112,7 @@ static void residual(saga_coder *c, saga_at at, int32_t *q, const int16_t *mu,
         spend(k, at, code_residual(q[i], scale[i]));
 }
 
-/* The model is inner's to update: its state before is what the symbol costs. */
+/* inner updates the adaptive model; the cost is by its state before. */
 static uint32_t adaptive(saga_coder *c, saga_at at, saga_adaptive *m,
                          uint32_t n_sym)
 {
@@ -129,7 +129,7 @@ static uint32_t uniform(saga_coder *c, saga_at at, uint32_t bits)
 {
     saga_cost *const k = (saga_cost *)(void *)c;
     const uint32_t v = k->inner->uniform(k->inner, at, bits);
-    /* The whole of 2^15, which leaves the range as it is. */
+    /* The whole interval of 2^15 leaves the range unchanged. */
     const code x = { 0, SAGA_PROB_TOTAL, bits };
 
     c->error = k->inner->error;

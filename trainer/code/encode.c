@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The file: what its encoder keeps, its base and segments, and the order in
- * which all of it is written. encode_chunks.c makes the chunks of symbols.
+ * The file: the encoder's state, base and segments, and the order in which
+ * everything is written. encode_chunks.c makes the chunks of symbols.
  */
 #include "encode_state.h"
 
@@ -12,12 +12,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Copies what the encoder keeps, and makes room for the networks. */
+/* Copies the arguments and allocates the networks. */
 static bool begin(saga_encoder *e, const saga_header *header,
                   const saga_rig_camera *rig, saga_error *error)
 {
     e->header = *header;
-    /* The encoder fills in these fields as base and segments come. */
+    /* The encoder sets these fields when base and segments are added. */
     e->header.model.tools &= ~(uint32_t)SAGA_TOOL_BASE;
     e->header.base = (saga_counts){ 0, 0, 0 };
     e->header.base_nbytes = 0;
@@ -59,8 +59,8 @@ saga_encoder *saga_encoder_open(const saga_header *header,
     return e;
 }
 
-/* Names of a rig mostly begin alike: each says how many bytes it shares with
- * the one before. */
+/* Writes a name as the number of bytes that it shares with the previous name,
+ * since those of a rig mostly begin alike, and the rest. */
 static size_t write_name(uint8_t *p, const char *before, const char *name)
 {
     size_t shared = 0, more;
@@ -87,7 +87,7 @@ bool saga_encoder_names(saga_encoder *e, const saga_naming *names,
     if (!p)
         return false;
     p += SAGA_CHUNK_NBYTES;
-    /* The unit of length comes first, in 8 bytes, then a name for each
+    /* The unit of length comes first, in 8 bytes, then the name of each
      * camera. */
     fx_store32_le(p, (uint32_t)names->metre_mantissa);
     fx_store32_le(p + 4, (uint32_t)names->metre_exponent);
@@ -109,7 +109,7 @@ const saga_model *saga_encoder_model(const saga_encoder *e)
     return &e->header.model;
 }
 
-/* Makes room for SEGM, whose fields come when the layers are there. */
+/* Makes room for the chunk SEGM, whose fields are set after the layers. */
 static bool begin_segment(saga_encoder *e, saga_error *error)
 {
     const uint32_t nbytes = saga_segment_nbytes(saga_n_layers(&e->header));
@@ -134,15 +134,15 @@ static void add_to_maxima(saga_header *h, const saga_segment_header *seg)
 
         h->max.coarse = larger(h->max.coarse, n->coarse);
         h->max.fine = larger(h->max.fine, n->fine);
-        /* Anchors are gone when their layer is decoded; primitives of all
-         * layers are drawn together, so that their numbers add up. */
+        /* The anchors of a layer are freed when it is decoded, but primitives
+         * of all layers are drawn together, so their numbers add up. */
         prim += n->prim;
     }
     h->max.prim = larger(h->max.prim, prim);
 }
 
-/* Sets the header's maxima and the index, once a segment is whole; the place is
- * one of those there are, or the next. */
+/* Sets the header's maxima and the index for a complete segment. place is at
+ * most the number of segments. */
 static bool end_segment(saga_encoder *e, uint32_t place,
                         const saga_segment_header *seg,
                         saga_index_entry entry, saga_error *error)
@@ -154,7 +154,8 @@ static bool end_segment(saga_encoder *e, uint32_t place,
     if (!index)
         return false;
     e->index = index;
-    /* The index is in order of time, bytes in the order they were made in. */
+    /* The index is in order of time, the bytes in the order in which they were
+     * made. */
     memmove(index + place + 1, index + place,
             (h->n_segments - place) * sizeof *index);
     index[place] = entry;
@@ -164,7 +165,7 @@ static bool end_segment(saga_encoder *e, uint32_t place,
     return true;
 }
 
-/* Appends the layers s[0..N), and notes what SEGM says of them. */
+/* Appends the layers s[0..N), and sets their fields in SEGM. */
 static bool encode_layers(saga_encoder *e, saga_segment_header *seg,
                           const saga_symbols *s, saga_error *error)
 {
@@ -195,7 +196,7 @@ bool saga_encoder_insert(saga_encoder *e, uint32_t place,
     const size_t begin = e->segments.n;
     const saga_encode_sizes sizes = e->sizes;
     saga_index_entry entry = { begin, 0, n_frames };
-    /* Number and first frame are the finished file's to say. */
+    /* Number and first frame are set when the file is finished. */
     saga_segment_header seg = { .n_frames = n_frames };
 
     if (n_frames == 0)
@@ -209,7 +210,7 @@ bool saga_encoder_insert(saga_encoder *e, uint32_t place,
         if (end_segment(e, place, &seg, entry, error))
             return true;
     }
-    /* The file is what it was: what lies behind n does not count. */
+    /* The file becomes what it was before; bytes after n are ignored. */
     e->segments.n = begin;
     e->sizes = sizes;
     return false;
@@ -246,7 +247,8 @@ static bool write_header(saga_encoder *e, saga_buffer *out, saga_error *error)
     saga_io io = { NULL, NULL, SAGA_MAGIC_NBYTES };
     uint32_t i;
 
-    /* 4 for the CRC, which saga_file_sign writes when all fields are known. */
+    /* 4 bytes are for the CRC, which saga_file_sign writes when all fields are
+     * final. */
     h->header_nbytes = saga_rig_end(h) + 4;
     io.out = saga_buffer_reserve(out, h->header_nbytes, error);
     if (!io.out)
@@ -263,8 +265,8 @@ static bool write_header(saga_encoder *e, saga_buffer *out, saga_error *error)
 static bool write_index(saga_encoder *e, saga_buffer *out, saga_error *error)
 {
     const uint32_t nbytes = e->header.n_segments * SAGA_INDEX_ENTRY_NBYTES;
-    /* Before the first segment lie this index and NETS, each with a chunk's
-     * header, and the base and names, whose bytes here include theirs. */
+    /* The first segment is preceded by this index and NETS, each with a chunk
+     * header, and by the base and names, whose sizes here include theirs. */
     uint64_t offset = out->n + 2u * SAGA_CHUNK_NBYTES + nbytes +
                       e->header.nets_nbytes + e->base.n + e->names.n;
     saga_io io = { NULL, saga_buffer_reserve(out, SAGA_CHUNK_NBYTES + nbytes,
@@ -285,7 +287,8 @@ static bool write_index(saga_encoder *e, saga_buffer *out, saga_error *error)
     return true;
 }
 
-/* Returns where the n bytes that it appends lie now; NULL: no memory. */
+/* Appends n bytes and returns their address. Returns NULL with *error set if
+ * memory is short. */
 static uint8_t *append(saga_buffer *out, const uint8_t *p, size_t n,
                        saga_error *error)
 {
@@ -298,7 +301,7 @@ static uint8_t *append(saga_buffer *out, const uint8_t *p, size_t n,
     return to;
 }
 
-/* Copies the segments in the index's order, which is that of time. */
+/* Copies the segments in the order of the index, which is by time. */
 static bool write_segments(const saga_encoder *e, saga_buffer *out,
                            saga_error *error)
 {
@@ -315,7 +318,7 @@ static bool write_segments(const saga_encoder *e, saga_buffer *out,
         if (!p)
             return false;
         saga_segment_io(&in, &seg, saga_n_layers(&e->header));
-        /* Number and first frame follow from the place, which may have
+        /* Number and first frame follow from the position, which may have
          * changed since the segment was made. */
         seg.number = i;
         seg.first_frame = first_frame;
@@ -338,10 +341,10 @@ void saga_file_sign(uint8_t *file, size_t n, size_t header_nbytes)
         saga_chunk chunk;
 
         saga_chunk_io(&in, &chunk);
-        /* A chunk's CRC goes on from its owner's, so that a chunk of another
-         * file does not fit: INDX and NETS from the header's, NAME from NETS',
-         * the base's each from the one before, all of the segments' from the
-         * last of the head. */
+        /* The CRC of a chunk continues from another one's, so that a chunk of a
+         * different file does not match: INDX and NETS from the header's, NAME
+         * from that of NETS, each of the base's from the previous one, and all
+         * of the segments' from the last one in the head. */
         chunk.crc = saga_chunk_crc(chunk.type == SAGA_CHUNK_NAMES ? nets
                                    : owner, &chunk, p + SAGA_CHUNK_NBYTES);
         saga_chunk_io(&out, &chunk);
@@ -355,7 +358,7 @@ void saga_file_sign(uint8_t *file, size_t n, size_t header_nbytes)
     }
 }
 
-/* Asks the decoder about the finished bytes. */
+/* Checks the finished bytes with the decoder. */
 static bool probe(const saga_buffer *out, saga_error *error)
 {
     saga_info info;

@@ -1,18 +1,19 @@
 /* SPDX-License-Identifier: MIT
  *
- * Looks up in a segment's symbols what the traversal asks for. Encoder and
- * quantiser stand behind it with symbols that they know.
+ * Finds in a segment's symbols what the traversal asks for. Encoder and
+ * quantiser use it to code symbols that are known already.
  */
 #ifndef SAGA_LOOK_UP_H
 #define SAGA_LOOK_UP_H
 
 #include "symbols.h"
 
-/* Returns the adaptive symbol at `at`, one of n_sym where the
- * symbols are valid; n_sym or more where they cannot be coded. */
+/* Returns the adaptive symbol at `at`. It is below n_sym, or not, if the
+ * symbols are invalid and cannot be coded. */
 uint32_t saga_look_up(const saga_symbols *s, saga_at at, uint32_t n_sym);
 
-/* Returns where the residuals of a block begin: 4 of them, or a feature's. */
+/* Returns the address of a block's residuals: 4 of them, or those of its
+ * features. */
 int32_t *saga_look_up_block(const saga_symbols *s, saga_at at,
                             uint32_t features);
 

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Real values become symbols here: networks, and the closed-loop quantiser, one
- * of the four coders behind the traversal. It quantises each residual against
- * the mu the decoder will have.
+ * Turns real values into symbols: networks, and segments by the closed-loop
+ * quantiser. That is one of the four coders behind the traversal; it quantises
+ * each residual against the mu that the decoder will have.
  */
 #ifndef SAGA_QUANTISE_H
 #define SAGA_QUANTISE_H
@@ -22,9 +22,9 @@
 
 /* --- Networks ------------------------------------------------------------ */
 
-/* A layer is given in reals: weights (n_out, n_in), biases (n_out), and for
- * each row the Q of what it gives, `finer` included. The Q of its input is
- * q_in, of the first n_finer inputs finer by these bits. */
+/* A layer in reals: weights (n_out, n_in), biases (n_out), and for each row the
+ * Q format of its output, including `finer`. The Q format of the inputs is
+ * q_in, plus `finer` for the first n_finer of them. */
 typedef struct saga_layer_values {
     const real *weight, *bias;
     uint32_t n_in, n_out;
@@ -32,72 +32,78 @@ typedef struct saga_layer_values {
     const uint8_t *q_out;        /* (n_out) */
     const uint8_t *finer;        /* (n_finer) */
     uint32_t n_finer;
-    real step, bias_step;        /* wanted, real: of weights; of biases, a
-                                  * power of two */
+    real step, bias_step;        /* wanted steps of weights and of biases; the
+                                  * latter is a power of two */
     int int8;
 } saga_layer_values;
 
-/* Fills the symbols of a layer, whose arrays it allocates (also where it fails:
- * saga_net_symbols_free); `finer` is the caller's to fill. Weights and biases
- * are rounded to multiples of their steps. Integer weights are made as large as
- * every row's headroom allows, so that the multiples are met to a small part of
- * the step. Where a row is so large, or its q_out so low, that a step would
- * become less than 1 LSB of it, that row's steps double until it is valid. One
- * scale for all weights, for each row or for each column: what is least bits,
- * scales included. */
+/* Sets the symbols of a layer. It allocates their arrays, which the caller
+ * frees by saga_net_symbols_free even after a failure, except `finer`, which is
+ * set by the caller. Weights and biases are rounded to multiples of their
+ * steps. Integer weights are scaled as large as the headroom of every row
+ * allows, so that multiples of the step are precise. If a row has such large
+ * weights, or such a low q_out, that a step would be below 1 unit, the row's
+ * steps are doubled until it is valid. The scales of weights (one, one for each
+ * row or one for each column) are those with the fewest bits, scales included.
+ * Returns false with *error set if memory is short or the layer cannot be
+ * coded. */
 bool saga_quantise_layer(saga_layer_symbols *out, const saga_layer_values *v,
                          saga_error *error);
 
-/* The scale of a row or column takes about this number of bits. */
+/* About the bits of the scale of a row or column. */
 enum { SAGA_QUANTISE_LINE_BITS = 3 };
 
-/* Gives the code length of a layer's weights w (rows, columns), rounded to
- * multiples of step > 0, with the scales of least bits; those of rows or
- * columns count. */
+/* Sets *bits to the code length of a layer's weights w (rows, columns), rounded
+ * to multiples of step > 0, with the scales that take the fewest bits; scales
+ * of rows or columns are included. Returns false with *error set if memory is
+ * short. */
 bool saga_quantise_bits(double *bits, const real *w, size_t rows,
                         size_t columns, double step, saga_error *error);
 
-/* A layer's symbols stand for these values, in reals: weights (n_out, n_in) and
- * biases (n_out), exactly the decoder's integers. */
+/* Sets weights (n_out, n_in) and biases (n_out) to the exact values of the
+ * decoder's integers. */
 void saga_dequantise_layer(real *weight, real *bias,
                            const saga_layer_symbols *s,
                            const saga_layer_values *v);
 
 /* --- A segment ----------------------------------------------------------- */
 
-/* All of it is to be coded, in rank order; positions in box and time units. */
+/* The values to code, in rank order, with positions in box and time units. */
 typedef struct saga_targets {
     const double *coarse_x;      /* (coarse, 4) */
     const real *feature;         /* (coarse, F) */
     const double *fine_x;        /* (fine, 4) */
-    const double *prim_x;        /* (prim, 4), by parent */
-    const real *prim_o;          /* (prim, 4) the same as offsets from decoded
-                                  * fine anchors in supports; NULL: derived */
-    const int16_t *const *value; /* by SAGA_STEP_*: what the residuals are to
-                                  * decode to, as common/syntax has them;
-                                  * s has all suffixes then, and nothing else
-                                  * here is read. NULL: derived */
+    const double *prim_x;        /* (prim, 4) in the order of parents */
+    const real *prim_o;          /* (prim, 4) as offsets from decoded fine
+                                  * anchors, in supports; NULL: derived from
+                                  * prim_x */
+    const int16_t *const *value; /* by SAGA_STEP_*: the exact values that
+                                  * residuals must decode to, in the form of
+                                  * common/syntax. s then has all suffixes, and
+                                  * the other members are not read. NULL: not
+                                  * used */
 } saga_targets;
 
-/* The decoder will have this, in rank order and the same units: arrays of the
- * caller. coarse_x is NULL if none of it but the order is wanted. */
+/* The values that the decoder will have, in rank order and the same units. The
+ * arrays are owned by the caller. If coarse_x is NULL, only `order` is set. */
 typedef struct saga_decoded {
     double *coarse_x, *fine_x, *prim_x; /* (n, 4) */
     real *feature;                      /* (coarse, F) */
-    uint32_t *order;                    /* (prim) index into targets->prim_x
-                                         * of the primitive now at a rank: a
-                                         * parent's are sorted by suffix */
+    uint32_t *order;                    /* (prim) index in targets->prim_x of
+                                         * the primitive at each rank; those of
+                                         * a parent are sorted by suffix */
 } saga_decoded;
 
 typedef struct saga_quantise_report {
-    uint32_t n_clamped;          /* primitives beyond +-2 supports; 0 with
-                                  * targets->value */
+    uint32_t n_clamped;          /* primitives beyond +-2 supports of their
+                                  * anchor; 0 with targets->value */
 } saga_quantise_report;
 
-/* Fills s: on entry its counts, tree, n_fine, fine_suffix (ascending within a
- * parent) and n_prim are set and all arrays are there; on return the rest is.
- * The networks are e's. decoded may be NULL with targets->value, and its order
- * is not touched then. It fails if the symbols cannot be coded. */
+/* Sets the symbols s of a segment, with the networks of e. On entry the counts,
+ * tree, n_fine, fine_suffix (ascending within a parent) and n_prim are set, and
+ * all arrays are allocated; the function sets the rest. With targets->value,
+ * decoded may be NULL, and its order is not set. Returns false with *error set
+ * if the symbols cannot be coded or memory is short. */
 bool saga_quantise_segment(saga_symbols *s, saga_quantise_report *report,
                            const saga_encoder *e, const saga_targets *targets,
                            const saga_decoded *decoded, saga_error *error);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The range encoder is the inverse of decoder/range_dec, over a buffer that
- * grows to a capacity given by the caller.
+ * The range encoder, inverse of decoder/range_dec, writes into a buffer of
+ * fixed capacity.
  */
 #ifndef SAGA_RANGE_ENC_H
 #define SAGA_RANGE_ENC_H
@@ -11,27 +11,32 @@
 
 typedef struct saga_range_enc {
     uint8_t *p;
-    size_t cap, n;           /* bytes; n > cap: the buffer was too small */
-    uint64_t low;            /* < 2^33: bit 32 is the carry */
+    size_t cap, n;           /* bytes written; n > cap: the buffer was too
+                              * small */
+    uint64_t low;            /* below 2^33; bit 32 is the carry */
     uint32_t range;
-    uint64_t pending;        /* 0xff bytes a carry may still turn over */
+    uint64_t pending;        /* number of 0xff bytes that a carry may still
+                              * change */
     uint8_t cache;           /* the byte before them */
-    int started;             /* the first byte out is always 0: not written */
+    int started;             /* 0 before the first byte, which is always 0 and
+                              * not written */
 } saga_range_enc;
 
 void saga_range_enc_init(saga_range_enc *e, uint8_t *p, size_t cap);
 
-/* Codes the interval [start, end) of 2^15; end = 2^15 takes the remainder. */
+/* Codes the interval [start, end) of 2^15. end = 2^15 takes the remainder of
+ * the range. */
 void saga_range_enc_interval(saga_range_enc *e, uint32_t start, uint32_t end);
 
-/* Writes `bits` plain bits of v, most significant first. */
+/* Writes the lowest `bits` bits of v without a model, most significant
+ * first. */
 void saga_range_enc_bits(saga_range_enc *e, uint32_t v, uint32_t bits);
 
-/* Writes q in -65535..65535 with the residual coder's scale index 0..63. */
+/* Writes residual q, -65535..65535, with scale index 0..63. */
 void saga_range_enc_residual(saga_range_enc *e, int32_t q, uint32_t scale);
 
-/* Writes the last byte: the shortest end the decoder reads right, with three
- * zeros after it. Returns the number of bytes, or 0 if they did not fit. */
+/* Writes the shortest end that the decoder reads correctly when three zeros
+ * follow. Returns the number of bytes, or 0 if they did not fit. */
 size_t saga_range_enc_finish(saga_range_enc *e);
 
 #endif

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Says where an anchor or primitive lies in its parent: offsets, and the
+ * The position of an anchor or primitive within its parent: offsets, and the
  * suffixes that number the cells of a parent's grid.
  */
 #ifndef SAGA_SUFFIX_H
@@ -8,7 +8,8 @@
 
 #include <stdint.h>
 
-/* Offsets in half-sizes or supports stay within this, for the int16 of Q14. */
+/* The limit of offsets in half-sizes or supports, so that they fit int16 in
+ * Q14. */
 #define SAGA_OFFSET_MAX 1.9999
 
 static inline double saga_clamp_offset(double o)
@@ -17,9 +18,9 @@ static inline double saga_clamp_offset(double o)
          : o > SAGA_OFFSET_MAX ? SAGA_OFFSET_MAX : o;
 }
 
-/* The first returns the suffix of an offset, in supports of its parent: its
- * cell in a grid of 2^bits cells an axis over -1..1, clamped to it; and a
- * cell's centre on an axis. */
+/* Return the suffix of an offset, given in supports of the parent: its cell in
+ * a grid of 2^bits cells per axis over -1..1, clamped to the grid; and the
+ * centre of a cell on an axis. */
 uint32_t saga_suffix_of(const double o[4], uint32_t bits);
 double saga_suffix_centre(uint32_t suffix, uint32_t bits, uint32_t axis);
 

@@ -20,7 +20,7 @@ void saga_shot_centre(double centre[3], const saga_shot *shot)
     saga_pose_centre(shot->rotation, shot->translation, centre);
 }
 
-/* Rounds value into *v; false if it lies outside low..high or is NaN. */
+/* Rounds value into *v. Returns false if it is outside low..high or NaN. */
 static bool take(int32_t *v, double value, double low, double high)
 {
     const double r = rint(value);
@@ -43,7 +43,8 @@ static bool take_rotation(saga_camera *camera, const saga_shot *shot,
 {
     for (int i = 0; i < 3; i++) {
         const double *const r = shot->rotation + 3 * i;
-        /* Rows of length 1: a capture's matrix may be scaled or rounded. */
+        /* Rows are normalised, since a capture's matrix may be scaled or
+         * rounded. */
         const double n = sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2]);
 
         for (int k = 0; k < 3; k++)
@@ -63,8 +64,8 @@ static bool take_lens(saga_camera *camera, const saga_shot *shot,
     const double principal[2] = { shot->cx, shot->cy };
 
     for (int i = 0; i < 2; i++) {
-        /* Pixels in Q16, in 32 bits: below 2^15 for a focal length; a principal
-         * point, which may be outside the picture, within 2^14. */
+        /* Pixels in Q16 with 32 bits: a focal length is below 2^15 pixels, a
+         * principal point, which may be outside the picture, within 2^14. */
         if (!take(&camera->focal_q16[i], ldexp(focal[i], 16), 1.0,
                   2147483647.0))
             return out_of_range(shot, "focal length", focal[i],
@@ -86,13 +87,13 @@ static bool take_place(saga_camera *camera, const saga_metric *metric,
 
     saga_shot_centre(centre, shot);
     for (int i = 0; i < 3; i++)
-        /* 2^29 box units; a cube has 2^24. */
+        /* The limit is 2^29 box units; a cube has 2^24. */
         if (!take(&camera->centre[i],
                   (centre[i] - metric->centre[i]) / metric->unit,
                   -536870912.0, 536870912.0))
             return out_of_range(shot, "position", centre[i], "it must lie "
                                 "within 32 widths of the scene's cube", error);
-    /* The format knows no near plane below one box unit. */
+    /* The least near plane of the format is one box unit. */
     if (near_units < 1.0)
         near_units = 1.0;
     return take(&camera->near_plane, near_units, 1.0, 2147483647.0) ||
@@ -133,7 +134,7 @@ void saga_shot_of_camera(saga_shot *shot, const saga_metric *metric,
     for (int i = 0; i < 3; i++) {
         const double *const r = shot->rotation + 3 * i;
 
-        /* t = -R c, as a shot has it. */
+        /* The translation is t = -R c. */
         shot->translation[i] =
             -(r[0] * centre[0] + r[1] * centre[1] + r[2] * centre[2]);
     }

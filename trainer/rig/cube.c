@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: MIT
  *
- * Finds where the scene is. Each view gets a range of depths: what the capture
- * says, else what its points say, else what the crossing of the optical axes
- * suggests. The cube then holds what two views see within their ranges, as far
- * as a coarse grid of samples tells, and the points that pictures show, but
- * for the outermost ones.
+ * Finds the cube of the scene. Each view gets a range of depths: the one in the
+ * capture, or from points that it sees, or from the crossing of the optical
+ * axes. The cube then contains everything that at least two views see within
+ * their ranges, on a coarse grid of samples, and the points that pictures show,
+ * without outliers.
  */
 #include "cube.h"
 
@@ -15,16 +15,17 @@
 #include <stdlib.h>
 
 enum {
-    GRID = 9,             /* pixels a side that a frustum is sampled at */
-    LAYERS = 6,           /* depths, even in 1 / depth */
-    MIN_POINTS = 12       /* in a view, to believe them */
+    GRID = 9,             /* samples per side of a view's picture */
+    LAYERS = 6,           /* sampled depths, even in 1 / depth */
+    MIN_POINTS = 12       /* least points in a view for a range of depths */
 };
 
-/* Cameras are at one place where they differ by less than this part of their
- * distance from the origin, which rounding alone makes of it. */
+/* Cameras are at one place if they differ by less than this part of their
+ * distance from the origin, which may be rounding error. */
 #define ONE_PLACE 1e-9
 
-/* The points' depths get this slack, for what they miss on either side. */
+/* The range of the points' depths is widened by these factors, for what the
+ * points miss. */
 #define NEAR_SLACK 0.6
 #define FAR_SLACK 1.5
 
@@ -46,12 +47,13 @@ static bool inside(const saga_shot *v, const double *uv)
     return uv[0] >= 0 && uv[1] >= 0 && uv[0] < v->width && uv[1] < v->height;
 }
 
-/* Solves the symmetric positive a x = b in place (Gauss, no pivoting). */
+/* Solves a x = b for symmetric positive definite a, in place (Gauss, without
+ * pivoting). */
 static void solve3(double a[3][3], double *b)
 {
     for (int i = 0; i < 3; i++)
         for (int j = i + 1; j < 3; j++) {
-            /* Eliminate column i from the rows below it. */
+            /* Eliminates column i from the rows below. */
             const double q = a[j][i] / a[i][i];
 
             for (int k = i; k < 3; k++)
@@ -59,7 +61,7 @@ static void solve3(double a[3][3], double *b)
             b[j] -= q * b[i];
         }
     for (int i = 2; i >= 0; i--) {
-        /* Back, from the last unknown to the first. */
+        /* Back substitution. */
         for (int k = i + 1; k < 3; k++)
             b[i] -= a[i][k] * b[k];
         b[i] /= a[i][i];
@@ -71,7 +73,8 @@ static double length(const double *x)
     return sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]);
 }
 
-/* Mean of the camera centres, and their distance from it. */
+/* Sets mean to the mean of the camera centres. Returns their RMS distance from
+ * it. */
 static double baseline(double *mean, const saga_capture *c)
 {
     double sum = 0;
@@ -94,8 +97,9 @@ static double baseline(double *mean, const saga_capture *c)
     return sqrt(sum);
 }
 
-/* Finds the point nearest to all optical axes. Parallel axes leave it open
- * along them: a weak pull towards five baselines before the cameras decides. */
+/* Finds the point nearest to all optical axes. If the axes are parallel, their
+ * sum leaves it undetermined along them; then a weak pull to five baselines in
+ * front of the cameras decides. Returns the baseline. */
 static double focus(double *x, const saga_capture *c)
 {
     double mean[3], axis[3] = { 0 }, a[3][3] = { { 0 } };
@@ -112,8 +116,8 @@ static double focus(double *x, const saga_capture *c)
         for (int i = 0; i < 3; i++) {
             axis[i] += d[i];
             for (int j = 0; j < 3; j++) {
-                /* 1 - d d^T takes the part at right angles to the axis: the sum
-                 * of its squares over all axes is to be least. */
+                /* 1 - d d^T projects perpendicular to the axis. The sum of
+                 * these squared distances over all axes is minimised. */
                 const double w = (i == j) - d[i] * d[j];
 
                 a[i][j] += w;
@@ -124,7 +128,7 @@ static double focus(double *x, const saga_capture *c)
     norm = length(axis);
     norm = norm > 0 ? norm : 1;
     for (int i = 0; i < 3; i++) {
-        /* A thousandth of what the axes weigh. */
+        /* A thousandth of the weight of the axes. */
         const double pull = 1e-3 * c->n_views;
 
         a[i][i] += pull;
@@ -134,7 +138,8 @@ static double focus(double *x, const saga_capture *c)
     return base;
 }
 
-/* Takes the range from the points the view sees; false if there are too few. */
+/* Sets the range from the points that the view sees. Returns false if they are
+ * too few. */
 static bool range_of_points(double *range, const saga_capture *c, int view,
                             double *scratch)
 {
@@ -150,7 +155,7 @@ static bool range_of_points(double *range, const saga_capture *c, int view,
     }
     if (n < MIN_POINTS)
         return false;
-    /* Two points in a hundred may be wrong at either end. */
+    /* Two percent of the points at either end are ignored as outliers. */
     range[0] = NEAR_SLACK * quantile(scratch, n, 0.02);
     range[1] = FAR_SLACK * quantile(scratch, n, 0.98);
     return range[1] > range[0];
@@ -163,7 +168,8 @@ static void range_of_focus(double *range, const saga_shot *v, const double *x,
     double z;
 
     saga_view_transform(v, x, p);
-    /* Not nearer than a baseline, also where the focus is behind the view. */
+    /* The depth is at least a baseline, even if the focus is behind the
+     * view. */
     z = p[2] > base ? p[2] : base;
     range[0] = 0.3 * z;
     range[1] = 4 * z;
@@ -178,7 +184,7 @@ static void find_ranges(double *range, const saga_capture *c, double *scratch)
         const saga_shot *const w = c->views + v;
         double *const r = range + 2 * (size_t)v;
 
-        /* The capture's own word comes first, with a little slack; then
+        /* The range in the capture comes first, with a little slack, then
          * points, then the focus. */
         if (w->near_depth > 0 && w->far_depth > w->near_depth) {
             r[0] = 0.9 * w->near_depth;
@@ -189,7 +195,8 @@ static void find_ranges(double *range, const saga_capture *c, double *scratch)
     }
 }
 
-/* Counts training views that have the place within picture and range. */
+/* Returns the number of training views that see the place in their picture and
+ * range of depths. */
 static int n_seeing(const saga_capture *c, const double *range,
                     const double *world)
 {
@@ -198,8 +205,8 @@ static int n_seeing(const saga_capture *c, const double *range,
     for (int v = 0; v < c->n_views; v++) {
         double uv[2], z;
 
-        /* Samples lie on the ends of their own view's range: 1 % of slack, so
-         * that rounding does not lose them. */
+        /* Samples are at the ends of their own view's range. 1 % of slack keeps
+         * them in spite of rounding. */
         if (!c->views[v].held_out &&
             saga_view_project(c->views + v, world, uv, &z) &&
             inside(c->views + v, uv) && z >= 0.99 * range[2 * v] &&
@@ -228,7 +235,8 @@ static void sample_world(double *x, const saga_shot *v, const double *range,
                                k * (1 / range[1] - 1 / range[0])), x);
 }
 
-/* Returns false if no two views share anything. */
+/* Extends lo..hi by the samples that at least n_needed training views see.
+ * Returns false if there are none. */
 static bool include_frusta(double lo[3], double hi[3], const saga_capture *c,
                            const double *range, int n_needed)
 {
@@ -237,8 +245,7 @@ static bool include_frusta(double lo[3], double hi[3], const saga_capture *c,
     for (int v = 0; v < c->n_views; v++) {
         if (c->views[v].held_out)
             continue;
-        /* Samples of this view that enough training views see, this one
-         * counted. */
+        /* The view itself counts as one of those that see its sample. */
         for (int i = 0; i < GRID * GRID * LAYERS; i++) {
             double x[3];
 
@@ -265,8 +272,8 @@ static bool is_seen(const saga_capture *c, const double *world)
     return false;
 }
 
-/* Takes in the points that a picture shows: others would make the cube large
- * for nothing. */
+/* Extends lo..hi by the points that a picture shows. Others would make the cube
+ * larger without use. */
 static void include_points(double lo[3], double hi[3], const saga_capture *c,
                            double *scratch)
 {
@@ -298,8 +305,8 @@ bool saga_cube_fit(saga_cube *cube, double *range, const saga_capture *c,
     if (!scratch)
         return false;
     find_ranges(range, c, scratch);
-    /* Two views that see the same give it a depth that can be learned; only
-     * where no two share anything is it all that any of them sees. */
+    /* What two views see has a depth that can be learned. If no two views share
+     * anything, the cube contains what any view sees. */
     if (!include_frusta(lo, hi, c, range, 2))
         include_frusta(lo, hi, c, range, 1);
     include_points(lo, hi, c, scratch);
@@ -309,7 +316,7 @@ bool saga_cube_fit(saga_cube *cube, double *range, const saga_capture *c,
         if ((hi[i] - lo[i]) / 2 > cube->unit)
             cube->unit = (hi[i] - lo[i]) / 2;
     }
-    /* A cube: half of its longest side, and 2 % so that
+    /* The cube has half of the longest side as its unit, plus 2 % so that
      * nothing is on its border. */
     cube->unit *= 1.02;
     if (!(cube->unit > 0 && cube->unit < INFINITY))

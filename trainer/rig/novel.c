@@ -8,43 +8,43 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Neighbours of a view, and cameras between two views: more of either
- * gains nothing. */
+/* Neighbours of a view, and cameras between two views; more of either gains
+ * nothing. */
 enum { N_NEIGHBOURS = 2, N_BETWEEN = 3 };
 
-/* Views nearer to each other than that, in radians, need no help between them:
- * 10 degrees. */
+/* Views closer than this need no pictures between them: 10 degrees, in
+ * radians. */
 #define LEAST_ANGLE 0.1745
 
-/* Views farther apart share too little: teachers would guess, and what was
- * filmed lose by it: 40 degrees. */
+/* Views farther apart than this share too little; teachers would guess, which
+ * would harm the filmed views: 40 degrees, in radians. */
 #define MOST_ANGLE 0.7
 
-/* Views look the same way where the cosine between them is above it: as
- * plane_sweep.c has it. */
+/* Views look in a similar direction if the cosine between them is above this,
+ * as in plane_sweep.c. */
 #define SAME_WAY 0.2
 
-/* The part of the pictures that are the teachers': a half costs the views that
- * were filmed 0.4 dB more, and gains nothing (docs/lab/teachers.md). */
+/* The part of the pictures that teachers draw. With a half, filmed views lose
+ * another 0.4 dB, and nothing is gained (docs/lab/teachers.md). */
 #define NOVEL_PART 0.3
 
-/* The stream of the random numbers. */
+/* Stream of random numbers (rng.h). */
 enum { STREAM_NOVEL = 500 };
 
-/* Everything that is drawn has these attributes. */
+/* The attributes that all drawn primitives have. */
 #define LEAST_SET (SAGA_ATTR_BIT(SAGA_ATTR_SUPPORT) - 1)
 
 static const char what[] = "the teachers";
 
 /* --- Cameras ------------------------------------------------------------- */
 
-/* Sets r to the rotation a, turned by the part u of what leads to b. */
+/* Sets r to rotation a, turned by the part u of the way to b. */
 static void turn(double r[9], const double *a, const double *b, double u)
 {
     double between[9], by[9], axis[3], sine, angle;
 
-    /* B A^T = exp(angle [axis]x): its antisymmetric part is twice the axis
-     * times the sine, its trace 1 + 2 times the cosine. */
+    /* B A^T = exp(angle [axis]x). Its antisymmetric part is twice the axis
+     * times the sine; its trace is 1 + 2 times the cosine. */
     for (int i = 0; i < 9; i++)
         between[i] = b[i / 3 * 3] * a[i % 3 * 3] +
                      b[i / 3 * 3 + 1] * a[i % 3 * 3 + 1] +
@@ -56,7 +56,7 @@ static void turn(double r[9], const double *a, const double *b, double u)
     angle = u * atan2(sine, between[0] + between[4] + between[8] - 1);
     for (int i = 0; i < 3; i++)
         axis[i] = sine > 0 ? axis[i] / sine : 0;
-    /* Rodrigues: cos 1 + sin [axis]x + (1 - cos) axis axis^T. */
+    /* Rodrigues' formula: cos 1 + sin [axis]x + (1 - cos) axis axis^T. */
     for (int i = 0; i < 9; i++)
         by[i] = (i % 4 ? 0 : cos(angle)) +
                 (1 - cos(angle)) * axis[i / 3] * axis[i % 3];
@@ -73,7 +73,7 @@ static void turn(double r[9], const double *a, const double *b, double u)
                by[i / 3 * 3 + 2] * a[6 + i % 3];
 }
 
-/* Makes a camera at the part u of the way from a to b, with a's lens. */
+/* Makes a camera at the part u of the way from a to b, with the lens of a. */
 static void place(saga_shot *out, const saga_shot *a, const saga_shot *b,
                   double u)
 {
@@ -89,7 +89,7 @@ static void place(saga_shot *out, const saga_shot *a, const saga_shot *b,
     turn(out->rotation, a->rotation, b->rotation, u);
     saga_shot_centre(from, a);
     saga_shot_centre(to, b);
-    /* t = -R c, as a shot has it. */
+    /* The translation is t = -R c. */
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < 3; k++)
             out->translation[i] -= out->rotation[3 * i + k] *
@@ -101,8 +101,8 @@ static double depth_of(const saga_pictures *p, int view)
     return sqrt(p->range[2 * view] * p->range[2 * view + 1]);
 }
 
-/* Returns the angle between two views as the middle of the scene sees them;
- * infinite where they look another way. */
+/* Returns the angle between two views as seen from the middle of the scene, or
+ * infinity if they look in different directions. */
 static double apart(const saga_pictures *p, int v, int w)
 {
     const saga_shot *const a = &p->capture->views[v];
@@ -120,8 +120,9 @@ static double apart(const saga_pictures *p, int v, int w)
         : INFINITY;
 }
 
-/* Finds the training views, by their index, that are nearest to one, the first
- * of equals; returns how many, 0 where the nearest is near enough. */
+/* Finds the nearest views of training view k, as indices into p->train; between
+ * equals the first wins. Returns their number, or 0 if the nearest one is so
+ * close that k needs no help. */
 static int find_neighbours(int near[N_NEIGHBOURS], const saga_pictures *p,
                            int k)
 {
@@ -157,8 +158,8 @@ static bool is_neighbour(const saga_pictures *p, int k, int i)
     return found;
 }
 
-/* Places cameras between view k and its neighbours; a pair that is mutual is
- * its first view's. */
+/* Places cameras between view k and its neighbours. A mutual pair gets cameras
+ * only from its first view. */
 static void place_around(saga_novel *o, const saga_pictures *p, int k)
 {
     int near[N_NEIGHBOURS];
@@ -213,7 +214,7 @@ bool saga_novel_teach(saga_novel *o, const saga_splat_params *params,
                               error);
 }
 
-/* Returns the set of attributes that there are arrays of. */
+/* Returns the set of attributes whose arrays exist. */
 static uint64_t attributes_of(const saga_splat_params *p)
 {
     uint64_t set = 0;
@@ -231,7 +232,7 @@ static void walk_teacher(saga_novel *o, int k, uint32_t most,
 
     saga_checkpoint_walk(c, head, sizeof head);
     if (c->reading) {
-        /* Bounds before anything is allocated. */
+        /* Bounds are checked before anything is allocated. */
         if (head[0] < 1 || head[0] > most || head[1] > SAGA_ATTRS_ALL ||
             (head[1] & LEAST_SET) != LEAST_SET)
             c->failed = true;
@@ -258,7 +259,7 @@ void saga_novel_walk(saga_novel *o, uint32_t most_primitives,
     if (n > SAGA_NOVEL_MOST_TEACHERS)
         c->failed = true;
     for (int k = 0; !c->failed && k < (int)n; k++) {
-        /* One that is read half is freed with the others. */
+        /* A teacher that is only partly read is freed with the others. */
         if (c->reading)
             o->n_teachers = k + 1;
         walk_teacher(o, k, most_primitives, c, error);
@@ -270,8 +271,8 @@ void saga_novel_walk(saga_novel *o, uint32_t most_primitives,
 saga_sample saga_novel_pick(const saga_pictures *p, saga_rng rng,
                             uint64_t draw)
 {
-    /* n of the pictures before this one were the teachers'; another such
-     * picture is due wherever the number grows. */
+    /* n of the pictures before this one were teachers'. This one is too if the
+     * number grows with it. */
     const uint64_t n = p->novel ? (uint64_t)((double)draw * NOVEL_PART) : 0;
     const uint64_t next = p->novel
         ? (uint64_t)((double)(draw + 1) * NOVEL_PART) : 0;
@@ -287,7 +288,7 @@ saga_sample saga_novel_pick(const saga_pictures *p, saga_rng rng,
     };
 }
 
-/* truth is the mean of what the teachers draw, each as a screen shows it. */
+/* Sets the truth to the mean of what the teachers draw, clipped to 0..1. */
 static bool draw_mean(saga_canvas *canvas, saga_novel *o, saga_error *error)
 {
     saga_canvas *const c = &o->canvas;

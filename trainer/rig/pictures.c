@@ -13,13 +13,13 @@
 
 enum { MIN_SIDE = 8, N_LOOKED_AT = 100000 };
 
-/* Rows of the truth that are made at a time; nanoseconds that a thread takes
- * for a sample of them. */
+/* Rows of the truth in one task, and nanoseconds for a sample. */
 enum { ROWS = 8 };
 #define SAMPLE_NS 0.5
 
-#define NEAR_PART 0.3            /* of a view's nearest depth */
-#define BACKGROUND_PART 0.1      /* of all pixels have exactly its colour */
+#define NEAR_PART 0.3            /* near plane, over the view's nearest depth */
+#define BACKGROUND_PART 0.1      /* least part of all pixels that have exactly
+                                  * the background's colour */
 
 static bool find_views(saga_pictures *p, saga_error *error)
 {
@@ -42,7 +42,7 @@ static bool find_views(saga_pictures *p, saga_error *error)
                      "training views, %d frames", p->n_train, c->n_frames);
 }
 
-/* Lists the training pictures that there are, where some are missing. */
+/* Lists the training pictures that exist, if some are missing. */
 static bool find_pictures(saga_pictures *p, saga_error *error)
 {
     const int n = p->n_train * p->capture->n_frames;
@@ -55,8 +55,8 @@ static bool find_pictures(saga_pictures *p, saga_error *error)
         return true;
     p->there = saga_alloc((size_t)n, sizeof *p->there, "the pictures", error);
     p->n_there = 0;
-    /* Picture `at` is of frame at / n_train, and of view at % n_train: views of
-     * one frame follow each other. */
+    /* Picture `at` is of frame at / n_train and view at % n_train, so the views
+     * of a frame are adjacent. */
     for (int at = 0; p->there && at < n; at++)
         if (saga_capture_has(p->capture, p->train[at % p->n_train],
                              at / p->n_train))
@@ -71,8 +71,8 @@ static int compare_colours(const void *a, const void *b)
     return (p > q) - (p < q);
 }
 
-/* Reads pixels that lie evenly over all training pictures; those that do not
- * count have no colour, each another. */
+/* Reads pixels spread evenly over all training pictures. A pixel that does not
+ * count gets a value that no other has. */
 static void read_colours(uint32_t *colour, const saga_pictures *p)
 {
     for (size_t i = 0; i < N_LOOKED_AT; i++) {
@@ -89,15 +89,16 @@ static void read_colours(uint32_t *colour, const saga_pictures *p)
             pixel / (size_t)v->width * saga_view_row_nbytes(v) +
             pixel % (size_t)v->width * 3;
 
-        /* Bit 31 is above all colours, and i makes each of them another. */
+        /* Bit 31 is above all colours, and i makes each value unique. */
         colour[i] = mask && !mask[pixel]
             ? 1u << 31 | (uint32_t)i
             : (uint32_t)rgb[0] << 16 | (uint32_t)rgb[1] << 8 | rgb[2];
     }
 }
 
-/* Takes the most frequent colour of all, if it is frequent, as of an object
- * before a sheet; pictures of a place have none, and black serves. */
+/* Sets the background to the most frequent colour if it is frequent enough, as
+ * for an object in front of a screen. Pictures of rooms or landscapes have no
+ * such colour, and get black. */
 static bool find_background(saga_pictures *p, saga_error *error)
 {
     uint32_t *const colour = saga_alloc(N_LOOKED_AT, sizeof *colour,
@@ -108,7 +109,8 @@ static bool find_background(saga_pictures *p, saga_error *error)
         return false;
     read_colours(colour, p);
     qsort(colour, N_LOOKED_AT, sizeof *colour, compare_colours);
-    /* Sorted, equal colours are a run; the longest above the threshold wins. */
+    /* After sorting, equal colours form a run; the longest run above the
+     * threshold wins. */
     for (size_t i = 0; i < N_LOOKED_AT; i++) {
         run = i > 0 && colour[i] == colour[i - 1] ? run + 1 : 1;
         if (run > most) {
@@ -157,8 +159,8 @@ static uint64_t digest_view(uint64_t sum, const saga_shot *v, int n_frames)
 
     const size_t n_held = (size_t)saga_view_n_held(v, n_frames);
 
-    /* Everything that changes what is learned: a checkpoint of another
-     * capture is refused by it. */
+    /* The digest contains everything that affects training, so a checkpoint of
+     * another capture is refused. */
     sum = saga_digest(sum, x, sizeof x);
     sum = saga_digest(sum, v->rotation, sizeof v->rotation);
     sum = saga_digest(sum, v->translation, sizeof v->translation);
@@ -227,12 +229,12 @@ bool saga_pictures_canvas(saga_canvas *canvas, const saga_pictures *p,
 {
     if (!saga_canvas_init(canvas, saga_pictures_largest(p), error))
         return false;
-    /* q grows by s + s^2 / 2 instead of s. */
+    /* For steep splats q grows by s + s^2 / 2 instead of s. */
     canvas->rules.square = p->tools & SAGA_TOOL_STEEP ? R(0.5) : 0;
     return true;
 }
 
-/* Returns a camera of the capture, or behind these one of novel.h. */
+/* Returns a camera of the capture or, from n_views on, of novel.h. */
 static const saga_shot *shot_of(const saga_pictures *p, int view)
 {
     const int n = p->capture->n_views;
@@ -262,9 +264,9 @@ void saga_pictures_camera(saga_splat_camera *cam, const saga_pictures *p,
         cam->centre[i] = (real)((c[i] - p->cube.centre[i]) / p->cube.unit);
         cam->background[i] = R(p->background[i]) / 255;
     }
-    /* Coordinates are from the picture's corner, so a halved picture
-     * halves all of them. Sides round down: what does not fill a box is
-     * left out of the truth, too. */
+    /* Coordinates start at the picture's corner, so halving a picture halves
+     * them. Sides are rounded down; the truth too leaves out pixels that do not
+     * fill a box. */
     cam->focal[0] = (real)(v->fx * scale);
     cam->focal[1] = (real)(v->fy * scale);
     cam->principal[0] = (real)(v->cx * scale);
@@ -283,20 +285,20 @@ void saga_pictures_aim(saga_canvas *canvas, const saga_pictures *p,
     saga_pictures_camera(&canvas->camera, p, sample);
     canvas->still = b ? &b->seen[sample.view] : NULL;
     canvas->n_still = b ? b->n : 0;
-    /* A camera that is late took frame k at k + late. */
+    /* A camera that is late took frame k at time k + late. */
     canvas->t = (real)((sample.frame + shot_of(p, sample.view)->late) /
                        p->capture->n_frames);
 }
 
-/* A truth is made of a stored picture, rows at a time. */
+/* The truth of a stored picture, which is computed some rows at a time. */
 typedef struct {
     saga_canvas *canvas;
     const uint8_t *rgb;
     size_t stride;
-    const double *exposure;      /* (3) */
-    int side;                    /* of the boxes that become pixels */
-    real level[3][256];          /* a picture that is not halved takes its
-                                  * values from a table */
+    const double *exposure;      /* (3) of the view */
+    int side;                    /* side of the boxes that become pixels */
+    real level[3][256];          /* table of values, for a picture that is not
+                                  * halved */
 } truth;
 
 static void plain_row(const truth *t, size_t y)
@@ -313,7 +315,8 @@ static void plain_row(const truth *t, size_t y)
     }
 }
 
-/* Boxes begin at the picture's corner: what does not fill one is left out. */
+/* Boxes start at the picture's corner. Pixels that do not fill one are left
+ * out. */
 static void boxed_row(const truth *t, size_t y)
 {
     const size_t w = (size_t)t->canvas->camera.width;
@@ -325,7 +328,8 @@ static void boxed_row(const truth *t, size_t y)
         for (size_t k = 0; k < 3; k++) {
             const uint8_t *at = t->rgb + y * side * t->stride + x * side * 3 +
                                 k;
-            /* In integers, so the mean is exact until the one division. */
+            /* The integer sum is exact; the only rounding is in the
+             * division. */
             int sum = 0;
 
             for (size_t j = 0; j < side; j++, at += t->stride)
@@ -362,7 +366,7 @@ static void make_truth(truth *t)
     });
 }
 
-/* Marks the pixels of whose boxes something does not count. */
+/* Marks the pixels in whose boxes any pixel does not count. */
 static void mark_unseen(saga_canvas *canvas, const uint8_t *mask, size_t stride,
                         int side)
 {
@@ -377,8 +381,8 @@ static void mark_unseen(saga_canvas *canvas, const uint8_t *mask, size_t stride,
         for (int y = 0; y < side; y++, at += stride)
             seen = seen && !memchr(at, 0, (size_t)side);
         for (size_t k = 0; !seen && k < 3; k++)
-            /* Below 0 no truth is: the canvas takes it for a pixel
-             * that does not count. */
+            /* The truth is never negative, so -1 marks a pixel that does not
+             * count. */
             canvas->truth[k * w * h + i] = -1;
         canvas->n_unseen += !seen;
     }

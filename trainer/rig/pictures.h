@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * A capture as training sees it: where the scene is, which views are learned
- * from, in which order their pictures come, and how one of them gets onto a
- * canvas.
+ * A capture as training uses it: the cube of the scene, the training views, the
+ * order of their pictures, and the transfer of a picture to a canvas.
  *
  * Space is in half-cubes (cube.h). Time is [0, 1) over the frames of the
  * capture; frame k of F is at k / F.
@@ -16,74 +15,80 @@
 #include "rng.h"
 #include "splat.h"
 
-/* Primitives that stand still behind, between and before whatever is trained:
- * every picture is drawn with them (canvas->still). */
+/* Still primitives with which every picture is drawn, in front of and behind
+ * those in training (canvas->still). */
 typedef struct saga_backdrop {
-    uint32_t n;           /* 0: there is none */
-    saga_splat_params *seen; /* (views) as each view sees them: they share all
-                           * but the colours */
-    real *block;          /* memory of all of these */
+    uint32_t n;           /* number of primitives; 0: there is none */
+    saga_splat_params *seen; /* (views) the primitives as each view sees them;
+                              * only the colours differ */
+    real *block;          /* memory of all their arrays */
 } saga_backdrop;
 
 typedef struct saga_pictures {
     const saga_capture *capture; /* must outlive this */
     saga_cube cube;
-    double *range;        /* (views, 2) nearest and farthest depth, world */
-    int *train;           /* (n_train) views that are learned from */
+    double *range;        /* (views, 2) nearest and farthest depth, world
+                           * units */
+    int *train;           /* (n_train) indices of training views */
     int n_train;
-    double *exposure;     /* (views, 3) times what a view saw is the truth; 1
-                           * until something else is found (exposure.h) */
+    double *exposure;     /* (views, 3) factors that turn what a view saw into
+                           * the truth; 1 until exposures are found
+                           * (exposure.h) */
     uint8_t background[3]; /* R, G, B behind everything */
-    int *there;           /* (n_there) training pictures that there are: frame *
-                           * n_train + index in train; NULL: all are */
+    int *there;           /* (n_there) training pictures that exist: frame *
+                           * n_train + index in train; NULL: all do */
     int n_there;
-    const saga_backdrop *backdrop; /* drawn with all of them; NULL at first:
-                           * none */
-    struct saga_novel *novel; /* pictures that nobody took (novel.h) between
-                           * the others; NULL at first: none */
-    uint32_t tools;       /* of SAGA_TOOLS_SPLAT, how all are drawn; 0 at
-                           * first */
+    const saga_backdrop *backdrop; /* drawn with all pictures; NULL: none, the
+                                    * default */
+    struct saga_novel *novel; /* teachers' pictures among the others (novel.h);
+                               * NULL: none, the default */
+    uint32_t tools;       /* SAGA_TOOLS_SPLAT bits: how splats are drawn;
+                           * default 0 */
 } saga_pictures;
 
-/* A sample names one picture: what a view saw at a frame, averaged over boxes
- * of 2^mip pixels a side. */
+/* A picture: what a view saw at a frame, averaged over squares of 2^mip x 2^mip
+ * pixels. */
 typedef struct saga_sample { int view, frame, mip; } saga_sample;
 
-/* Returns false where memory is short or there is nothing to train on. */
+/* Returns false with *error set if memory is short or there is no training
+ * view. */
 bool saga_pictures_init(saga_pictures *pictures, const saga_capture *capture,
                         saga_error *error);
 void saga_pictures_free(saga_pictures *pictures);
 
-/* Returns the digest of all that training takes from the capture: frames,
- * cameras, points and every pixel. */
+/* Returns a digest of everything that training reads from the capture: frames,
+ * cameras, points and all pixels. */
 uint64_t saga_pictures_digest(const saga_pictures *pictures);
 
-/* Writes all but the pixels; and reads it: a capture of views without pixels
- * (saga_capture_free) and pictures of it (saga_pictures_free), also after a
- * failure, of which *error or the checkpoint know. They have cube, cameras and
- * counts, but nothing to be learned from. */
+/* Write everything except the pixels; and read it into a capture without pixels
+ * and pictures of it, with cube, cameras and counts but without training views.
+ * The caller frees them by saga_capture_free and saga_pictures_free, even after
+ * a failure. That is reported by *error or by the checkpoint. */
 void saga_pictures_save(const saga_pictures *pictures,
                         saga_checkpoint *checkpoint);
 bool saga_pictures_restore(saga_pictures *pictures, saga_capture *capture,
                            saga_checkpoint *checkpoint, saga_error *error);
 
-/* Returns number `draw` of an endless row in which every training picture comes
- * once before any comes again, each time in another order; mip 0. */
+/* Returns picture number `draw`, with mip 0, of an endless sequence. It has
+ * every training picture once before any is repeated, each time in another
+ * order. */
 saga_sample saga_pictures_pick(const saga_pictures *pictures, saga_rng rng,
                                uint64_t draw);
 
-/* Returns the pixels of all pictures that are learned from. */
+/* Returns the number of pixels of all training pictures. */
 double saga_pictures_pixels(const saga_pictures *pictures);
 
-/* Returns the pixels of the largest picture. */
+/* Returns the number of pixels of the largest picture. */
 size_t saga_pictures_largest(const saga_pictures *pictures);
 
-/* Makes a canvas for any picture; fails where memory is short. */
+/* Allocates a canvas for any picture. Returns false with *error set if memory
+ * is short. */
 bool saga_pictures_canvas(saga_canvas *canvas, const saga_pictures *pictures,
                           saga_error *error);
 
-/* The near plane of a view, world units: nobody draws what is nearer, neither
- * in training nor with the file's rig, which holds it. */
+/* Returns the near plane of a view, in world units. What is nearer is not
+ * drawn, neither in training nor by a decoder, whose rig has the same near
+ * plane. */
 double saga_pictures_near(const saga_pictures *pictures, int view);
 
 /* Sets the camera of a picture. */
@@ -94,7 +99,7 @@ void saga_pictures_camera(saga_splat_camera *camera,
 void saga_pictures_aim(saga_canvas *canvas, const saga_pictures *pictures,
                        saga_sample sample);
 
-/* Sets the truth of the picture that the canvas was aimed at. */
+/* Sets the truth for the picture at which the canvas is aimed. */
 void saga_pictures_truth(saga_canvas *canvas, const saga_pictures *pictures,
                          saga_sample sample);
 

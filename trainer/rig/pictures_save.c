@@ -8,7 +8,7 @@
 
 static const char what[] = "the views";
 
-/* Each member has eight bytes, so that there is no padding. */
+/* All members are multiples of eight bytes, so there is no padding. */
 typedef struct {
     uint64_t n_views, n_frames;
     double fps, metres;
@@ -51,14 +51,15 @@ void saga_pictures_save(const saga_pictures *p, saga_checkpoint *c)
         save_view(p, v, c);
 }
 
-/* Takes a view, and lists it where it is learned from. */
+/* Reads a view, and lists it if it is a training view. */
 static bool take_view(saga_pictures *p, saga_shot *v, int view,
                       saga_checkpoint *c)
 {
     kept_view k;
 
     saga_checkpoint_walk(c, &k, sizeof k);
-    /* The bytes may be of anyone: sizes are checked before they are used. */
+    /* The file may be from anybody, so sizes are checked before they are
+     * used. */
     if (k.width < 1 || k.width > SAGA_MAX_SIDE || k.height < 1 ||
         k.height > SAGA_MAX_SIDE || k.n_missing < 0 ||
         k.n_missing > p->capture->n_frames)
@@ -100,7 +101,7 @@ bool saga_pictures_restore(saga_pictures *p, saga_capture *capture,
     memset(p, 0, sizeof *p);
     p->capture = capture;
     saga_checkpoint_walk(c, &h, sizeof h);
-    /* Before memory is taken for as many. */
+    /* The counts are checked before memory is allocated for them. */
     if (h.n_views < 1 || h.n_views > UINT16_MAX || h.n_frames < 1 ||
         h.n_frames > UINT16_MAX)
         c->failed = true;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Pixels at random, whose depth a plane sweep finds, are compared with what
- * other views see of their place.
+ * Compares pixels at random, whose depth a plane sweep finds, with the same
+ * place in other views, and solves for the exposures.
  */
 #include "exposure_match.h"
 
@@ -17,12 +17,12 @@
 
 enum {
     N_PIXELS = 2000,
-    N_PASSES = 3         /* matches are better once exposures agree */
+    N_PASSES = 3         /* matches improve when exposures agree */
 };
 
-#define WORTH_IT 0.03    /* logarithms that differ by that */
-#define LEFT_PART 0.8    /* of all differences may be left; where more is,
-                          * factors follow wrong matches */
+#define WORTH_IT 0.03    /* least difference of log exposures */
+#define LEFT_PART 0.8    /* largest part of all differences that may remain; if
+                          * more does, the factors come from wrong matches */
 
 typedef struct job {
     const saga_pictures *pictures;
@@ -31,8 +31,8 @@ typedef struct job {
     saga_exposure_pair *at;  /* (N_PIXELS, SAGA_PLANE_NEAR) */
 } job;
 
-/* Sums the channels of a patch; false if a pixel is nearly black or white, so
- * that a picture may have cut it off. */
+/* Sums each channel of a patch. Returns false if a pixel is nearly black or
+ * white, and so may be clipped. */
 static bool sum_of(double sum[3], const saga_patch *p)
 {
     for (int k = 0; k < 3; k++) {
@@ -48,8 +48,8 @@ static bool sum_of(double sum[3], const saga_patch *p)
     return true;
 }
 
-/* Compares a pixel with what the nearest views see of its place; none where its
- * depth is a guess. */
+/* Compares a pixel with its place in the nearest views, and appends a pair for
+ * each. There is none if its depth is a guess. */
 static void compare(saga_exposure_pair *to, const saga_pictures *p,
                     saga_sample s, const double at[2])
 {
@@ -83,8 +83,8 @@ static void compare_part(void *user, size_t part)
     const saga_range of = saga_part(N_PIXELS, SAGA_PLANE_PART, part);
 
     for (size_t i = of.begin; i < of.end; i++) {
-        /* Three random numbers for each pixel (picture, u, v), and other pixels
-         * in each pass; what is seen does not depend on threads. */
+        /* Each pixel has three random numbers (picture, u, v), and each pass
+         * has other pixels. The result does not depend on threads. */
         const uint64_t k = 3 * ((uint64_t)j->pass * N_PIXELS + i);
         const saga_sample s = saga_pictures_pick(j->pictures, r, k);
         const saga_shot *const v = j->pictures->capture->views + s.view;
@@ -103,8 +103,8 @@ static void compare_all(saga_exposure_pairs *pairs, job *j)
         .run = compare_part, .user = j,
         .n = saga_n_parts(N_PIXELS, SAGA_PLANE_PART),
         .ns = (double)SAGA_PLANE_NS * N_PIXELS });
-    /* Places that were not filled are zeros, with a view compared to itself.
-     * Those left close up, in their order. */
+    /* Unused entries are zero, and so compare a view with itself; they are
+     * removed, and the order is kept. */
     pairs->at = j->at;
     pairs->n = 0;
     for (size_t i = 0; i < N_PIXELS * SAGA_PLANE_NEAR; i++)
@@ -112,7 +112,7 @@ static void compare_all(saga_exposure_pairs *pairs, job *j)
             pairs->at[pairs->n++] = j->at[i];
 }
 
-/* Sets the exposures of p; log is scratch of three numbers a view. */
+/* Sets the exposures of p. log_of is scratch of three numbers per view. */
 static bool find(saga_pictures *p, job *j, double *log_of, saga_error *error)
 {
     const size_t n = 3 * (size_t)p->capture->n_views;
@@ -121,8 +121,8 @@ static bool find(saga_pictures *p, job *j, double *log_of, saga_error *error)
     double before = 0, after = 0;
 
     for (j->pass = 0; j->pass < N_PASSES; j->pass++) {
-        /* Pairs are seen with the factors of the passes before, so what is
-         * solved for is still missing. */
+        /* The pairs have the factors of the earlier passes applied, so the
+         * solution is what is still missing. */
         compare_all(&pairs, j);
         memset(log_of, 0, n * sizeof *log_of);
         if (j->pass == 0)
@@ -136,8 +136,8 @@ static bool find(saga_pictures *p, job *j, double *log_of, saga_error *error)
     }
     for (size_t i = 0; i < n; i++)
         log_of[i] = log(p->exposure[i]);
-    /* Exactly nothing where exposures agree already, or where the factors
-     * explain too little of the first pass's differences to be exposures. */
+    /* The exposures stay exactly 1 if they agree already, or if the factors
+     * explain too little of the first pass's differences. */
     if (!(saga_exposure_span(log_of, &pairs) > WORTH_IT &&
           after < LEFT_PART * before))
         for (size_t i = 0; i < n; i++)

@@ -10,15 +10,17 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Threads take PART primitives at a time; the others are what one primitive
- * takes, in nanoseconds. */
+/* Primitives in one task, and nanoseconds for a primitive in each of two
+ * loops. */
 enum { PART = 256, TURN_NS = 5, SETTLE_NS = 40 };
 
-/* Octaves that a step of a mean goes with its primitive's size. */
+/* The size of a primitive changes the steps of its mean by at most this many
+ * octaves. */
 #define MOST_STEP R(2)
 
-/* The bound binds none: a new primitive begins without moments, and while these
- * grow its gradients are far above their root mean square. */
+/* The large `most` limits gradients hardly at all: a new primitive starts
+ * without moments, and at first its gradients are far above their root mean
+ * square. */
 static const saga_adam adam = { R(0.9), R(0.995), R(1e-15), R(16) };
 
 saga_flat_options saga_flat_defaults(void)
@@ -31,22 +33,23 @@ saga_flat_options saga_flat_defaults(void)
 
 /* --- How attributes learn ------------------------------------------------- */
 
-/* Returns what the last rates are, of those that suit 3,000 iterations: a
- * longer training ends in smaller steps (docs/lab/warm-up.md). */
+/* Returns the factor on the last learning rates, which suit 3,000 iterations. A
+ * longer training ends with smaller steps (docs/lab/warm-up.md). */
 static double last_of(const saga_flat *f)
 {
     return fmin(fmax(3000.0 / f->o.n_iterations, 0.25), 2);
 }
 
-/* Lengths are learned in steps relative to the depth of the scene, since the
- * cube's size says little; the moment of what lives shortly in steps of
- * seconds, however long a segment is. */
+/* Returns the unit of an attribute's learning rate. Steps of lengths are
+ * relative to the depth of the scene, since the size of the cube says little;
+ * those of times are relative to a second, however long the segment is. */
 static double step_of(const saga_flat *f, saga_attr_unit unit)
 {
     switch (unit) {
     case SAGA_UNIT_PLACE:
     case SAGA_UNIT_LENGTH:
-    case SAGA_UNIT_SUPPORT:      /* of half a cube: the set has no others */
+    case SAGA_UNIT_SUPPORT:      /* in half-cubes; no primitive here has a
+                                  * support */
         return f->reach;
     case SAGA_UNIT_TIME:
         return 1 / fmax(saga_capture_seconds(f->pictures->capture), 1);
@@ -70,7 +73,7 @@ static void fill_rules(saga_flat *f)
             (real)(k->rate_end * step) * R(last_of(f))
         };
     }
-    /* A temporal width below half a frame has nothing to fit. */
+    /* A temporal width below half a frame cannot be fitted. */
     f->rule[SAGA_ATTR_LOG2_WIDTH].lo = (real)log2(frame / 2);
 }
 
@@ -84,7 +87,7 @@ static bool make_pictures(saga_flat *f, saga_error *error)
     return true;
 }
 
-/* Returns the geometric mean of the ranges, in half-cubes. */
+/* Returns the geometric mean of the depth ranges, in half-cubes. */
 static double find_reach(const saga_pictures *p)
 {
     double sum = 0;
@@ -92,14 +95,14 @@ static double find_reach(const saga_pictures *p)
     for (int k = 0; k < p->n_train; k++) {
         const double *const r = p->range + 2 * p->train[k];
 
-        /* log2 of sqrt(nearest depth x farthest depth) of
-         * the view, in world units. */
+        /* log2 sqrt(nearest depth x farthest depth) of the view, in world
+         * units. */
         sum += log2(r[0] * r[1]) / 2;
     }
     return exp2(sum / p->n_train) / p->cube.unit;
 }
 
-/* Makes all but the primitives. */
+/* Makes everything except the primitives. */
 static saga_flat *make(const saga_pictures *pictures,
                        const saga_flat_options *o, saga_error *error)
 {
@@ -131,8 +134,8 @@ static real into_cube(real x, saga_attr_unit unit, size_t axis,
     }
 }
 
-/* Takes given primitive `from`: lengths become half-cubes, all that training
- * may reach is kept to, and what is not given is 0. */
+/* Appends given primitive `from`: lengths are converted to half-cubes, values
+ * are clamped to the bounds of training, and missing attributes are 0. */
 static void take_given(saga_flat *f, size_t from)
 {
     const uint32_t i = saga_flat_append(f);
@@ -197,7 +200,8 @@ void saga_flat_free(saga_flat *f)
 
 /* --- One iteration ------------------------------------------------------- */
 
-/* Returns a rate on its way from the first to the last, in equal ratios. */
+/* Returns the learning rate, which changes from the first to the last value
+ * exponentially. */
 static real rate_at(const saga_flat *f, int attr)
 {
     const saga_flat_rule *const r = &f->rule[attr];
@@ -206,9 +210,10 @@ static real rate_at(const saga_flat *f, int attr)
     return (real)(r->rate * pow(r->rate_end / r->rate, k));
 }
 
-/* Means learn along the axes of their primitives, in steps that follow its size
- * along each: Adam's steps are all alike, and would throw what is thin out of
- * its surface while what is large hardly moves. */
+/* Rotates the gradients of the means into the axes of their primitives. Steps
+ * of means follow the primitive's size along each axis. Adam's equal steps
+ * would move a thin primitive out of its surface, and a large one hardly at
+ * all. */
 static void turn_gradients(void *user, size_t part)
 {
     saga_flat *const f = user;
@@ -221,8 +226,8 @@ static void turn_gradients(void *user, size_t part)
 
         saga_flat_axes(axes, f->value.quat + 4 * i);
         for (size_t k = 0; k < 3; k++) {
-            /* dL/d(axis k) = axis k . dL/dmean; Adam then
-             * writes the step along it. */
+            /* dL/d(axis k) = axis k . dL/dmean. Adam then writes the step along
+             * each axis to f->step. */
             g[k] = axes[k][0] * world[0] + axes[k][1] * world[1] +
                    axes[k][2] * world[2];
             f->step[3 * i + k] = 0;
@@ -230,8 +235,8 @@ static void turn_gradients(void *user, size_t part)
     }
 }
 
-/* Sums are kept apart so that none waits for the last; no order of these reals
- * makes a difference to a double. */
+/* Returns the mean. Three separate sums let the processor overlap the
+ * additions. */
 static double mean_log2_scale(const saga_flat *f)
 {
     double sum[3] = { 0 };
@@ -251,9 +256,8 @@ static void take_steps(saga_flat *f, saga_range of, real typical)
 
         saga_flat_axes(axes, f->value.quat + 4 * i);
         for (size_t k = 0; k < 3; k++) {
-            /* By how many octaves the size along this axis is off the typical
-             * one, two at most: a step is at most four times Adam's, and at
-             * least a quarter of it. */
+            /* The size along this axis, in octaves from the typical one, is
+             * limited to two, so a step is a quarter to four times Adam's. */
             const real step = f->step[3 * i + k] * (real)exp2((double)
                 saga_clamp(size[k] - typical, -MOST_STEP, MOST_STEP));
 
@@ -263,10 +267,12 @@ static void take_steps(saga_flat *f, saga_range of, real typical)
     }
 }
 
-/* Every value of a picture is affine in the alpha of a primitive. Without it
- * the squared error of the n values would grow by Q - G, where G is the sum of
- * alpha dSSE/dalpha, -n / ln 2 dL/dq0, and Q that of (alpha dvalue/dalpha)^2.
- * What is left of the error is nearly random, so G^2 is 4 L Q on the mean. */
+/* Adds to f->worth how much the squared error would grow without each
+ * primitive. Every value of a picture is affine in the alpha of a primitive, so
+ * the error of the n values would grow by Q - G. Here G is the sum of alpha
+ * dSSE/dalpha, which is -n / ln 2 dL/dq0, and Q that of (alpha
+ * dvalue/dalpha)^2. The remaining error is nearly random, so that G^2 is 4 L Q
+ * on average. */
 static void note_worth(saga_flat *f, saga_range of, double mse)
 {
     const saga_splat_work *const w = &f->canvas.splat;
@@ -275,7 +281,8 @@ static void note_worth(saga_flat *f, saga_range of, double mse)
     const real part = mse > 0 ? R(0.25 / mse) : 0;
 
     for (size_t i = of.begin; i < of.end; i++)
-        /* Only those that this picture draws; Q is G^2 / (4 L). */
+        /* Only primitives in this picture count; Q is estimated as G^2 / (4
+         * L). */
         if (w->extent[i] > 0) {
             const real g = -n_by_ln_2 * w->d_posed.q0[i];
 
@@ -297,7 +304,7 @@ static void settle_part(void *user, size_t part)
     note_worth(f, of, s->mse);
 }
 
-/* Does what is left once all tensors have made their steps. */
+/* Does what follows Adam's steps. */
 static void settle(saga_flat *f, double mse)
 {
     step s = { f, (real)mean_log2_scale(f), mse };
@@ -307,8 +314,8 @@ static void settle(saga_flat *f, double mse)
         .ns = (double)SETTLE_NS * f->n });
 }
 
-/* Lists the tensors that learn. The means stay where they are, and are only
- * looked at: their steps are taken apart, in f->step. */
+/* Lists the tensors to train. The means are only checked, with rate 0; their
+ * steps are computed in f->step. */
 static size_t list_tensors(saga_adam_tensor list[SAGA_N_ATTRS + 1],
                            const saga_flat *f)
 {
@@ -336,8 +343,8 @@ static bool update(saga_flat *f, double mse, saga_error *error)
     saga_adam_tensor tensors[SAGA_N_ATTRS + 1];
     size_t n;
 
-    /* Gradients of means are turned before Adam sees them, so that its moments
-     * are those along the axes. */
+    /* Gradients of means are rotated before Adam, so that its moments are along
+     * the axes. */
     saga_parallel(&(saga_tasks){
         .run = turn_gradients, .user = f, .n = saga_n_parts(f->n, PART),
         .ns = (double)TURN_NS * f->n });
@@ -383,8 +390,8 @@ bool saga_flat_iterate(saga_flat *f, double *mse, saga_error *error)
                                          (uint64_t)f->iteration);
 
     sample.mip = saga_flat_mip_at(f, f->iteration);
-    /* The count first: it needs the statistics of the iterations before, and
-     * the gradients below belong to the new set. */
+    /* The number changes first: that needs the statistics of earlier
+     * iterations, and the gradients below belong to the new set. */
     if (!saga_flat_change_count(f, error) ||
         !look(f, mse, sample, error) || !update(f, *mse, error))
         return false;

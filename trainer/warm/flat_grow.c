@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: MIT
  *
- * Decides how many primitives there are, and where. In the first quarter of
- * the training rounds of growing raise their number to twice what is asked
- * for: some by splitting those whose place in the picture is most in doubt,
- * most from the pixels with the largest error, at their own moment. Afterwards
- * those that are worth least go in three steps, down to exactly that number.
+ * Decides how many primitives there are, and where. In the first quarter of the
+ * training, rounds of growing raise their number to twice n_primitives. Some
+ * are made by splitting primitives whose projected position has the largest
+ * gradient, most from the pixels with the largest error, at their time.
+ * Afterwards the primitives that are worth least are removed in three steps,
+ * down to exactly n_primitives.
  */
 #include "flat_state.h"
 
@@ -21,8 +22,8 @@ enum { N_PRUNES = 3, N_ROUNDS = 40, N_PICTURES = 8 };
 #define GROW_END 0.25
 #define FIRST_PRUNE 0.35
 #define PRUNE_STEP 0.1
-#define FROM_PIXELS 0.9      /* part of the new ones */
-#define DEAD R(-6)           /* opacity logit */
+#define FROM_PIXELS 0.9      /* part of the new primitives */
+#define DEAD R(-6)           /* opacity, in log2 units */
 
 /* --- Ranking ------------------------------------------------------------- */
 
@@ -30,7 +31,7 @@ typedef struct ranked { real score; uint32_t i; } ranked;
 
 static const char ranking[] = "the ranking of primitives";
 
-/* Puts the largest first, the lower index first among equals. */
+/* Sorts by descending score, and by index where scores are equal. */
 static int compare(const void *a, const void *b)
 {
     const ranked *const p = a, *const q = b;
@@ -58,8 +59,9 @@ static real worth(const saga_flat *f, uint32_t i)
     return f->worth[i];
 }
 
-/* Mean gradient where it is seen, times the root of how often that is: what
- * lives shortly would else be split as eagerly as what is always there. */
+/* Returns the mean gradient of the projected position over the pictures that
+ * show the primitive, times the root of their number. Otherwise a short-lived
+ * primitive would be split as readily as one that is always visible. */
 static real doubt(const saga_flat *f, uint32_t i)
 {
     const real seen = R(f->stats.seen[i]);
@@ -75,8 +77,8 @@ static bool is_dead(const saga_flat *f, uint32_t i)
 {
     const real seen = R(f->stats.seen[i]);
 
-    /* Too transparent, or it has been looked for in four pictures, and had less
-     * than a fiftieth of a pixel of each in the mean. */
+    /* It is too transparent; or at least four pictures may show it, and its
+     * mean weight in them is below a fiftieth of a pixel. */
     return f->value.opacity[i] < DEAD ||
            (seen >= 4 && f->stats.weight[i] < R(0.02) * seen);
 }
@@ -90,7 +92,7 @@ static bool remove_dead(saga_flat *f, saga_error *error)
         return false;
     for (uint32_t i = 0; i < f->n; i++)
         left += keep[i] = !is_dead(f, i);
-    /* A set of none could not grow again by splitting. */
+    /* An empty set could not grow again by splitting. */
     if (left > 0)
         saga_flat_keep(f, keep);
     free(keep);
@@ -115,7 +117,8 @@ static bool reduce(saga_flat *f, uint32_t n, saga_error *error)
 
 /* --- Splitting ----------------------------------------------------------- */
 
-/* Makes halves along the longest axis: +-0.6 sigma, each 0.75 sigma long. */
+/* Splits a primitive along its longest axis into halves at +-0.6 sigma, each of
+ * 0.75 sigma. */
 static void split(saga_flat *f, uint32_t i)
 {
     const size_t one = 3 * (size_t)i;
@@ -134,14 +137,14 @@ static void split(saga_flat *f, uint32_t i)
         mean[one + a] -= d;
         mean[two + a] += d;
     }
-    /* log2 0.75; the variance of both together is 0.6^2 +
-     * 0.75^2 = 0.92 of the old. */
+    /* log2 0.75. The variance of both together is 0.6^2 + 0.75^2 = 0.92 of the
+     * old one. */
     size[one + k] -= R(0.415);
     size[two + k] = size[one + k];
     saga_flat_forget(f, i);
 }
 
-/* Adds up to n; room must be there. */
+/* Splits up to n primitives, for which there must be room. */
 static bool split_most(saga_flat *f, uint32_t n, bool any, saga_error *error)
 {
     const uint32_t before = f->n;
@@ -149,8 +152,8 @@ static bool split_most(saga_flat *f, uint32_t n, bool any, saga_error *error)
 
     if (!r)
         return false;
-    /* At most one split for each that was there: halves
-     * wait for the next round. */
+    /* Each primitive is split at most once; its halves can be split in the next
+     * round. */
     for (uint32_t k = 0; k < n && k < before; k++)
         if (any || r[k].score > 0)
             split(f, r[k].i);
@@ -160,8 +163,8 @@ static bool split_most(saga_flat *f, uint32_t n, bool any, saga_error *error)
 
 /* --- From pixels --------------------------------------------------------- */
 
-/* New primitives may come from these; sum is the squared error over the
- * channels, running along the picture. */
+/* Candidates for new primitives. sum: squared error over the channels,
+ * accumulated along the picture. */
 typedef struct {
     saga_flat_sight *sight;
     uint8_t *good;
@@ -181,7 +184,7 @@ static double error_sums(double *sum, const saga_flat *f)
 
     for (size_t i = 0; i < n; i++) {
         for (size_t k = 0; k < 3; k++) {
-            /* Where the truth is below 0 the pixel does not count. */
+            /* A pixel with truth < 0 does not count. */
             const double e = y[i] < 0 ? 0
                 : (double)(x[i + k * n] - y[i + k * n]);
 
@@ -197,8 +200,8 @@ static size_t find(const double *sum, size_t n, double at)
     size_t lo = 0, hi = n - 1;
 
     while (lo < hi) {
-        /* The first pixel whose running sum is above `at`: one without error
-         * has no part in the sum, and is never found. */
+        /* Finds the first pixel whose accumulated sum is above `at`. A pixel
+         * without error is never found. */
         const size_t mid = (lo + hi) / 2;
 
         if (sum[mid] > at)
@@ -209,8 +212,8 @@ static size_t find(const double *sum, size_t n, double at)
     return lo;
 }
 
-/* Looks at n pixels of the picture that was drawn, each as likely as its error
- * is large: one in each n-th of the sum. */
+/* Looks at n pixels of the drawn picture, chosen with probability proportional
+ * to their error: one in each n-th of the sum. */
 typedef struct {
     const saga_flat *f;
     const places *p;
@@ -230,15 +233,16 @@ static void look_part(void *user, size_t part)
     const saga_range of = saga_part(j->n, SAGA_PLANE_PART, part);
 
     for (size_t i = of.begin; i < of.end; i++) {
-        /* Stratified: one draw in each n-th of the sum, so that large errors
-         * get new primitives in proportion, without clusters by chance. */
+        /* Stratified: one draw in each n-th of the sum, so that new primitives
+         * are proportional to the error, without random clusters. */
         const double along = ((double)i + saga_rng_double(r, j->counter + i)) /
                              j->n;
         const size_t at = find(p->sum, pixels, along * p->sum[pixels - 1]);
         const double u = (double)(at % w) + 0.5;
         const double v = (double)(at / w) + 0.5;
 
-        /* Pixels of a picture that was halved become those of the whole one. */
+        /* Pixels of a reduced picture are converted to those of the whole
+         * one. */
         p->good[i] = saga_flat_look(f, j->picture.view, j->picture.frame,
                                     u * side, v * side, p->sight + i);
     }
@@ -270,11 +274,11 @@ static bool grow_from_picture(saga_flat *f, const places *p, uint32_t n,
         return false;
     if (!(error_sums(p->sum, f) > 0))
         return true;
-    /* Places are found in parallel, and appended in order afterwards: the set
-     * does not depend on threads. A counter has 2^32 numbers to itself. */
+    /* Places are found in parallel and appended in order, so the set does not
+     * depend on threads. Each counter has 2^32 numbers of its own. */
     look_where_wrong(&(job){ f, p, picture, n, counter << 32 });
     for (uint32_t i = 0; i < n; i++)
-        /* A sigma of 1.5 pixels of the picture as it is trained on. */
+        /* Sigma is 1.5 pixels of the picture at its training size. */
         if (p->good[i])
             saga_flat_add(f, p->sight + i, 1.5 * p->sight[i].footprint *
                                            (1 << picture.mip));
@@ -323,15 +327,15 @@ static bool grow(saga_flat *f, saga_error *error)
     const uint32_t target = target_at(f, f->iteration);
     uint32_t want;
 
-    /* Dead ones first: what they leave is part of what is wanted. */
+    /* Dead primitives are removed first, so that new ones replace them. */
     if (!remove_dead(f, error))
         return false;
     if (target <= f->n)
         return true;
     if (!saga_flat_reserve(f, target, error))
         return false;
-    /* A tenth by splitting, where it makes sense, then the rest from pixels,
-     * which need the pictures. */
+    /* A tenth is made by splitting, where it makes sense, and the rest from
+     * pixels, which need the pictures. */
     want = target - f->n;
     if (!split_most(f, want - (uint32_t)(FROM_PIXELS * want), false, error))
         return false;
@@ -343,8 +347,8 @@ static int round_length(const saga_flat *f)
 {
     const int n = (int)(GROW_END * f->o.n_iterations / N_ROUNDS);
 
-    /* N_ROUNDS while it grows, but of 25 pictures at least, so that they have
-     * something to say, and of 250 at most. */
+    /* There are N_ROUNDS rounds of growing, but each has at least 25 pictures,
+     * for sufficient statistics, and at most 250. */
     return n < 25 ? 25 : n > 250 ? 250 : n;
 }
 
@@ -353,8 +357,8 @@ static void halve(saga_flat *f)
     saga_splat_stats *const s = &f->stats;
     const double epoch = (double)f->pictures->n_train *
                          f->pictures->capture->n_frames;
-    /* The cost of removal is summed over all pictures: half of it is forgotten
-     * in an epoch, not in a round. */
+    /* The worth is a sum over all pictures, so it is halved every epoch, not
+     * every round. */
     const real kept = (real)exp2(-round_length(f) / epoch);
 
     for (uint32_t i = 0; i < f->n; i++) {
@@ -365,7 +369,8 @@ static void halve(saga_flat *f)
     }
 }
 
-/* The last of the prunes leaves exactly the number asked for. */
+/* Reduces the number of primitives at prune k; the last one leaves exactly
+ * n_primitives. */
 static bool prune(saga_flat *f, int k, saga_error *error)
 {
     const uint32_t n = f->o.n_primitives;
@@ -373,16 +378,16 @@ static bool prune(saga_flat *f, int k, saga_error *error)
     uint32_t left = n;
 
     if (k + 1 < N_PRUNES && f->n > n)
-        /* Each prune divides by the same factor: of f->n / n, the
-         * (N_PRUNES - k)-th root. */
+        /* Every prune divides by the same factor, here the (N_PRUNES - k)-th
+         * root of f->n / n. */
         left = (uint32_t)(n * pow(ratio, (N_PRUNES - 1.0 - k) /
                                   (N_PRUNES - k)));
     if (f->n > left)
         return reduce(f, left, error);
     if (k + 1 < N_PRUNES)
         return true;
-    /* Fewer than asked for, since many have died: split those worth
-     * most, as often as it takes. */
+    /* If too many have died, those worth most are split, repeatedly if
+     * needed. */
     if (!saga_flat_reserve(f, n, error))
         return false;
     while (f->n < n)
@@ -414,8 +419,8 @@ bool saga_flat_change_count(saga_flat *f, saga_error *error)
     for (int k = 0; k < N_PRUNES && ok; k++)
         if (at == iteration_of_prune(f, k))
             ok = prune(f, k, error);
-    /* Rounds go on after growth has ended, since
-     * prunes need fresh statistics. */
+    /* Rounds continue after growth has ended, because prunes need recent
+     * statistics. */
     if (!ok || at == 0 || at % round_length(f))
         return ok;
     if (at <= GROW_END * n)

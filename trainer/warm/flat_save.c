@@ -3,7 +3,8 @@
 
 #include <math.h>
 
-/* More there never are (flat_grow.c). */
+/* Returns the largest number of primitives that a set can have
+ * (flat_grow.c). */
 static uint64_t most_primitives(const saga_flat_options *o)
 {
     const double factor = fmax(1, fmax((double)o->start, (double)o->growth));
@@ -45,8 +46,8 @@ bool saga_flat_load(saga_flat *f, saga_checkpoint *c, saga_error *error)
 
     saga_checkpoint_walk(c, &n, sizeof n);
     saga_checkpoint_walk(c, &iteration, sizeof iteration);
-    /* A bound before anything is allocated. The number asked for may have
-     * fallen to a sixteenth of what the set grew towards (saga_flat_aim). */
+    /* The bound is checked before anything is allocated. n_primitives may have
+     * been lowered to a sixteenth after the set grew (saga_flat_aim). */
     if (n > SAGA_FLAT_AIM_STEPS * most_primitives(&f->o) ||
         iteration > (uint64_t)f->o.n_iterations) {
         c->failed = true;

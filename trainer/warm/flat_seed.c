@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The first primitives stand at the capture's points, and at places that pixels
- * drawn at random say (flat_sight.c); half of them at most at points.
+ * The first primitives are placed at points of the capture, at most half of
+ * them, and at the places of pixels drawn at random (flat_sight.c).
  */
 #include "flat_state.h"
 
@@ -15,7 +15,7 @@
 
 enum {
     PATCH = SAGA_PATCH,
-    N_NEIGHBOURS = 3     /* whose distance gives the scale */
+    N_NEIGHBOURS = 3     /* the nearest ones determine the scale */
 };
 
 void saga_flat_add(saga_flat *f, const saga_flat_sight *s, double sigma)
@@ -42,7 +42,7 @@ void saga_flat_add(saga_flat *f, const saga_flat_sight *s, double sigma)
     saga_flat_bound(f, SAGA_ATTR_LOG2_WIDTH, this);
 }
 
-/* A draw is a pixel at random; chance is what its depth is if nobody knows. */
+/* A random pixel. chance, 0..1, determines its depth if no other is known. */
 typedef struct draw { int view, frame; double uv[2], chance; } draw;
 
 static draw draw_pixel(const saga_flat *f, uint64_t counter)
@@ -53,8 +53,8 @@ static draw draw_pixel(const saga_flat *f, uint64_t counter)
     const int view = p->train[saga_rng_below(r, c, (uint32_t)p->n_train)];
     const saga_shot *const v = p->capture->views + view;
 
-    /* A draw is a function of its number alone, so that the borrowing pass,
-     * which comes later, draws the same pixel again. */
+    /* A draw depends only on its number, so borrow_part, later, draws the same
+     * pixel again. */
     return (draw){
         .view = view,
         .frame = (int)saga_rng_below(r, c + 1,
@@ -65,14 +65,15 @@ static draw draw_pixel(const saga_flat *f, uint64_t counter)
     };
 }
 
-/* This holds all sights, and which of them are trusted. */
+/* All sights, and which of them have a trusted depth. */
 typedef struct sights {
     saga_flat_sight *at;
     uint8_t *good;
     size_t n;
 } sights;
 
-/* Gives a guess the depth of the nearest trusted sight in the same picture. */
+/* Gives a sight without a trusted depth that of the nearest trusted sight in
+ * the same picture. */
 static void borrow_depth(saga_flat_sight *s, const saga_flat *f, const draw *d,
                          const sights *all)
 {
@@ -80,7 +81,8 @@ static void borrow_depth(saga_flat_sight *s, const saga_flat *f, const draw *d,
     const double *const range = f->pictures->range + 2 * d->view;
     double best = INFINITY, z;
 
-    /* Without any trusted one in the picture: by chance, even in 1 / depth. */
+    /* Without a trusted sight in the picture, the depth is random, uniform in 1
+     * / depth. */
     z = 1 / (1 / range[1] + d->chance * (1 / range[0] - 1 / range[1]));
     for (size_t i = 0; i < all->n; i++) {
         double uv[2], depth, far;
@@ -107,8 +109,8 @@ static size_t look_at_points(saga_flat_sight *s, const saga_flat *f,
     const size_t take = n < room ? n : room;
     size_t found = 0;
 
-    /* Evenly over the list where there is no room for all. A point that nobody
-     * sees leaves its place to the next. */
+    /* Points are taken evenly from the list if there is no room for all. A
+     * point that no view sees is skipped. */
     for (size_t i = 0; i < take; i++)
         found += saga_flat_look_at_point(
             f, f->pictures->capture->points + i * n / take, s + found);
@@ -151,7 +153,7 @@ static void borrow_part(void *user, size_t part)
     }
 }
 
-/* Fills all from `from` on with pixels drawn at random. */
+/* Sets the sights from `from` on by pixels drawn at random. */
 static void look_at_pixels(const sights *all, const saga_flat *f, size_t from)
 {
     job j = { all, f, from };
@@ -187,7 +189,7 @@ static void note_neighbour(double *best, double d)
     best[at] = d;
 }
 
-/* Returns the squared distance of the places at ranks a and b. */
+/* Returns the squared distance between the places at ranks a and b. */
 static double between(const saga_flat_sight *s, const along *order, size_t a,
                       size_t b)
 {
@@ -198,8 +200,9 @@ static double between(const saga_flat_sight *s, const along *order, size_t a,
            (p[2] - q[2]) * (p[2] - q[2]);
 }
 
-/* Finds the RMS distance to the nearest places: outwards along x from each,
- * until x alone is farther than the worst of the best. */
+/* Returns the RMS distance to the nearest places. Searches along x in both
+ * directions until the distance in x alone exceeds that of the farthest
+ * neighbour found. */
 static double spacing(const saga_flat_sight *s, const along *order, size_t k,
                       size_t n)
 {
@@ -239,7 +242,7 @@ static void append_all(saga_flat *f, const saga_flat_sight *s, along *order,
         const saga_flat_sight *const at = s + order[k].i;
         double d = spacing(s, order, k, n);
 
-        /* Pixels: neither below what is visible nor a cloud. */
+        /* The size is at least one pixel, to be visible, and at most 40. */
         d = d < 40 * at->footprint ? d : 40 * at->footprint;
         d = d > at->footprint ? d : at->footprint;
         saga_flat_add(f, at, 0.5 * d);
@@ -258,8 +261,7 @@ bool saga_flat_init(saga_flat *f, saga_error *error)
                     saga_flat_reserve(f, (uint32_t)n, error);
 
     if (ok) {
-        /* Points are trusted as they are, and take half
-         * of the places at most. */
+        /* Points are trusted, and take at most half of the places. */
         memset(all.good, 1, n);
         look_at_pixels(&all, f, look_at_points(all.at, f, (n + 1) / 2));
         append_all(f, all.at, order, n);

@@ -56,8 +56,7 @@ bool saga_flat_reserve(saga_flat *f, uint32_t n, saga_error *error)
 
     if (n <= f->cap)
         return true;
-    /* New primitives are zero: gradients, moments and statistics begin there.
-     * */
+    /* New memory is zero, including gradients, moments and statistics. */
     for (int a = 0; a < SAGA_N_ATTRS; a++) {
         const size_t w = width_of(a);
 
@@ -167,8 +166,8 @@ void saga_flat_keep(saga_flat *f, const uint8_t *keep)
 
     for (i = 0; i < f->n; i++)
         if (keep[i]) {
-            /* Towards the front, in order: nothing that is still to
-             * be moved is written. */
+            /* Primitives only move to lower indices, in order, so none is
+             * overwritten before it has moved. */
             if (n != i)
                 move(f, n, i);
             n++;
@@ -179,9 +178,8 @@ void saga_flat_keep(saga_flat *f, const uint8_t *keep)
 void saga_flat_axes(real axes[3][3], const real *q)
 {
     const real n = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
-    /* A quaternion of length 0 stands for no rotation. s = 2 / |q|^2
-     * makes the matrix one of a rotation whatever the length is; rows
-     * are the primitive's axes. */
+    /* A quaternion of length 0 stands for no rotation. s = 2 / |q|^2 makes the
+     * matrix a rotation for any length. Rows are the primitive's axes. */
     const real w = n > 0 ? q[0] : 1, x = q[1], y = q[2], z = q[3];
     const real s = n > 0 ? 2 / n : 2;
     const real m[3][3] = {
@@ -204,7 +202,8 @@ static int most_mips(const saga_pictures *p)
 
         widest = v->width > widest ? v->width : widest;
     }
-    /* As often as the widest view stays at least COARSEST_WIDTH pixels wide. */
+    /* Pictures are halved while the widest view stays at least COARSEST_WIDTH
+     * pixels wide. */
     while (mip < MAX_MIP && (widest >> mip) / 2 >= COARSEST_WIDTH)
         mip++;
     return mip;
@@ -217,7 +216,8 @@ int saga_flat_mip_at(const saga_flat *f, int iteration)
 
     if (mips == 0 || iteration >= coarse)
         return 0;
-    /* From the smallest pictures on, each size for as many iterations. */
+    /* Starts with the smallest pictures; each size has an equal number of
+     * iterations. */
     return mips - (int)(iteration * mips / coarse);
 }
 

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * A sight is what a pixel says about a place in the scene. A plane sweep finds
- * its depth; whether the place stands still is then read from its pixels over
- * time.
+ * A sight is what a pixel tells about a place in the scene. A plane sweep finds
+ * its depth. Whether and when the place changes is then read from its pixels
+ * over time.
  */
 #include "flat_state.h"
 
@@ -13,14 +13,15 @@
 
 enum {
     PATCH = SAGA_PATCH,
-    N_WITNESSES = 3      /* views asked whether a place stands still */
+    N_WITNESSES = 3      /* views that decide whether a place stands still */
 };
 
-#define STILL 0.05       /* mean difference of patches that are the same */
+#define STILL 0.05       /* largest mean difference of patches that count as
+                          * equal */
 
 /* --- Over time ----------------------------------------------------------- */
 
-/* Says whether any witness still sees at frame g what it saw at `frame`. */
+/* Tells whether any witness sees at frame g what it saw at `frame`. */
 static bool unchanged(const saga_flat *f, const saga_patch *then,
                       const int *view, double (*uv)[2], int n, int g)
 {
@@ -34,8 +35,10 @@ static bool unchanged(const saga_flat *f, const saga_patch *then,
     return false;
 }
 
-/* Finds the longest stretch without change around a frame. A place that is the
- * same in most frames stands still; what passed before it is someone else's. */
+/* Finds the longest interval without change around a frame, and sets the
+ * temporal attributes accordingly. A place that looks the same in most frames
+ * stands still; whatever passes in front of it for a while belongs to other
+ * primitives. */
 static void watch(saga_flat_sight *s, const saga_flat *f, const int *view,
                   double (*uv)[2], int n, int frame)
 {
@@ -44,7 +47,8 @@ static void watch(saga_flat_sight *s, const saga_flat *f, const int *view,
     int same = 0, first = frame, last = frame;
     double half;
 
-    /* As if it stood still: life all through the segment. */
+    /* These values are for a place that stands still: it is visible throughout
+     * the segment. */
     s->t_centre = R(0.5);
     s->log2_width = f->rule[SAGA_ATTR_LOG2_WIDTH].hi;
     s->still = true;
@@ -57,15 +61,16 @@ static void watch(saga_flat_sight *s, const saga_flat *f, const int *view,
         same += unchanged(f, then, view, uv, n, g);
     if (same >= 0.85 * n_frames)
         return;
-    /* Not still: it lives from the first to the last frame around this one in
-     * which it looks as it does now. */
+    /* Otherwise it exists from the first to the last frame around this one in
+     * which it looks the same. */
     while (first > 0 && unchanged(f, then, view, uv, n, first - 1))
         first--;
     while (last + 1 < n_frames && unchanged(f, then, view, uv, n, last + 1))
         last++;
     s->still = false;
     s->t_centre = (real)((first + last + 0.0) / 2 / n_frames);
-    /* Half opacity half a stretch, but at least a frame and a half, away. */
+    /* The opacity falls to a half at half the interval, but at least one and a
+     * half frames, from its centre. */
     half = (last - first + 1.0) / 2;
     half = (half < 1.5 ? 1.5 : half) / n_frames;
     /* Opacity falls as exp(-u^2), which is a half at u = 0.83 widths. */
@@ -86,8 +91,9 @@ static void witness(saga_flat_sight *s, const saga_flat *f,
         double z;
         saga_patch p;
 
-        /* The pixel's own view, and near ones that see the same there at this
-         * moment. A view that does not is overwritten by the next one. */
+        /* Witnesses are the pixel's own view, and near views that see the same
+         * at this moment. An entry for a view that does not is overwritten by
+         * the next one. */
         view[n] = w->near[k];
         if (saga_view_project(c->views + view[n], s->position, uv[n], &z) &&
             saga_patch_cut(&p, w->pictures, view[n], w->frame, uv[n][0],
@@ -111,7 +117,7 @@ static void place(saga_flat_sight *s, const saga_plane_sweep *w, double depth)
         s->rgb[k] = (real)w->own.at[2 * PATCH * (PATCH + 1)][k];
 }
 
-/* Returns false where the depth is a guess. */
+/* Sets the place. Returns false if the depth is a guess. */
 static bool find_place(saga_flat_sight *s, const saga_plane_sweep *w)
 {
     saga_plane_found found;
@@ -160,14 +166,14 @@ bool saga_flat_look_at_point(const saga_flat *f, const saga_point *p,
         for (int j = 0; j < 3; j++)
             d += fabs((double)(s->rgb[j]) -
                       (double)q.at[2 * PATCH * (PATCH + 1)][j]) / 3;
-        /* The view nearest to it sees the smallest pixel there,
-         * which is the footprint. */
+        /* The nearest view has the smallest pixel at this place, which is the
+         * footprint. */
         if (z < depth) {
             depth = z;
             s->footprint = z / c->views[view[n]].fx;
         }
-        /* Only a view where the point's own colour shows is a witness;
-         * elsewhere it is covered. */
+        /* Only views in which the point's own colour shows are witnesses; in
+         * the others something hides it. */
         n += d < 0.15;
     }
     s->depth = depth;

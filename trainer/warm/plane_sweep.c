@@ -8,11 +8,12 @@ enum {
     PATCH = SAGA_PATCH,
     N_NEAR = SAGA_PLANE_NEAR,
     N_DEPTHS = 64,
-    N_FINE = 8           /* steps of refinement to each side */
+    N_FINE = 8           /* refinement steps on each side */
 };
 
-#define NO_MATCH 0.25    /* cost where no view can tell */
-#define CONTRAST 1.8     /* mean cost over best, to trust a match */
+#define NO_MATCH 0.25    /* cost if no view sees the place */
+#define CONTRAST 1.8     /* least mean cost over best cost for a trusted
+                          * match */
 
 /* --- Patches ------------------------------------------------------------- */
 
@@ -22,7 +23,7 @@ static void exposure_of(float scale[3], const saga_pictures *p, int view)
         scale[k] = (float)(p->exposure[3 * view + k] / 255);
 }
 
-/* Says whether all pixels of a square from (x, y) on count. */
+/* Tells whether all pixels of a square from (x, y) on count. */
 static bool counts(const saga_capture *c, int view, int frame, int x, int y,
                    int side)
 {
@@ -67,9 +68,8 @@ bool saga_patch_between(saga_patch *p, const saga_pictures *from, int view,
     const saga_capture *const c = from->capture;
     const saga_shot *const w = c->views + view;
     const size_t stride = saga_view_row_nbytes(w);
-    /* The patch's first sample lies between the pixels left of it
-     * and right, whose centres are at + 0.5; the square that is
-     * read is one pixel larger. */
+    /* The first sample of the patch is between pixels, whose centres are at +
+     * 0.5; the square that is read is one pixel larger. */
     const double left = u - PATCH - 0.5, top = v - PATCH - 0.5;
     const uint8_t *rgb;
     float part[2], scale[3];
@@ -116,8 +116,8 @@ static double centre_distance(const saga_shot *a, const saga_shot *b)
     for (int i = 0; i < 3; i++) {
         double d = 0;
 
-        /* Centres are -R^T t: their difference, one axis
-         * of the world at a time. */
+        /* Centres are -R^T t; this is their difference along one axis of the
+         * world. */
         for (int j = 0; j < 3; j++)
             d += a->rotation[3 * j + i] * a->translation[j] -
                  b->rotation[3 * j + i] * b->translation[j];
@@ -126,7 +126,8 @@ static double centre_distance(const saga_shot *a, const saga_shot *b)
     return sum;
 }
 
-/* Finds the nearest training views that look the same way, nearest first. */
+/* Finds the nearest training views that look in a similar direction, nearest
+ * first. Returns their number. */
 static int near_views(int *near, const saga_pictures *p, int view)
 {
     const saga_shot *const all = p->capture->views, *const a = all + view;
@@ -138,8 +139,8 @@ static int near_views(int *near, const saga_pictures *p, int view)
         double same = 0, d;
         int at;
 
-        /* Row 2 of a rotation looks forward: the cosine of
-         * the angle between both. */
+        /* Row 2 of a rotation is the forward axis; `same` is the cosine of the
+         * angle between both. */
         for (int j = 6; j < 9; j++)
             same += a->rotation[j] * b->rotation[j];
         if (p->train[k] == view || same < 0.2)
@@ -147,7 +148,7 @@ static int near_views(int *near, const saga_pictures *p, int view)
         d = centre_distance(a, b);
         if (n == N_NEAR && d >= far[n - 1])
             continue;
-        /* Insertion sort into the N_NEAR nearest so far. */
+        /* Insertion into the sorted list of the N_NEAR nearest. */
         n += n < N_NEAR;
         for (at = n - 1; at > 0 && far[at - 1] > d; at--) {
             far[at] = far[at - 1];
@@ -165,14 +166,15 @@ bool saga_plane_begin(saga_plane_sweep *s, const saga_pictures *pictures,
     s->pictures = pictures;
     s->view = view;
     s->frame = frame;
-    /* To the pixel's centre: its own patch is cut without interpolation. */
+    /* The pixel's centre, where its own patch needs no interpolation. */
     s->uv[0] = floor(u) + 0.5;
     s->uv[1] = floor(v) + 0.5;
     s->n_near = near_views(s->near, pictures, view);
     return saga_patch_cut(&s->own, pictures, view, frame, u, v);
 }
 
-/* Mean over the better half of the views that see the place. */
+/* Returns the mean cost over the better half of the views that see the
+ * place. */
 static double match(const saga_plane_sweep *s, double inverse)
 {
     const saga_capture *const c = s->pictures->capture;
@@ -196,15 +198,15 @@ static double match(const saga_plane_sweep *s, double inverse)
     }
     if (n == 0)
         return NO_MATCH;
-    /* The better half, but never one view alone where two can tell: a single
-     * match is easily by chance. */
+    /* The better half, but at least two views if two see the place: a single
+     * match is too often accidental. */
     half = (n + 1) / 2 < 2 && n >= 2 ? 2 : (n + 1) / 2;
     for (int k = 0; k < half; k++)
         sum += cost[k];
     return sum / half;
 }
 
-/* Finds the inverse depths between which the pixel's ray is inside the cube. */
+/* Sets the inverse of the nearest and farthest depth of the view. */
 static void ray_range(double *near, double *far, const saga_plane_sweep *s)
 {
     const double *const range = s->pictures->range + 2 * s->view;
@@ -219,7 +221,7 @@ static double refine(const saga_plane_sweep *s, double best, double step,
     double found = best;
 
     for (int i = -N_FINE; i <= N_FINE; i++) {
-        /* Between the neighbouring depths of the sweep, both excluded. */
+        /* Depths between the neighbours in the sweep, both excluded. */
         const double inverse = best + step * i / (N_FINE + 1);
         const double c = inverse > 0 ? match(s, inverse) : NO_MATCH;
 
@@ -237,8 +239,8 @@ bool saga_plane_find(saga_plane_found *found, const saga_plane_sweep *s)
 
     ray_range(&near, &far, s);
     for (int i = 0; i < N_DEPTHS; i++) {
-        /* Even in 1 / depth, so that a step is about as far in the other
-         * pictures, whether near or far. */
+        /* Depths are even in 1 / depth, so that each step is about equally long
+         * in the other pictures. */
         const double inverse = far + (near - far) * i / (N_DEPTHS - 1);
         const double c = match(s, inverse);
 
@@ -250,9 +252,8 @@ bool saga_plane_find(saga_plane_found *found, const saga_plane_sweep *s)
     }
     best = refine(s, best, (near - far) / (N_DEPTHS - 1), &cost);
     found->cost = cost;
-    /* Where all depths match alike (a wall of one colour) the
-     * best says nothing; 0.005 keeps a perfect match from
-     * standing for infinite contrast. */
+    /* If all depths match equally well (a wall of one colour), the best one
+     * means nothing. The 0.005 avoids infinite contrast for a perfect match. */
     found->contrast = sum / N_DEPTHS / (cost + 0.005);
     found->depth = 1 / best;
     return s->n_near > 0 && cost < SAGA_GOOD_MATCH &&
