@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Symbols become chunks: the networks', and the three of a layer or the base.
- * The traversal asks a coder that looks each symbol up and encodes it.
+ * Makes chunks from symbols: that of the networks, and the three of a layer or
+ * of the base. The traversal asks a coder that looks each symbol up and encodes
+ * it.
  */
 #include "encode_state.h"
 
@@ -17,13 +18,14 @@
 /* --- The coder: looks symbols up and encodes them ------------------------ */
 
 typedef struct {
-    saga_coder coder;            /* first: its functions cast back */
+    saga_coder coder;            /* must be first: the coder's functions cast
+                                  * back to source */
     saga_range_enc range;
     const saga_symbols *s;
     const saga_net_symbols *nets;
     const saga_nets *shapes;
     uint32_t features;
-    uint32_t n_nodes;            /* of the tree, asked for so far */
+    uint32_t n_nodes;            /* nodes of the tree asked for so far */
 } source;
 
 static const saga_layer_symbols *layer_of(const source *e, saga_at at)
@@ -50,7 +52,7 @@ static uint32_t symbol_of(const source *e, saga_at at, uint32_t n_sym)
     case SAGA_SYM_NET_DROP:
         return layer_of(e, at)->drop[at.row];
     case SAGA_SYM_NET_ROW_SHIFT:
-        /* A shift goes in two symbols: its bits from 3 on, and its low
+        /* A shift is coded as two symbols: its bits from 3 on, and its lowest
          * three. */
         return at.column ? layer_of(e, at)->shift[at.row] & 7u
                          : layer_of(e, at)->shift[at.row] >> 3;
@@ -61,8 +63,9 @@ static uint32_t symbol_of(const source *e, saga_at at, uint32_t n_sym)
     }
 }
 
-/* Bits that the traversal never asks for would not come back: children beyond
- * a split's, suffixes beyond their grid. */
+/* Tells whether all bits of the symbols will be coded. Bits for which the
+ * traversal never asks, such as children that a split does not have or suffixes
+ * outside their grid, would be lost. */
 static int symbols_are_clean(const saga_symbols *s, const saga_model *m)
 {
     static const uint32_t children[4] = { 0, 0xff, 0x3, 0xffff };
@@ -93,9 +96,9 @@ static void residual(saga_coder *c, saga_at at, int32_t *q, const int16_t *mu,
     (void)step_q16;
     for (i = 0; i < n; i++) {
         q[i] = fx_clamp(x[i], -SAGA_MAX_RESIDUAL, SAGA_MAX_RESIDUAL);
-        /* A value that cannot be coded is an error, but some value goes on:
-         * the traversal stays in its ranges until the caller looks at the
-         * error. */
+        /* A value that cannot be coded sets the error but is replaced by a
+         * valid one, so that the traversal stays in its ranges until the caller
+         * checks the error. */
         if (q[i] != x[i])
             c->error = 1;
         saga_range_enc_residual(&e->range, q[i], scale[i]);
@@ -108,8 +111,8 @@ static uint32_t adaptive(saga_coder *c, saga_at at, saga_adaptive *m,
     source *const e = (source *)(void *)c;
     uint32_t sym = symbol_of(e, at, n_sym);
 
-    /* Nodes are asked for in order. encode_chunk looks whether the tree took
-     * as many as the symbols have. */
+    /* Nodes are asked for in order. encode_chunk checks that the tree used as
+     * many nodes as the symbols have. */
     if (at.sym == SAGA_SYM_SPLIT)
         e->n_nodes = at.index + 1;
     if (sym >= n_sym) {
@@ -149,11 +152,10 @@ static uint32_t uniform(saga_coder *c, saga_at at, uint32_t bits)
 
 /* --- Chunks -------------------------------------------------------------- */
 
-/* Makes room for n more bytes behind those that are there; NULL: no memory. */
 uint8_t *saga_buffer_reserve(saga_buffer *b, size_t n, saga_error *error)
 {
-    /* It grows by half at least, so that not every chunk copies all before
-     * it. */
+    /* The capacity grows by at least a half, so that not every chunk copies
+     * everything before it. */
     const size_t cap = b->n + n + b->cap / 2;
     uint8_t *p;
 
@@ -167,8 +169,6 @@ uint8_t *saga_buffer_reserve(saga_buffer *b, size_t n, saga_error *error)
     return b->p + b->n;
 }
 
-/* Completes the chunk whose payload of nbytes was written behind its header's
- * place, but for the CRC, which needs the file's header. */
 void saga_buffer_end_chunk(saga_buffer *b, uint32_t type, size_t nbytes)
 {
     saga_io io = { NULL, b->p + b->n, 0 };
@@ -188,9 +188,9 @@ static void source_init(source *src, const saga_encoder *e)
     src->features = e->header.model.features;
 }
 
-/* Makes room for a chunk whose payload has at most `bound` bytes, and the way
- * of its symbols there: the traversal drives the cost counter, and that one the
- * encoder. The caller gives src its symbols. */
+/* Makes room for a chunk whose payload has at most `bound` bytes, and connects
+ * the coders: the traversal drives the cost counter, which drives the encoder.
+ * The caller sets the symbols of src. */
 static bool begin_chunk(source *src, saga_cost *cost, saga_buffer *to,
                         size_t bound, const saga_encoder *e,
                         saga_error *error)
@@ -206,7 +206,7 @@ static bool begin_chunk(source *src, saga_cost *cost, saga_buffer *to,
     return true;
 }
 
-/* Adds what a chunk cost to the bits of the file. */
+/* Adds the cost of a chunk to that of the file. */
 static void add_bits(saga_encoder *e, const saga_cost *cost)
 {
     uint32_t i;
@@ -217,8 +217,9 @@ static void add_bits(saga_encoder *e, const saga_cost *cost)
     }
 }
 
-/* A residual takes at most 15 bits to find the escape, 13 of prefix, 16 of rest
- * and a sign: less than 6 bytes. The same bounds the rest. */
+/* Returns a bound on the bytes of the networks' chunk. A residual takes at most
+ * 15 bits for the escape, 13 for the prefix, 16 for the rest and one for the
+ * sign, which is less than 6 bytes. Other symbols take less. */
 static size_t networks_bound(const saga_nets *nets)
 {
     size_t n = 64;
@@ -243,7 +244,7 @@ bool saga_encode_networks(saga_encoder *e, const saga_net_symbols *nets,
                      error))
         return false;
     src.nets = nets;
-    /* n stays 0 where symbols are invalid or the bytes exceed the bound. */
+    /* n stays 0 if symbols are invalid or the bytes exceed the bound. */
     if (saga_syntax_networks(&e->nets, e->params, &cost.coder))
         n = saga_range_enc_finish(&src.range);
     if (n == 0)
@@ -277,13 +278,13 @@ bool saga_scaffold_alloc(saga_scaffold *sc, const saga_model *model,
                                   error);
     sc->models = saga_calloc(1, sizeof *sc->models, what, error);
     sc->net.v = saga_calloc(1, sizeof *sc->net.v, what, error);
-    /* The bank's layout is asked for its size first, and then put into the
+    /* The bank is laid out twice: first to find its size, and then in the
      * memory. */
     saga_bank_size(&sc->bank, model);
     memory = saga_aligned_alloc(16, saga_bank_lay(&sc->bank, NULL),
                                 what, error);
     saga_bank_lay(&sc->bank, memory);
-    /* Any of these may have failed; the error tells. */
+    /* Any of these allocations may have failed, which *error tells. */
     if (!saga_failed(error))
         return true;
     saga_scaffold_free(sc);
@@ -309,21 +310,21 @@ bool saga_encoder_scaffold(saga_scaffold *sc, const saga_encoder *e,
                                error);
 }
 
-/* COAR, FINE and PRIM are parts 0 to 2. */
+/* Codes COAR, FINE or PRIM, which are parts 0 to 2. */
 static int code_chunk(const saga_scaffold *sc, int part, saga_coder *c)
 {
     return part == 0 ? saga_syntax_coarse(sc, c)
          : part == 1 ? saga_syntax_fine(sc, c) : saga_syntax_prim(sc, c);
 }
 
-/* No chunk exceeds these bytes; see networks_bound. A set of n points asks for
- * at most 32 n symbols. */
+/* Returns a bound on the bytes of a chunk, like networks_bound. A set of n
+ * points has at most 32 n symbols. */
 static size_t chunk_bound(const saga_encoder *e, const saga_symbols *s,
                           int part)
 {
     /* An adaptive symbol takes less than 2 bytes, a residual less than 6. A
-     * node has a split and up to 16 bits of occupancy; a leaf 4 + F residuals.
-     */
+     * node has a split and up to 16 bits of occupancy, a leaf 4 + F
+     * residuals. */
     if (part == 0)
         return 64 + 34 * (size_t)s->n_nodes +
                6 * (size_t)s->n.coarse * (5u + e->header.model.features);
@@ -331,7 +332,7 @@ static size_t chunk_bound(const saga_encoder *e, const saga_symbols *s,
            2 * (size_t)s->n.coarse;
 }
 
-/* Appends a chunk, whose payload has *size bytes. */
+/* Appends a chunk and sets *size to the bytes of its payload. */
 static bool encode_chunk(saga_encoder *e, saga_buffer *to, size_t *size,
                          const saga_scaffold *sc, const saga_symbols *s,
                          int part, saga_error *error)
@@ -346,8 +347,8 @@ static bool encode_chunk(saga_encoder *e, saga_buffer *to, size_t *size,
     if (!begin_chunk(&src, &cost, to, chunk_bound(e, s, part), e, error))
         return false;
     src.s = s;
-    /* A tree that ends before its symbols do would not come back as they
-     * are. */
+    /* If the tree ends before its symbols do, decoding would not give the same
+     * symbols. */
     if (code_chunk(sc, part, &cost.coder) && !cost.coder.error &&
         (part > 0 || src.n_nodes == s->n_nodes))
         n = saga_range_enc_finish(&src.range);
@@ -360,7 +361,6 @@ static bool encode_chunk(saga_encoder *e, saga_buffer *to, size_t *size,
     return true;
 }
 
-/* Appends the three chunks of a layer or of the base. */
 bool saga_encode_scaffold(saga_encoder *e, saga_buffer *to, size_t size[3],
                             const saga_symbols *s, saga_error *error)
 {
@@ -372,7 +372,8 @@ bool saga_encode_scaffold(saga_encoder *e, saga_buffer *to, size_t size[3],
 
     if (!ok || !saga_encoder_scaffold(&sc, e, s->n, error))
         return false;
-    /* Adaptive models start once and learn through all three chunks. */
+    /* The adaptive models are initialised once and adapt through all three
+     * chunks. */
     saga_syntax_begin(&sc);
     for (part = 0; part < 3 && ok; part++)
         ok = encode_chunk(e, to, &size[part], &sc, s, part, error);

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The encoder's part of a checkpoint is the file as far as it is made.
+ * Saves the encoder to a checkpoint and restores it: the file as far as it is
+ * made.
  */
 #include "encode_save.h"
 
@@ -9,12 +10,12 @@
 
 static const char what[] = "the file so far";
 
-/* Walks over n bytes at *p, which a reader allocates. */
+/* Writes n bytes at *p, or allocates them and reads them. */
 static void walk_block(uint8_t **p, size_t n, saga_checkpoint *c,
                        saga_error *error)
 {
-    /* A number that damage made large does not get memory: no more is taken
-     * than the file has left. */
+    /* Not more memory is allocated than the file has bytes left, in case n is
+     * damaged. */
     if (c->reading && !c->failed)
         *p = n > saga_left(&c->rest) ? NULL
            : saga_aligned_alloc(16, n, what, error);
@@ -39,7 +40,8 @@ static void walk(saga_encoder *e, saga_checkpoint *c, saga_error *error)
 
     saga_checkpoint_walk(c, &e->header, sizeof e->header);
     saga_checkpoint_walk(c, &e->sizes, sizeof e->sizes);
-    /* The model that was read sizes what follows, and must be valid before. */
+    /* The model determines the sizes of what follows, so it is checked
+     * first. */
     c->failed = c->failed || !saga_model_is_valid(&e->header.model);
     if (c->reading && !c->failed)
         saga_nets_layout(&e->nets, &e->header.model);
@@ -49,7 +51,7 @@ static void walk(saga_encoder *e, saga_checkpoint *c, saga_error *error)
     walk_buffer(&e->base, c, error);
     walk_buffer(&e->names, c, error);
     walk_buffer(&e->segments, c, error);
-    /* None is there while the base is made. */
+    /* There are no segments while the base is made. */
     if (e->header.n_segments)
         walk_block(&index, e->header.n_segments * sizeof *e->index, c, error);
     e->rig = (saga_rig_camera *)(void *)rig;

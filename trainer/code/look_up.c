@@ -1,16 +1,15 @@
 /* SPDX-License-Identifier: MIT */
 #include "look_up.h"
 
-/* The members of a run of n suffixes whose bit is 0 must come first, since
- * suffixes ascend; their number is n + 1, which no model has, if they do not.
- */
+/* Returns how many of n ascending suffixes have a 0 at `bit`. They must be the
+ * first ones; otherwise it returns n + 1, which is not a valid symbol. */
 static uint32_t count_low(const uint32_t *suffix, uint32_t n, uint32_t bit)
 {
     uint32_t low = 0, i;
 
     while (low < n && !(suffix[low] >> bit & 1u))
         low++;
-    /* A suffix with the bit 0 behind one with the bit 1 is out of order. */
+    /* A suffix with bit 0 after one with bit 1 is out of order. */
     for (i = low; i < n; i++)
         if (!(suffix[i] >> bit & 1u))
             return n + 1;

@@ -23,7 +23,7 @@ static int finer_of(const saga_layer_values *v, uint32_t k)
     return k < v->n_finer ? v->finer[k] : 0;
 }
 
-/* Returns the integer weight of a symbol of input k. */
+/* Returns the integer weight for symbol q of input k. */
 static int64_t weight_of(const saga_layer_symbols *s,
                          const saga_layer_values *v, int32_t q, uint32_t k)
 {
@@ -31,14 +31,14 @@ static int64_t weight_of(const saga_layer_symbols *s,
                        s->step_shift + finer_of(v, k));
 }
 
-/* Writes the symbols of a row whose weights have the scale 2^e; 1 if it is
- * valid. */
+/* Sets the symbols of a row whose weights have the scale 2^e. Returns 1 if the
+ * row is valid. */
 static int try_row(saga_layer_symbols *out, const saga_layer_values *v,
                    uint32_t row, int e)
 {
-    /* An integer weight is q step_q16 / 2^step_shift, in Q e: one q is this
-     * in reals. The sum has the Q of input and weight, e + q_in, and so has the
-     * bias but for bias_shift. */
+    /* An integer weight is q step_q16 / 2^step_shift in Q e; `step` is the real
+     * value of one q. The sum has the Q format of input times weight, e + q_in,
+     * and so has the bias, apart from bias_shift. */
     const double step = ldexp(out->step_q16, -out->step_shift - e);
     const double bias = floor(ldexp((double)v->bias[row],
                                     e + v->q_in - out->bias_shift) + 0.5);
@@ -47,7 +47,7 @@ static int try_row(saga_layer_symbols *out, const saga_layer_values *v,
     int64_t sum = 0;
     uint32_t k;
 
-    /* From the sum's Q to that of the output. */
+    /* From the format of the sum to that of the output. */
     out->shift[row] = (uint8_t)(e + v->q_in - v->q_out[row]);
     if (fabs(bias) > SAGA_MAX_RESIDUAL)
         return 0;
@@ -58,8 +58,8 @@ static int try_row(saga_layer_symbols *out, const saga_layer_values *v,
 
         if (fabs(q) > SAGA_MAX_RESIDUAL)
             return 0;
-        /* The bound is on the integer weight as the decoder has it, of a
-         * finer input shifted by the unit's bits more. */
+        /* The limit is for the decoder's integer weight, which has fewer bits
+         * for a finer input. */
         w = llabs(weight_of(out, v, (int32_t)q, k));
         if (w > limit)
             return 0;
@@ -71,7 +71,8 @@ static int try_row(saga_layer_symbols *out, const saga_layer_values *v,
                                  out->shift[row]);
 }
 
-/* A row shift is q_in + exponent - q_out, and must be in 0..24. */
+/* Returns the exponent nearest to the wanted one at which the row's shift, q_in
+ * + exponent - q_out, is in 0..24. */
 static int row_exponent(const saga_layer_values *v, uint32_t row, int wanted)
 {
     const int least = (int)v->q_out[row] - v->q_in;
@@ -79,8 +80,8 @@ static int row_exponent(const saga_layer_values *v, uint32_t row, int wanted)
     return fx_clamp(wanted, least, least + 24);
 }
 
-/* Returns the largest scale that every row's shift allows: a row at a smaller
- * one than the others has larger steps. */
+/* Returns the largest scale that the shifts of all rows allow. A row with a
+ * smaller scale than the others would have larger steps. */
 static int most_exponent(const saga_layer_values *v)
 {
     int most = INT_MAX;
@@ -91,16 +92,15 @@ static int most_exponent(const saga_layer_values *v)
     return most;
 }
 
-/* Sets the steps' fields where the weights' scale is 2^e: the weights' step
- * with as many digits as there is room for. */
+/* Sets the fields of the steps for weights of scale 2^e. The step of weights
+ * gets as many digits as fit. */
 static void set_steps(saga_layer_symbols *out, const saga_layer_values *v,
                       int e)
 {
     const double step = ldexp((double)v->step, e);
     int size;
 
-    /* 16 - size makes step_q16 a number of 16 bits, with all the digits that
-     * the field has. */
+    /* Shifting by 16 - size gives step_q16 its full 16 bits. */
     frexp(step, &size);                      /* step < 2^size */
     out->step_shift = (uint8_t)fx_clamp(16 - size, 0, 31);
     out->step_q16 = (uint32_t)fmin(fmax(floor(ldexp(step, out->step_shift) +
@@ -109,8 +109,8 @@ static void set_steps(saga_layer_symbols *out, const saga_layer_values *v,
         ilogb((double)v->bias_step) + v->q_in + e, 0, 31);
 }
 
-/* Makes all rows at the scale 2^e, or the next larger one that their shifts
- * allow. */
+/* Sets all rows at the scale 2^e, or the nearest that their shifts allow.
+ * Returns 0 if a row is not valid. */
 static int try_layer(saga_layer_symbols *out, const saga_layer_values *v,
                      int e)
 {
@@ -123,8 +123,8 @@ static int try_layer(saga_layer_symbols *out, const saga_layer_values *v,
     return 1;
 }
 
-/* Makes all rows at the scale 2^e; one that is not valid there halves its own,
- * that is, doubles its steps. */
+/* Sets all rows at the scale 2^e. The scale of a row that is not valid there is
+ * halved, which doubles its steps, until it is. */
 static void force_layer(saga_layer_symbols *out, const saga_layer_values *v,
                         int e)
 {
@@ -135,14 +135,14 @@ static void force_layer(saga_layer_symbols *out, const saga_layer_values *v,
         const int least = (int)v->q_out[row] - v->q_in;
         int k = row_exponent(v, row, e);
 
-        /* A shift is 0 or more: at its least exponent a row stays as it is,
-         * valid or not. */
+        /* The shift cannot be negative: at its least exponent a row stays as it
+         * is, valid or not. */
         while (!try_row(out, v, row, k) && k > least)
             k--;
     }
 }
 
-/* Residuals that share a scale take these bits, at each of the scales. */
+/* Bits of residuals that share a scale, for each scale. */
 typedef struct {
     double at[SAGA_N_SCALES];
 } scale_bits;
@@ -165,8 +165,8 @@ static scale_bits residual_bits(int32_t q)
     return b;
 }
 
-/* A table holds the bits of small residuals, -SMALL .. SMALL: a layer has each
- * of them many times, and they take long to compute. */
+/* A table of the bits of residuals -SMALL .. SMALL, which occur many times in a
+ * layer and take long to compute. */
 enum { SMALL = 63 };
 
 typedef struct {
@@ -207,13 +207,13 @@ static uint8_t bias_scale(const int32_t *q, uint32_t n)
     return least_scale(&b);
 }
 
-/* It holds the scales of a layer's weights, and what all of that takes. */
+/* The scales of a layer's weights, and the bits with them. */
 typedef struct {
     double bits;
     uint8_t mode, scale, drop[SAGA_MAX_VECTOR];
 } layer_scales;
 
-/* Returns the scales that lines drop to from the given one. */
+/* Returns the best drop of each line (row or column) from a given scale. */
 static layer_scales drop_from(uint8_t scale, uint32_t mode,
                               const scale_bits *line, uint32_t n)
 {
@@ -234,8 +234,8 @@ static layer_scales drop_from(uint8_t scale, uint32_t mode,
     return s;
 }
 
-/* Takes a scale for each of the lines if that is less. The layer's is within a
- * drop of the highest. */
+/* Replaces *best if a scale for each line takes fewer bits. The layer's scale
+ * is within one drop of the highest. */
 static void try_lines(layer_scales *best, uint32_t mode,
                       const scale_bits *line, uint32_t n)
 {
@@ -252,7 +252,8 @@ static void try_lines(layer_scales *best, uint32_t mode,
     }
 }
 
-/* Finds what takes the least bits for residuals q (rows, columns). */
+/* Finds the scales that take the fewest bits for residuals q (rows,
+ * columns). */
 static bool least_scales(layer_scales *best, const int32_t *q, uint32_t rows,
                          uint32_t columns, saga_error *error)
 {
@@ -267,7 +268,7 @@ static bool least_scales(layer_scales *best, const int32_t *q, uint32_t rows,
     column = row + rows;
     for (i = 0; i < rows; i++)
         for (k = 0; k < columns; k++) {
-            /* A residual counts in its row and in its column. */
+            /* A residual belongs to a row and a column. */
             const scale_bits one =
                 remembered_bits(&small, q[(size_t)i * columns + k]);
 
@@ -327,7 +328,8 @@ bool saga_quantise_bits(double *bits, const real *w, size_t rows,
 bool saga_quantise_layer(saga_layer_symbols *out, const saga_layer_values *v,
                          saga_error *error)
 {
-    /* The scale at which a step is 1 to 2 LSB, and what 16 bits can hold. */
+    /* `unit` is the scale at which a step is 1 to 2 units; 15 more are the
+     * limit of 16-bit weights. */
     const int unit = (int)ceil(-log2((double)v->step));
     int e = fx_min(unit + 15, most_exponent(v));
 
@@ -337,8 +339,8 @@ bool saga_quantise_layer(saga_layer_symbols *out, const saga_layer_values *v,
     out->shift = saga_calloc(v->n_out, 1, out_of_what, error);
     if (!out->weight || !out->bias || !out->shift)
         return false;
-    /* From the finest integers down until all rows are valid: the larger
-     * weights are, the nearer they come to multiples of the step. */
+    /* The scale is reduced from the largest until all rows are valid. The
+     * larger the integers, the closer they are to multiples of the step. */
     while (e > unit && !try_layer(out, v, e))
         e--;
     if (e <= unit)
@@ -353,7 +355,7 @@ void saga_dequantise_layer(real *weight, real *bias,
     uint32_t row, k;
 
     for (row = 0; row < v->n_out; row++) {
-        /* try_row's exponent, found again from the shift. */
+        /* The exponent of try_row, from the shift. */
         const int e = (int)s->shift[row] + v->q_out[row] - v->q_in;
         const size_t at = (size_t)row * v->n_in;
 
@@ -368,7 +370,8 @@ void saga_dequantise_layer(real *weight, real *bias,
 /* --- The closed loop ----------------------------------------------------- */
 
 typedef struct {
-    saga_coder coder;            /* first: its functions cast back */
+    saga_coder coder;            /* must be first: the coder's functions cast
+                                  * back to loop */
     saga_symbols *s;
     const saga_scaffold *sc;
     const saga_targets *t;
@@ -389,8 +392,8 @@ static double cell_offset(const saga_position *cell, const double *x,
                  cell->support[axis]);
 }
 
-/* Returns what channel i of the block would be if nothing were quantised, in
- * LSB. */
+/* Returns the value of channel i of a block without quantisation, in units of
+ * its format. */
 static double target_of(const loop *l, saga_at at, uint32_t i)
 {
     const saga_model *const m = l->sc->model;
@@ -402,8 +405,7 @@ static double target_of(const loop *l, saga_at at, uint32_t i)
         return at.sym == SAGA_SYM_FEATURE
             ? value[(size_t)at.index * m->features + i]
             : value[4 * (size_t)at.index + i];
-    /* Positions are offsets in Q14, of which 16384 is a half-size or a
-     * support. */
+    /* Positions are offsets in Q14: 16384 is a half-size or a support. */
     switch (at.sym) {
     case SAGA_SYM_CENTRE:
         saga_position_cell(&cell, &l->sc->coarse[at.index]);
@@ -437,8 +439,8 @@ static void residual(saga_coder *c, saga_at at, int32_t *q, const int16_t *mu,
 
     (void)scale;
     for (i = 0; i < n; i++) {
-        /* y = mu + q step, with the mu that the decoder will have: rounding
-         * it here lets no error add up. What is out of range is clamped. */
+        /* y = mu + q step with the decoder's mu, so rounding errors do not
+         * accumulate. Values out of range are clamped. */
         const double x = floor((target_of(l, at, i) - mu[i]) * 65536 /
                                step_q16 + 0.5);
 
@@ -476,7 +478,8 @@ static int compare(const void *a, const void *b)
     return x->index < y->index ? -1 : 1;
 }
 
-/* Sets offsets, suffixes and their order, now that F_fine has run. */
+/* Sets offsets and suffixes of primitives, and sorts them, after F_fine has
+ * run. */
 static void place_prims(loop *l, uint32_t *order, saga_quantise_report *r)
 {
     const saga_scaffold *const sc = l->sc;
@@ -496,8 +499,8 @@ static void place_prims(loop *l, uint32_t *order, saga_quantise_report *r)
                     ? (double)l->t->prim_o[4 * (size_t)k + axis]
                     : local(l->t->prim_x[4 * (size_t)k + axis],
                             axis < 3 ? f->x[axis] : f->t, f->support[axis]);
-            /* Offsets were clamped by then: one at the bound is counted as
-             * beyond it. */
+            /* Offsets are clamped already, so one at the limit counts as beyond
+             * it. */
             for (axis = 0; axis < 3; axis++)
                 if (fabs(o[axis]) > SAGA_OFFSET_MAX - 1e-4)
                     break;
@@ -505,8 +508,8 @@ static void place_prims(loop *l, uint32_t *order, saga_quantise_report *r)
             list[i].suffix = saga_suffix_of(o, bits);
             list[i].index = k;
         }
-        /* A set is coded without its order, so primitives take the order of
-         * their suffixes; `order` keeps which one is at which rank. */
+        /* A set is coded without an order, so primitives are sorted by suffix;
+         * `order` tells which one has which rank. */
         qsort(list, f->n_prim, sizeof *list, compare);
         for (i = 0; i < f->n_prim; i++) {
             l->s->prim_suffix[f->first_prim + i] = list[i].suffix;
@@ -554,7 +557,7 @@ static bool run(loop *l, uint32_t *order, saga_quantise_report *report)
     if (!saga_syntax_coarse(l->sc, &l->coder) ||
         !saga_syntax_fine(l->sc, &l->coder))
         return false;
-    /* Offsets are in supports, which the end of the fine tier has set. */
+    /* Offsets are in supports, which are known at the end of the fine tier. */
     if (!l->t->value)
         place_prims(l, order, report);
     return saga_syntax_prim(l->sc, &l->coder) && !l->coder.error;

@@ -7,7 +7,7 @@
 
 static void put(saga_range_enc *e, uint32_t byte)
 {
-    /* The first byte is the carry out of the whole code, always 0. */
+    /* The first byte is the carry of the whole code, which is always 0. */
     if (!e->started) {
         e->started = 1;
         return;
@@ -17,14 +17,15 @@ static void put(saga_range_enc *e, uint32_t byte)
     e->n++;
 }
 
-/* Moves the top byte of low out; it waits while a carry could change it. */
+/* Moves the top byte of low out, or counts it as pending while a carry could
+ * change it. */
 static void shift_low(saga_range_enc *e)
 {
     const uint32_t carry = (uint32_t)(e->low >> 32);
     const uint32_t top = (uint32_t)(e->low >> 24) & 255u;
 
-    /* A later carry would turn 255 into 0 and go on to the byte before: such
-     * bytes wait, counted, behind the one in `cache`. */
+    /* A later carry would turn 255 into 0 and propagate to the byte before.
+     * Such bytes are counted, and wait after the one in `cache`. */
     if (top == 255 && !carry) {
         e->pending++;
     } else {
@@ -61,8 +62,7 @@ void saga_range_enc_interval(saga_range_enc *e, uint32_t start, uint32_t end)
     const uint32_t r = e->range >> SAGA_PROB_BITS;
 
     e->low += (uint64_t)r * start;
-    /* The interval that ends at 2^15 also takes what rounding r down has
-     * left. */
+    /* The interval that ends at 2^15 also gets what rounding r down left. */
     e->range = end == SAGA_PROB_TOTAL ? e->range - r * start
                                       : r * (end - start);
     renormalise(e);
@@ -72,7 +72,7 @@ void saga_range_enc_bits(saga_range_enc *e, uint32_t v, uint32_t bits)
 {
     while (bits-- > 0) {
         e->range >>= 1;
-        /* Half of the range, the upper one for a 1. */
+        /* A 1 takes the upper half of the range. */
         if (v >> bits & 1u)
             e->low += e->range;
         renormalise(e);
@@ -84,8 +84,8 @@ static void escape(saga_range_enc *e, uint32_t v, uint32_t max)
     uint32_t bits = SAGA_ESCAPE_ORDER;
 
     v -= max + 1;
-    /* Each 1 of the prefix passes a class of 2^bits values; a 0 ends it,
-     * which the last class does not need. */
+    /* Each 1 of the prefix skips a class of 2^bits values. A 0 ends it, except
+     * after the last class. */
     while (bits < 16 && v >= 1u << bits) {
         saga_range_enc_bits(e, 1, 1);
         v -= 1u << bits;
@@ -121,10 +121,10 @@ void saga_range_enc_residual(saga_range_enc *e, int32_t q, uint32_t scale)
 
 size_t saga_range_enc_finish(saga_range_enc *e)
 {
-    /* range >= 2^24: a multiple of 2^24 lies in [low, low + range). */
+    /* range >= 2^24, so there is a multiple of 2^24 in [low, low + range). */
     e->low = (e->low + (RANGE_MIN - 1)) & ~(uint64_t)(RANGE_MIN - 1);
-    /* Once into the cache and once out of it; the three bytes below are 0,
-     * and decoders read zeros behind the end. */
+    /* The byte moves into the cache and out of it. The three bytes below are 0,
+     * and decoders read zeros after the end. */
     shift_low(e);
     shift_low(e);
     return e->n <= e->cap ? e->n : 0;

@@ -11,7 +11,8 @@ uint32_t saga_suffix_of(const double o[4], uint32_t bits)
     uint32_t v[4], axis;
 
     for (axis = 0; axis < 4; axis++) {
-        /* -1..1 in 2^bits cells; what lies outside gets the outermost. */
+        /* -1..1 is divided into 2^bits cells; outside values get the outermost
+         * one. */
         const double x = floor((o[axis] + 1) * (1 << bits) / 2);
 
         v[axis] = (uint32_t)(x < 0 ? 0 : x > most ? most : x);

@@ -10,19 +10,20 @@ static double scaled(const saga_share *s, double scale)
     return x < s->lo ? s->lo : x > s->hi ? s->hi : x;
 }
 
-/* Returns the scale at which the clamped shares add up to total, or just below.
- */
+/* Returns the scale at which the clamped shares add up to total, or slightly
+ * less. */
 static double find_scale(const saga_share *s, uint32_t n, double total)
 {
     double lo = 0, hi = 0;
 
     for (uint32_t i = 0; i < n; i++)
-        /* At the largest of these all shares are at their upper bounds. */
+        /* At the largest of these values, all shares are at their upper
+         * limits. */
         if (s[i].hi / s[i].want > hi)
             hi = s[i].hi / s[i].want;
     for (int round = 0; round < 100; round++) {
-        /* The clamped sum never falls with the scale: bisection, to
-         * the last bit of a double. */
+        /* The clamped sum does not fall with the scale, so bisection finds it
+         * to the last bit of a double. */
         const double mid = 0.5 * (lo + hi);
         double sum = 0;
 
@@ -66,8 +67,8 @@ uint32_t saga_budget_divide(uint32_t *given, saga_share *s, uint32_t n,
 {
     uint32_t sum = round_down(given, s, n, find_scale(s, n, total)), before;
 
-    /* The rest after rounding down goes to the largest remainders, one each,
-     * and round again while any node has room. */
+    /* The rest goes to the largest remainders, one each, repeatedly while any
+     * leaf has room. */
     qsort(s, n, sizeof *s, by_part);
     do {
         before = sum;

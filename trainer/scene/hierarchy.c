@@ -13,14 +13,16 @@
 
 static const char what[] = "the hierarchy";
 
-/* A builder makes a scene from its tree. */
+/* The work data of building a scene from its tree. */
 typedef struct {
     saga_tree tree;
     saga_scene *scene;
     uint32_t *prim_origin;
-    uint32_t *n_fine;                /* (leaves) */
-    double *distance;                /* (SAGA_MEDOID_MOST ^ 2) of a leaf */
-    uint32_t fine, prim;             /* the next ranks */
+    uint32_t *n_fine;                /* (leaves) number of fine anchors of
+                                      * each */
+    double *distance;                /* (SAGA_MEDOID_MOST ^ 2) between members
+                                      * of a leaf */
+    uint32_t fine, prim;             /* next ranks */
 } builder;
 
 void saga_hierarchy_defaults(saga_hierarchy_options *o)
@@ -36,7 +38,7 @@ void saga_hierarchy_defaults(saga_hierarchy_options *o)
     o->epsilon = 1e-3;
 }
 
-/* --- What is refused ----------------------------------------------------- */
+/* --- Checks --------------------------------------------------------------- */
 
 static bool not_negative(double x)
 {
@@ -68,8 +70,8 @@ static bool check_options(const saga_hierarchy_options *o, uint32_t n,
 static bool check_pool(const saga_hierarchy_pool *pool, saga_error *error)
 {
     const saga_splat_params *const p = pool->p;
-    /* Weights and distances below are sums over all: one value that is not
-     * finite would spoil every cell. */
+    /* Weights and distances below are sums over all primitives, so one value
+     * that is not finite would affect every cell. */
     for (int a = 0; a < SAGA_N_ATTRS; a++) {
         const size_t w = (size_t)saga_attributes[a].width;
 
@@ -88,14 +90,14 @@ static bool check_pool(const saga_hierarchy_pool *pool, saga_error *error)
 
 /* --- Candidates ---------------------------------------------------------- */
 
-/* Clamps in double, unlike saga_clamp, which rounds to float: costs and
- * capacities are double. */
+/* Clamps in double. saga_clamp would round to float. */
 static double clamp(double x, double lo, double hi)
 {
     return x < lo ? lo : x > hi ? hi : x;
 }
 
-/* No single outlier may rule the variances: nothing sensible is beyond. */
+/* Returns a component of the descriptor, clamped so that a single outlier
+ * cannot dominate the variances; no sensible value exceeds the limit. */
 static double descriptor(const saga_tree *t, double h)
 {
     return t->o->lambda_h * clamp(h, -8, 8);
@@ -122,8 +124,8 @@ static void set_descriptor(const saga_tree *t, saga_candidate *c,
     }
 }
 
-/* Tells how far a primitive has a time of its own, 0..1: not at all if it is
- * seen all the time, half if its temporal width is half a segment. */
+/* Returns the locality of a primitive in time, 0..1: 0 if it is always visible,
+ * a half if its temporal width is half a segment. */
 static double locality(const saga_tree *t, const saga_splat_params *p,
                        uint32_t i)
 {
@@ -131,7 +133,7 @@ static double locality(const saga_tree *t, const saga_splat_params *p,
 
     if (!p->log2_width || !(t->o->model->tools & SAGA_TOOL_OPACITY_T))
         return 0;
-    /* 1 / (1 + (2 width)^2), width in segments. */
+    /* 1 / (1 + (2 width)^2), with the width in segments. */
     width = exp2(clamp((double)p->log2_width[i], -60, 60));
     return 1 / (1 + 4 * width * width);
 }
@@ -152,14 +154,14 @@ static void set_candidate(const saga_tree *t, saga_candidate *c,
         c->t = clamp((double)p->t_centre[i], 0, SAGA_T_MAX / all_t);
     c->u[3] = (uint32_t)(c->t * all_t);
     c->local = locality(t, p, i);
-    /* A primitive that is always there counts as being in the middle of the
-     * segment, whatever its t_centre says. */
+    /* A primitive that is always visible counts as in the middle of the
+     * segment, whatever its t_centre. */
     c->phi[SAGA_PHI_T] = t->o->lambda_t * (0.5 + (c->t - 0.5) * c->local);
     set_descriptor(t, c, p, i);
 }
 
-/* Weights have the mean 1 and are never 0: a weighted centre must exist
- * wherever a candidate is. */
+/* Sets all candidates. Their weights have mean 1, and none is 0, so that every
+ * group of candidates has a weighted centre. */
 static void set_candidates(saga_tree *t, const saga_hierarchy_pool *pool)
 {
     double sum = 0;
@@ -177,8 +179,8 @@ static void set_candidates(saga_tree *t, const saga_hierarchy_pool *pool)
 
 /* --- Fine anchors of each leaf ------------------------------------------- */
 
-/* Returns the capacity A_m of a leaf, which is neither 0 nor infinite, whatever
- * the options. */
+/* Returns the share of a leaf in the budget. Its want, the capacity A_m of the
+ * paper, is neither 0 nor infinite for any options. */
 static saga_share share_of(const saga_tree *t, uint32_t rank)
 {
     const saga_tree_node *const nd = &t->node[t->leaf[rank]];
@@ -186,18 +188,18 @@ static saga_share share_of(const saga_tree *t, uint32_t rank)
     double mean[SAGA_N_PHI], time, h = 0;
     const double w = saga_tree_mean(mean, t, nd);
 
-    /* Its variance relative to that of the whole scene. */
+    /* The variance of the leaf relative to that of the whole scene. */
     if (t->squares > 0)
         h = saga_tree_squares(&time, t, nd) / w / (t->squares / t->weight);
     return (saga_share){
-        /* A_m = (weight's share)^alpha (variance + epsilon)^beta. */
+        /* A_m = (part of the weight)^alpha (variance + epsilon)^beta. */
         .want = clamp(pow(w / t->weight, t->o->alpha) *
                       pow(h + t->o->epsilon, t->o->beta), 1e-30, 1e30),
         .lo = saga_tree_need(t, n), .hi = n < t->c_coarse ? n : t->c_coarse
     };
 }
 
-/* Sets n_fine of every leaf, and their sum in *total. */
+/* Sets n_fine of every leaf, and *total to the sum. */
 static bool divide_budget(builder *b, uint32_t *total)
 {
     const saga_tree *const t = &b->tree;
@@ -213,9 +215,9 @@ static bool divide_budget(builder *b, uint32_t *total)
     return s && b->n_fine;
 }
 
-/* The distance is squared, in half-sizes of the cell, of coordinates alone: an
- * offset is what a primitive costs, and what they share is for the tree to
- * find. */
+/* Returns the squared distance of two candidates in position and time, in
+ * half-sizes of the cell. Offsets are what a primitive costs; similarity in
+ * other respects is left to the tree. */
 static double distance_of(const saga_candidate *a, const saga_candidate *b,
                           const saga_tree_node *nd)
 {
@@ -233,7 +235,7 @@ static double distance_of(const saga_candidate *a, const saga_candidate *b,
     return sum;
 }
 
-/* Finds the fine anchors of a leaf, as medoids of its candidates. */
+/* Finds the fine anchors of a leaf, which are medoids of its candidates. */
 static void divide_leaf(saga_medoid_division *v, builder *b, uint32_t rank)
 {
     const saga_tree *const t = &b->tree;
@@ -249,8 +251,8 @@ static void divide_leaf(saga_medoid_division *v, builder *b, uint32_t rank)
 
         v->w[i] = c->w;
         for (uint32_t j = 0; j <= i; j++)
-            /* A leaf has at most c_coarse c_fine candidates: all pairs are
-             * few. */
+            /* A leaf has at most c_coarse c_fine candidates, so all pairs can
+             * be computed. */
             b->distance[i * n + j] = b->distance[j * n + i] =
                 distance_of(c, &t->cand[member[j]], nd);
     }
@@ -267,8 +269,8 @@ static void write_tree(saga_scene *s, const saga_tree *t)
     }
 }
 
-/* A coarse anchor stands at the centre of its candidates' weights, in time too.
- */
+/* Puts a coarse anchor at the weighted centre of its candidates in space and
+ * time. */
 static void write_centre(saga_scene *s, const saga_tree *t, uint32_t rank)
 {
     const saga_tree_node *const nd = &t->node[t->leaf[rank]];
@@ -295,7 +297,8 @@ static void write_coarse(builder *b, uint32_t rank)
     saga_coarse *const a = &b->scene->coarse[rank];
     uint32_t v[4];
 
-    /* Bits of the first candidate's place: all of the leaf share these. */
+    /* The highest bits of the first candidate's position, which all candidates
+     * of the leaf share. */
     for (int i = 0; i < 3; i++) {
         v[i] = c->u[i] >> (SAGA_TREE_LOG2_X - nd->depth_x);
         a->cell[i] = (uint16_t)v[i];
@@ -311,7 +314,7 @@ static void write_coarse(builder *b, uint32_t rank)
     write_centre(b->scene, t, rank);
 }
 
-/* Finds the coordinates of a candidate in its cell's grid. */
+/* Sets v to the coordinates of a candidate in the suffix grid of its cell. */
 static void suffix_axes(uint32_t v[4], const saga_tree *t,
                         const saga_candidate *c, const saga_tree_node *nd)
 {
@@ -323,7 +326,7 @@ static void suffix_axes(uint32_t v[4], const saga_tree *t,
     v[3] = c->u[3] >> (SAGA_TREE_LOG2_T - nd->depth_t - bits) & mask;
 }
 
-/* The fine anchor becomes what the decoder has of it before its residual. */
+/* Sets a fine anchor to what a decoder has before its residual. */
 static void write_fine(const builder *b, uint32_t parent,
                        const saga_candidate *c)
 {
@@ -366,7 +369,8 @@ static void order_medoids(uint32_t sorted[SAGA_MAX_CHILDREN],
 
         suffix_axes(axes, t, &t->cand[t->order[nd->begin + v->medoid[i]]], nd);
         suffix[i] = saga_morton_suffix(axes, bits);
-        /* Insertion sort: a set is coded in ascending order of its suffixes. */
+        /* Insertion sort, since a set is coded in ascending order of its
+         * suffixes. */
         for (j = i; j > 0; j--) {
             const uint32_t o = sorted[j - 1];
 
@@ -393,7 +397,8 @@ static void write_prim(builder *b, uint32_t index)
     b->prim++;
 }
 
-/* A leaf's fine anchors and their primitives get the next ranks. */
+/* Assigns the next ranks to the fine anchors of a leaf and to their
+ * primitives. */
 static void write_leaf(builder *b, uint32_t rank)
 {
     const saga_tree *const t = &b->tree;

@@ -11,7 +11,7 @@
 
 /* --- Links --------------------------------------------------------------- */
 
-/* Nanoseconds that a thread takes to scatter a row. */
+/* Nanoseconds to scatter a row. */
 enum { SCATTER_NS = 10 };
 
 static const char purpose[] = "the neighbours of anchors";
@@ -46,7 +46,7 @@ void saga_links_add(saga_links *l, size_t query, const saga_neighbours *nb)
     l->begin[query + 1] = (uint32_t)l->n;
 }
 
-/* Returns the layer that has a rank of a tier. */
+/* Returns the layer that contains a rank of a tier. */
 static const saga_scene_layer *layer_of(const saga_scene *s, int tier,
                                         uint32_t rank)
 {
@@ -67,8 +67,8 @@ void saga_links_find(saga_neighbours *nb, const saga_scaffold *sc,
     saga_scaffold own = *sc;
     uint32_t i;
 
-    /* The decoder sees a layer alone: ranks begin at 0 for it, and become those
-     * of the whole scene again behind it. */
+    /* The decoder sees only one layer, whose ranks start at 0. The results are
+     * converted to ranks of the whole scene. */
     own.n = l->n;
     own.coarse += l->first.coarse;
     own.fine += l->first.fine;
@@ -102,7 +102,7 @@ void saga_links_gather(real *out, const saga_links *l, const real *source,
     }
 }
 
-/* All parts share this. */
+/* The inputs that all parts share. */
 typedef struct {
     const saga_links *l;
     real *d_source;
@@ -111,7 +111,7 @@ typedef struct {
     size_t f, n, n_parts;
 } scattering;
 
-/* Sources take turns, TURN of them at a time. */
+/* Sources are distributed to the parts in groups of TURN. */
 enum { TURN = 16 };
 
 static bool is_of(size_t source, size_t part, size_t n_parts)
@@ -119,7 +119,7 @@ static bool is_of(size_t source, size_t part, size_t n_parts)
     return n_parts == 1 || source / TURN % n_parts == part;
 }
 
-/* Goes through all rows for a part of the sources. */
+/* Goes through all rows, and adds to the sources of one part. */
 static void scatter_part(void *user, size_t part)
 {
     const scattering *const s = user;
@@ -135,8 +135,8 @@ static void scatter_part(void *user, size_t part)
             real *const to = s->d_source + l->rank[i] * s->f;
             const real weight = l->weight[i];
 
-            /* Only this part writes to the source, and rows come in order: sums
-             * are the same for any number of parts. */
+            /* Only this part writes to the source, and rows are in order, so
+             * sums do not depend on the number of parts. */
             if (is_of(l->rank[i], part, s->n_parts))
                 for (k = 0; k < s->f; k++)
                     to[k] += weight * d[k];
@@ -186,8 +186,8 @@ static void integer_fine(saga_scaffold *sc, const saga_scene *s)
         f->t = (uint16_t)t;
         for (k = 0; k < 4; k++) {
             f->support[k] = cell.support[k];
-            /* Q14: the middle of its suffix cell, which is what a decoder has
-             * before the residual. */
+            /* The middle of the suffix cell in Q14, which a decoder has before
+             * the residual. */
             f->local[k] = (int16_t)lround(
                 16384 * saga_suffix_centre(suffix, bits, k));
         }
@@ -220,8 +220,7 @@ void saga_links_supports(saga_scaffold *sc, const real *support)
         for (k = 0; k < 4; k++) {
             const real l = support[4 * (size_t)i + (size_t)k];
 
-            /* Box units for space, time units for time,
-             * at least one of them. */
+            /* In box units or time units, at least one. */
             sc->fine[i].support[k] = fx_max(
                 1, (int32_t)(l * (k < 3 ? R(8388608) : R(65536)) + R(0.5)));
         }

@@ -4,10 +4,10 @@
 #include <math.h>
 #include <stdlib.h>
 
-enum { ROUNDS = 4 };             /* of nearest medoid, medoid of the nearest */
+enum { ROUNDS = 4 };             /* of assigning members and moving medoids */
 
-/* Each medoid in turn is the member that lowers the cost most, given those
- * before it; the first is the medoid of all. */
+/* Chooses the medoids one by one: each is the member that lowers the cost most,
+ * given the earlier ones. The first is the medoid of all members. */
 static void seed_medoids(saga_medoid_division *v)
 {
     double near[SAGA_MEDOID_MOST];
@@ -24,8 +24,8 @@ static void seed_medoids(saga_medoid_division *v)
             double cost = 0;
 
             for (j = 0; j < v->n; j++)
-                /* The cost if i came to those there are: each member
-                 * goes to its nearest. */
+                /* The cost if i became a medoid too, and each member belonged
+                 * to its nearest. */
                 cost += v->w[j] * (d[j] < near[j] ? d[j] : near[j]);
             if (!taken[i] && cost < best) {
                 best = cost;
@@ -41,8 +41,8 @@ static void seed_medoids(saga_medoid_division *v)
     }
 }
 
-/* Members go to their nearest medoids; a medoid is always its own, so that none
- * is without a member even where members coincide. */
+/* Assigns members to their nearest medoids. A medoid is always assigned to
+ * itself, so none is empty even if members coincide. */
 static void assign_nearest(saga_medoid_division *v)
 {
     uint32_t i, j;
@@ -59,7 +59,8 @@ static void assign_nearest(saga_medoid_division *v)
         v->of[v->medoid[i]] = (uint8_t)i;
 }
 
-/* Each cluster takes its own medoid. Returns 1 if any changed. */
+/* Moves each cluster's medoid to the best of its members. Returns 1 if any
+ * changed. */
 static int move_medoids(saga_medoid_division *v)
 {
     double best[SAGA_MAX_CHILDREN];
@@ -103,8 +104,9 @@ static int by_distance(const void *x, const void *y)
     return (a->medoid > b->medoid) - (a->medoid < b->medoid);
 }
 
-/* The nearest pairs come first; who finds its medoid full takes the nearest one
- * that is not. */
+/* Assigns members within the room of their medoids. The nearest pairs are
+ * assigned first; a member whose medoid is full goes to the nearest one that is
+ * not. */
 static void assign_within(saga_medoid_division *v, uint32_t room)
 {
     pair pairs[SAGA_MEDOID_MOST * SAGA_MAX_CHILDREN];
@@ -112,7 +114,7 @@ static void assign_within(saga_medoid_division *v, uint32_t room)
     uint8_t done[SAGA_MEDOID_MOST] = { 0 };
 
     for (i = 0; i < v->k; i++) {
-        /* Medoids first: each is its own, and takes one of its places. */
+        /* Medoids are assigned first, each to itself, which takes one place. */
         v->of[v->medoid[i]] = (uint8_t)i;
         done[v->medoid[i]] = 1;
         count[i] = 1;
@@ -124,7 +126,8 @@ static void assign_within(saga_medoid_division *v, uint32_t room)
             pairs[n++].medoid = (uint16_t)i;
         }
     qsort(pairs, n, sizeof *pairs, by_distance);
-    /* There are k room places for n members (saga_tree_need): all find one. */
+    /* There are k room places for n members (saga_tree_need), so all get
+     * one. */
     for (i = 0; i < n; i++)
         if (!done[pairs[i].member] && count[pairs[i].medoid] < room) {
             v->of[pairs[i].member] = (uint8_t)pairs[i].medoid;
@@ -141,7 +144,7 @@ void saga_medoid_divide(saga_medoid_division *v, uint32_t room)
         if (!move_medoids(v))
             break;
     }
-    /* Rounds do not mind the room, so that medoids lie well;
-     * only then is it kept to. */
+    /* The rounds ignore the limit of members, for the best medoids; it is
+     * applied at the end. */
     assign_within(v, room);
 }

@@ -19,7 +19,7 @@ void saga_scene_shape(saga_net *f, const saga_model *m, int net)
         f->dim[i] = shape.dim[i];
 }
 
-/* All networks get their shapes; returns the number of reals in them. */
+/* Sets the shapes of all networks. Returns the number of reals in them. */
 static size_t shape_nets(saga_scene *s)
 {
     size_t n = 0;
@@ -55,7 +55,7 @@ static bool alloc_reals(saga_scene *s, size_t n_params, saga_error *error)
     s->reals = saga_calloc(s->n_reals, sizeof *s->reals, purpose, error);
     if (!s->reals)
         return false;
-    /* All that is learned lies in one block, in this order. */
+    /* Everything that is trained is in one block, in this order. */
     s->coarse_x = s->reals;
     s->coarse_feature = s->coarse_x + 4 * c;
     s->fine_x = s->coarse_feature + s->model.features * c;
@@ -88,7 +88,7 @@ bool saga_scene_init(saga_scene *s, const saga_model *m, saga_counts n,
         const int net = saga_scene_net(i);
         saga_net *const f = &s->net[net];
 
-        /* Without layers there is no such network, and no parameter of it. */
+        /* A network without layers does not exist and has no parameters. */
         if (f->n_layers == 0)
             continue;
         saga_net_bind(f, at);
@@ -111,13 +111,13 @@ void saga_scene_free(saga_scene *s)
 
 real saga_scene_half_x(const saga_coarse *c)
 {
-    /* A cell has 2^-depth of the cube, which is [-1, 1). */
+    /* A cell is 2^-depth of the cube, which is [-1, 1). */
     return R(1) / R(1u << c->depth_x);
 }
 
 real saga_scene_half_t(const saga_coarse *c)
 {
-    /* The same of the segment, which is [0, 1). */
+    /* A cell is 2^-depth of the segment, which is [0, 1). */
     return R(0.5) / R(1u << c->depth_t);
 }
 

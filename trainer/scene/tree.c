@@ -99,8 +99,9 @@ double saga_tree_squares(double *time, const saga_tree *t,
 
 /* --- The best split of a node -------------------------------------------- */
 
-/* Candidates are summed by the child of a split of both kinds, about the mean
- * of the node, so that no square of the mean has to cancel. */
+/* Sums over candidates by the child they would belong to if both space and time
+ * were split. They are about the mean of the node, which avoids cancellation of
+ * squares. */
 typedef struct {
     double w[MAX_BINS], sum[MAX_BINS][SAGA_N_PHI];
     uint32_t n[MAX_BINS];
@@ -116,8 +117,8 @@ uint32_t saga_tree_need(const saga_tree *t, uint32_t n)
     return (n + t->c_fine - 1) / t->c_fine;
 }
 
-/* Returns the number of a candidate's child when cells of these depths split.
- */
+/* Returns the child number of a candidate when cells at these depths are
+ * split. */
 static uint32_t child_number(const saga_candidate *c, int split, int depth_x,
                              int depth_t)
 {
@@ -139,8 +140,8 @@ static int floor_log2(uint32_t x)
     return n;
 }
 
-/* Finds the depths at which the candidates part: > max_x, max_t if they never
- * do. */
+/* Finds the depths in space and time at which the candidates separate; above
+ * max_x or max_t if they never do. */
 static void branch_depths(int *depth_x, int *depth_t, const saga_tree *t,
                           const saga_tree_node *nd)
 {
@@ -152,8 +153,8 @@ static void branch_depths(int *depth_x, int *depth_t, const saga_tree *t,
         const saga_candidate *const c = &t->cand[t->order[i]];
 
         for (k = 0; k < 3; k++)
-            /* The highest bit in which any differs from the first is where
-             * they part. */
+            /* They separate at the highest bit in which any of them differs
+             * from the first. */
             x |= c->u[k] ^ first->u[k];
         tau |= c->u[3] ^ first->u[3];
     }
@@ -181,7 +182,7 @@ static void fill_bins(bins *s, const saga_tree *t, const saga_tree_node *nd,
     }
 }
 
-/* Merges bins of both kinds into those of one kind. */
+/* Merges the bins of a split of both kinds into those of one kind. */
 static void merge_bins(bins *to, const bins *from, int split)
 {
     uint32_t j;
@@ -198,7 +199,8 @@ static void merge_bins(bins *to, const bins *from, int split)
     }
 }
 
-/* Rates a split of this kind: it gains the sum of squares between children. */
+/* Rates a split of this kind. Its gain is the sum of squares between
+ * children. */
 static saga_tree_split gain_of(const saga_tree *t, const bins *joint, int split)
 {
     saga_tree_split p = { 0, 0, 0, (uint8_t)split, 0, 0 };
@@ -213,8 +215,8 @@ static saga_tree_split gain_of(const saga_tree *t, const bins *joint, int split)
         p.added++;
         p.need += saga_tree_need(t, s.n[g]);
         for (k = 0; k < SAGA_N_PHI; k++)
-            /* Sums are about the node's mean: |sum_j|^2 / w_j is w_j times the
-             * squared distance of the child's mean from it. */
+            /* Sums are about the node's mean, so |sum_j|^2 / w_j is w_j times
+             * the squared distance of the child's mean from it. */
             p.gain += s.sum[g][k] * s.sum[g][k] / s.w[g];
     }
     p.added--;
@@ -222,8 +224,9 @@ static saga_tree_split gain_of(const saga_tree *t, const bins *joint, int split)
     return p;
 }
 
-/* Tells whether the times of a node's candidates differ enough for a split, and
- * most of them have one: what is seen all the time keeps its wide cells. */
+/* Tells whether a node may be split in time: its candidates' times must differ
+ * enough, and most of their weight must be local in time. What is always
+ * visible keeps cells that span the segment. */
 static int varies_in_time(const saga_tree *t, const saga_tree_node *nd)
 {
     const double least = t->o->min_time_std * t->o->lambda_t;
@@ -233,7 +236,7 @@ static int varies_in_time(const saga_tree *t, const saga_tree_node *nd)
     if (t->o->lambda_t <= 0)
         return 0;
     for (i = nd->begin; i < nd->end; i++)
-        /* How much of the weight has a time of its own. */
+        /* The weight that is local in time. */
         local += t->cand[t->order[i]].w * t->cand[t->order[i]].local;
     w = saga_tree_mean(mean, t, nd);
     (void)saga_tree_squares(&time, t, nd);
@@ -246,8 +249,8 @@ static int is_too_big(const saga_tree *t, const saga_tree_node *nd)
     return nd->end - nd->begin > limit_of(t);
 }
 
-/* Returns the kinds a node may be split in, as bits: kind k is bit k. A node
- * that has to be split and cannot be in space is split in time whatever its
+/* Returns the kinds of split that a node may have, as bits 1 << kind. A node
+ * that is too big and cannot be split in space is split in time whatever its
  * variance. */
 static unsigned allowed_splits(const saga_tree *t, const saga_tree_node *nd,
                                int depth_x, int depth_t)
@@ -268,8 +271,8 @@ static void find_split(const saga_tree *t, saga_tree_node *nd)
     bins joint;
 
     memset(&nd->best, 0, sizeof nd->best);
-    /* Splits in which all go to one child are passed through at once, as a
-     * chain that costs a symbol each and gains nothing. */
+    /* Splits that put all candidates into one child are passed through as a
+     * chain: each costs a symbol and gains nothing. */
     branch_depths(&depth_x, &depth_t, t, nd);
     allowed = allowed_splits(t, nd, depth_x, depth_t);
     if (allowed == 0)
@@ -284,7 +287,7 @@ static void find_split(const saga_tree *t, saga_tree_node *nd)
         p = gain_of(t, &joint, split);
         p.chain_x = (uint8_t)(split & 1 ? depth_x - nd->depth_x : 0);
         p.chain_t = (uint8_t)(split & 2 ? depth_t - nd->depth_t : 0);
-        /* The gain for each leaf more: anchors are what a split costs. */
+        /* The gain is per added leaf, since anchors are what a split costs. */
         if (nd->best.kind == 0 || p.gain > nd->best.gain)
             nd->best = p;
     }
@@ -292,7 +295,8 @@ static void find_split(const saga_tree *t, saga_tree_node *nd)
 
 /* --- The queue ----------------------------------------------------------- */
 
-/* Nodes that are too big come first, then order is by gain, then by number. */
+/* Orders the heap: nodes that are too big come first, then by gain, then by
+ * number. */
 static int comes_before(const saga_tree *t, uint32_t x, uint32_t y)
 {
     const saga_tree_node *const p = &t->node[x], *const q = &t->node[y];
@@ -375,8 +379,8 @@ static void add_child(saga_tree *t, uint32_t id, uint32_t number,
     t->n_nodes++;
 }
 
-/* Parts a node's candidates by child, in their order, and appends the children.
- */
+/* Sorts a node's candidates by child, keeping their order otherwise, and
+ * appends the children. */
 static void split_once(saga_tree *t, uint32_t id, int split)
 {
     saga_tree_node *const nd = &t->node[id];
@@ -410,7 +414,7 @@ static bool split_node(saga_tree *t, uint32_t id)
 
     if (!reserve_nodes(t, MAX_DEPTH + MAX_BINS))
         return false;
-    /* Budgets are counted before the nodes exist. */
+    /* The counts for the budgets change before the nodes exist. */
     t->n_leaves += p.added;
     t->need += p.need - saga_tree_need(t, t->node[id].end - t->node[id].begin);
     for (i = 0; i < (uint32_t)p.chain_x + p.chain_t; i++) {
@@ -420,19 +424,20 @@ static bool split_node(saga_tree *t, uint32_t id)
     split_once(t, id, p.kind);
     for (i = 0; i < t->node[id].n_children; i++) {
         child = t->node[id].first_child + i;
-        /* Children compete with all other leaves for what is left. */
+        /* The children compete with all other leaves for the rest of the
+         * budgets. */
         find_split(t, &t->node[child]);
         push(t, child);
     }
     return true;
 }
 
-/* Tells whether a leaf may be split by choice: for a gain and within the
+/* Tells whether a leaf should be split: for a sufficient gain and within the
  * budgets. */
 static int is_worth_it(const saga_tree *t, const saga_tree_node *nd)
 {
     const saga_tree_split *const p = &nd->best;
-    /* Fine anchors that all leaves would need after the split. */
+    /* The number of fine anchors that all leaves would need after the split. */
     const uint64_t fine = (uint64_t)t->need + p->need -
                           saga_tree_need(t, nd->end - nd->begin);
 
@@ -450,8 +455,8 @@ static bool within(const saga_tree *t, const char *which, uint32_t need,
                      budget);
 }
 
-/* Once nothing is too big, whatever does not pay or fit stays a leaf; others
- * may still. */
+/* Grows the tree. When no node is too big, a leaf whose split does not pay or
+ * fit stays a leaf, and others are still tried. */
 static bool grow(saga_tree *t)
 {
     saga_tree_node root = { 0 };
@@ -459,8 +464,7 @@ static bool grow(saga_tree *t)
 
     if (!reserve_nodes(t, 1))
         return false;
-    /* One leaf with everything; then the split that gains most, again and
-     * again. */
+    /* Starts with a single leaf, and repeats the split that gains most. */
     root.end = t->n;
     t->squares = saga_tree_squares(&time, t, &root);
     find_split(t, &root);
@@ -487,7 +491,7 @@ static bool grow(saga_tree *t)
            within(t, "fine", t->need, t->o->max_fine);
 }
 
-/* Lists nodes in the decoder's order, and leaves among them by rank. */
+/* Lists the nodes in the decoder's order, and the leaves by rank. */
 static bool walk(saga_tree *t)
 {
     uint32_t stack[MAX_DEPTH * (MAX_BINS - 1) + 1];
@@ -505,7 +509,8 @@ static bool walk(saga_tree *t)
         t->walk[n++] = id;
         if (nd->split == 0)
             t->leaf[rank++] = id;
-        /* Last child first, so that the first one is on top of the stack. */
+        /* The last child is pushed first, so that the first one is on top of
+         * the stack. */
         for (i = nd->n_children; i > 0; i--)
             stack[depth++] = nd->first_child + i - 1;
     }

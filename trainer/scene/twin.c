@@ -56,7 +56,7 @@ static void lay_out(saga_twin *w, saga_arena *a, const saga_scene *s)
     lay_attributes(&w->d_attr, a, prim, s);
 }
 
-/* Makes room for what the networks' passes need. */
+/* Allocates the memory that the networks' passes need. */
 static bool reserve(saga_twin *w, const saga_scene *s, saga_error *error)
 {
     int net;
@@ -77,8 +77,8 @@ bool saga_twin_init(saga_twin *w, const saga_scene *s, saga_error *error)
 
     memset(w, 0, sizeof *w);
     w->n = s->n;
-    /* The first pass counts, since the arena has no block yet; the second
-     * one, below, gives pointers into it. */
+    /* The first pass only counts, since the arena has no block yet; the second
+     * one, below, sets the pointers. */
     lay_out(w, &a, s);
     w->block = saga_arena_alloc(&a, "anchors and primitives", error);
     if (!w->block || !saga_links_alloc(&w->to_fine, s->n.fine, error) ||
@@ -123,7 +123,7 @@ static void fine_offsets(saga_twin *w, const saga_scene *s, saga_range of)
     for (i = of.begin; i < of.end; i++) {
         const saga_coarse *const c = &s->coarse[s->fine[i].parent];
         const real half_x = saga_scene_half_x(c);
-        /* An offset of 1 ends at the border of the parent's cell. */
+        /* An offset of 1 is the border of the parent's cell. */
         const real unit[4] = { half_x, half_x, half_x, saga_scene_half_t(c) };
         real centre[4];
 
@@ -146,7 +146,8 @@ static void prim_offsets(saga_twin *w, const saga_scene *s, saga_range of)
     }
 }
 
-/* Fine anchors' chunks come first. */
+/* Sets the offsets of a chunk. The chunks of fine anchors come before those of
+ * primitives. */
 static void offsets_chunk(void *user, size_t k)
 {
     const saga_twin_stage *const t = user;
@@ -216,8 +217,8 @@ bool saga_twin_refresh(saga_twin *w, const saga_scene *s, const real *feature,
 
     if (!saga_links_scaffold(&sc, s, error))
         return false;
-    /* Who is whose neighbour is decided by integers, as in the decoder:
-     * first for fine anchors, whose supports then decide it for primitives. */
+    /* Neighbours are found in integers, as in the decoder: first those of fine
+     * anchors, whose supports then determine those of primitives. */
     link_fine(w, &sc, s);
     fine_offsets(w, s, (saga_range){ 0, w->n.fine });
     saga_twin_fine_forward(w, s, feature);

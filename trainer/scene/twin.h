@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: MIT
  *
- * The float twin of common/scaffold.c and decoder/reconstruct.c goes from a
- * scene to the primitives saga_splat draws, and back with the gradients. Paper:
- * Overview (Representation), Kernel Interpolation.
+ * The float twin of common/scaffold.c and decoder/reconstruct.c: computes the
+ * primitives that saga_splat draws from a scene, and takes the gradients back.
+ * Paper: Overview (Representation), Kernel Interpolation.
  *
  * Neighbours and their weights come from the integer path (saga_twin_refresh)
- * and stand still between refreshes; no gradient flows through them, nor
- * through the local offset o that the embedding sees. Supports learn from
- * motions and times that are in them, and from what quantising positions in
- * them has moved.
+ * and stay the same between refreshes. No gradient flows through them, nor
+ * through the local offset o that is embedded. Supports get gradients from
+ * motions and times, which are in units of supports, and from the shifts that
+ * quantising positions causes.
  */
 #ifndef SAGA_TWIN_H
 #define SAGA_TWIN_H
@@ -18,14 +18,14 @@
 #include "scene.h"
 #include "splat.h"
 
-/* Motion has at least this number of bits behind the point, and so at most
- * 127.996 supports per age^order: what is cut goes on in larger supports.
- * Rounded more coarsely, for the sake of a few, it is most of what a picture is
- * off. */
+/* Motion has at least this number of fractional bits, which limits it to
+ * 127.996 supports per age^order; larger motion needs larger supports. A
+ * coarser format, for a few fast primitives, would cause most of the error of a
+ * picture. */
 enum { SAGA_TWIN_MOTION_Q = 8 };
 
-/* A batch goes through a network: what goes in and comes out, and gradients.
- * Room is made for the most rows there will be: passes do not fail. */
+/* The inputs and outputs of a network for many rows, and their gradients. It
+ * has memory for the largest number of rows, so passes cannot fail. */
 typedef struct saga_twin_batch {
     real *in, *out, *d_in, *d_out;
     saga_net_work work;
@@ -35,20 +35,24 @@ typedef struct saga_twin {
     saga_counts n;
     saga_links to_fine, to_prim;
     saga_twin_batch batch[SAGA_N_NETS];
-    real *fine_feature, *d_fine_feature;  /* (n.fine, F) */
+    real *fine_feature, *d_fine_feature;  /* links from fine anchors to coarse
+                                           * ones, and from primitives to fine
+                                           * ones */
     real *log2_support;                   /* (n.fine, 4) clamped */
     real *support;                        /* (n.fine, 4) */
     real *d_log2_support;                 /* (n.fine, 4) */
     real *context, *d_context;            /* (max(fine, prim), F) */
     real *fine_offset, *prim_offset;      /* (n, 4) local offsets o */
-    real *fine_phase, *prim_phase;        /* (n, 4) positions, time in -1..1 */
-    real *prim_shift;                     /* (n.prim, 4) how far noise or
-                                           * rounding has moved positions, in
-                                           * the supports' proportion: supports
-                                           * learn by it; 0 where nobody sets
-                                           * it */
-    saga_splat_params attr, d_attr;       /* (n.prim): all but unused ones */
-    real *block;                          /* memory of all of these */
+    real *fine_phase, *prim_phase;        /* (n, 4) positions, with the time in
+                                           * -1..1 */
+    real *prim_shift;                     /* (n.prim, 4) shift of positions by
+                                           * noise or rounding, which is
+                                           * proportional to the supports and
+                                           * gives these a gradient; 0 if not
+                                           * set */
+    saga_splat_params attr, d_attr;       /* (n.prim) unused attributes are
+                                           * NULL */
+    real *block;                          /* memory of all arrays above */
 } saga_twin;
 
 #define saga_twin_batch_take SAGA_REAL_NAME(saga_twin_batch_take)
@@ -65,57 +69,61 @@ typedef struct saga_twin {
 #define saga_twin_anchor_loss SAGA_REAL_NAME(saga_twin_anchor_loss)
 #define saga_twin_backward SAGA_REAL_NAME(saga_twin_backward)
 
-/* Lays out the batch of `rows` rows through a network. */
+/* Places the arrays of a batch of `rows` rows through a network in an arena. */
 void saga_twin_batch_take(saga_twin_batch *b, saga_arena *a,
                           const saga_net *net, size_t rows);
 
-/* Takes memory for scenes of s's counts and model, and for all that is done
- * with them but saga_twin_refresh. False: nothing is to be freed. */
+/* Allocates memory for scenes with the counts and model of s. Later calls need
+ * no memory, except saga_twin_refresh. Returns false with *error set, and
+ * nothing to free, if memory is short. */
 bool saga_twin_init(saga_twin *w, const saga_scene *s, saga_error *error);
 void saga_twin_free(saga_twin *w);
 
-/* Returns how many points go through a network: rows of its batch. */
+/* Returns the number of rows in the batch of a network. */
 size_t saga_twin_rows(const saga_twin *w, int net);
 
-/* Finds neighbours and weights anew, by common/interp.c on rounded positions;
- * those of primitives on the supports that F_fine gives with the new ones of
- * fine anchors. feature as for saga_twin_geometry. False: no memory. */
+/* Finds neighbours and weights again, by common/interp.c on rounded positions.
+ * Those of primitives are found with the supports that F_fine gives for the new
+ * neighbours of fine anchors. feature is as for saga_twin_geometry. Returns
+ * false with *error set if memory is short. */
 bool saga_twin_refresh(saga_twin *w, const saga_scene *s, const real *feature,
                        saga_error *error);
 
-/* Sets local offsets and phases, from the positions and the supports of the
- * last saga_twin_geometry; a step of training does it once. Refresh includes
- * it. */
+/* Sets local offsets and phases from the positions and from the supports of the
+ * last saga_twin_geometry. Each iteration of training calls it once;
+ * saga_twin_refresh includes it. */
 void saga_twin_offsets(saga_twin *w, const saga_scene *s);
 
-/* Sets everything that does not depend on the camera: w->attr without colour,
- * the colour's pre-activations. feature (n.coarse, F) are the coarse features
- * to use, the scene's own or with noise or rounded. */
+/* Computes everything that does not depend on the camera: w->attr without
+ * colour, and the colour's pre-activations. feature (n.coarse, F) has the
+ * coarse features to use: the scene's own, or with noise, or rounded. */
 void saga_twin_geometry(saga_twin *w, const saga_scene *s,
                         const real *feature);
 
-/* Sets w->attr.colour, seen from centre (half-cubes); NULL: the directions of
- * the last call again (or the model has no view dependence). */
+/* Sets w->attr.colour as seen from centre (half-cubes). centre may be NULL to
+ * use the directions of the last call, or if the colour does not depend on
+ * them. */
 void saga_twin_colour(saga_twin *w, const saga_scene *s, const real *centre);
 
-/* Sets w->d_attr and the accumulated gradients to zero: before the first view
- * of a step. saga_splat_backward then adds to w->d_attr, and whoever else reads
- * w->fine_feature may add to w->d_fine_feature before saga_twin_backward. */
+/* Sets w->d_attr and the accumulated gradients to zero, before the first view
+ * of an iteration. saga_splat_backward then adds to w->d_attr. Other users of
+ * w->fine_feature may add to w->d_fine_feature, before saga_twin_backward. */
 void saga_twin_clear(saga_twin *w, const saga_scene *s);
 
 /* Adds weight times the mean over primitives of relu(|o| - 1)^2 (the paper's
- * L_A) to the gradients: of positions into d, of supports for
- * saga_twin_backward. Between saga_twin_clear and that. */
+ * L_A): its gradients by positions are added to d, those by supports kept for
+ * saga_twin_backward. It is called between saga_twin_clear and that. */
 void saga_twin_anchor_loss(saga_twin *w, saga_scene *d, const saga_scene *s,
                            real weight);
 
-/* Takes w->d_attr.colour (and clears it) and adds to d: once per view, after
- * saga_splat_backward and before the next view's colour. */
+/* Takes the gradients w->d_attr.colour back, adds to d and clears them. It is
+ * called once for each view, after saga_splat_backward and before the next
+ * view's colour. */
 void saga_twin_colour_backward(saga_twin *w, saga_scene *d,
                                const saga_scene *s);
 
-/* Takes the rest and adds to d, a scene of the same counts whose reals are
- * gradients: once per step. */
+/* Takes all other gradients back and adds to d, a scene with the same counts
+ * whose reals are gradients. It is called once for each iteration. */
 void saga_twin_backward(saga_twin *w, saga_scene *d, const saga_scene *s);
 
 #endif

@@ -18,8 +18,8 @@ void saga_twin_clear(saga_twin *w, const saga_scene *s)
     saga_clear(all, k);
 }
 
-/* Returns the first primitive from i on that has another fine anchor than the
- * one before it. */
+/* Returns the first primitive from i on whose fine anchor differs from that of
+ * the previous one. */
 static size_t next_family(const saga_scene *s, size_t i)
 {
     while (i > 0 && i < s->n.prim && s->prim_fine[i] == s->prim_fine[i - 1])
@@ -27,8 +27,9 @@ static size_t next_family(const saga_scene *s, size_t i)
     return i;
 }
 
-/* Returns the primitives of a chunk: those of one fine anchor add to it, so
- * they are one thread's. */
+/* Returns the primitives of a chunk, extended to whole fine anchors: all
+ * primitives of a fine anchor add to its gradients, so one thread must have
+ * them. */
 static saga_range families(const saga_scene *s, size_t chunk)
 {
     const saga_range of = saga_part(s->n.prim, SAGA_NET_CHUNK, chunk);
@@ -50,7 +51,7 @@ static void loss_chunk(void *user, size_t chunk)
             const real o = dx / t->w->support[at];
             const real over = o > 1 ? o - 1 : o < -1 ? o + 1 : 0;
 
-            /* With L = weight over^2 and o = dx / support: dL/dx = 2 weight
+            /* With L = weight over^2 and o = dx / support, dL/dx = 2 weight
              * over / support, and dL/d log2 support = -2 weight over o ln 2. */
             t->d->prim_x[4 * i + k] += 2 * t->weight * over /
                                        t->w->support[at];
@@ -67,7 +68,8 @@ void saga_twin_anchor_loss(saga_twin *w, saga_scene *d, const saga_scene *s,
     saga_twin_do_rows(loss_chunk, &t, w->n.prim);
 }
 
-/* Sums of one network come after those of the other. */
+/* Adds sum k of a stage's networks, which are numbered one network after the
+ * other. */
 static void add_sum(void *user, size_t k)
 {
     const saga_twin_stage *const t = user;
@@ -80,8 +82,8 @@ static void add_sum(void *user, size_t k)
     saga_net_add_sum(&t->d->net[*net], &p, k);
 }
 
-/* Takes blocks of m rows back through a stage's networks, whose weights then
- * get the blocks' sums. */
+/* Takes blocks of m rows back through a stage's networks, and then adds the
+ * blocks' sums to the gradients of the weights. */
 static void go_back(void (*block)(void *, size_t), saga_twin_stage *t, size_t m)
 {
     saga_tasks all = { .run = block, .user = t, .n = saga_net_n_blocks(m) };
@@ -120,15 +122,15 @@ static void colour_block(void *user, size_t block)
     for (i = 3 * of.begin; i < 3 * of.end; i++) {
         last->d_out[i] = saga_inward(w->d_attr.colour[i], w->attr.colour[i], 0,
                                      1);
-        /* Taken; the next camera's gradients begin from nothing. */
+        /* The gradient is used up; the next camera starts at zero. */
         w->d_attr.colour[i] = 0;
     }
     back(t, SAGA_NET_COLOUR, block);
     for (i = of.begin * width; i < of.end * width; i++) {
         const real g = last->in[i] > 0 ? last->d_in[i] : 0;
 
-        /* The part without direction is the same for all cameras: its gradients
-         * add up, and go back once (prim_block). */
+        /* The part without a direction is the same for all cameras, so its
+         * gradients are accumulated and taken back once (prim_block). */
         d_base[i] += g;
         if (saga_twin_sees_views(t->s))
             d_view[i] = g;
@@ -149,8 +151,8 @@ void saga_twin_colour_backward(saga_twin *w, saga_scene *d,
 
 /* --- Attributes ---------------------------------------------------------- */
 
-/* Gradients of an attribute's reals from `part` on go to an output's rows of
- * F_geo. */
+/* Sets the gradients of F_geo's rows for an output from those of an attribute's
+ * components part, part + 1, ... */
 static void give_rows(const saga_twin_stage *t, int attr, size_t part,
                       saga_rows rows, saga_range of)
 {
@@ -169,8 +171,9 @@ static void give_rows(const saga_twin_stage *t, int attr, size_t part,
     }
 }
 
-/* Gradients of primitive i's place and time go to its position and to the log
- * supports, which other primitives of its fine anchor add to as well. */
+/* Adds the gradients of primitive i's place and time to those of its position
+ * and of the log2 supports, to which other primitives of its fine anchor add
+ * too. */
 static void places_backward(const saga_twin_stage *t, size_t i)
 {
     saga_twin *const w = t->w;
@@ -184,7 +187,7 @@ static void places_backward(const saga_twin_stage *t, size_t i)
 
     for (size_t k = 0; k < 3; k++) {
         d_x[k] += a->mean[3 * i + k];
-        /* support = 2^l: d support / dl = support ln 2. */
+        /* support = 2^l gives d support / dl = support ln 2. */
         if (a->support)
             d_log2[k] += a->support[3 * i + k] * support[k] * LN2;
     }
@@ -197,7 +200,7 @@ static void places_backward(const saga_twin_stage *t, size_t i)
         w->batch[SAGA_NET_GEO].d_out[at] = dt * support[3];
         d_log2[3] += dt * w->batch[SAGA_NET_GEO].out[at] * support[3] * LN2;
     }
-    /* By now d has all that a position's gradient is made of. */
+    /* The gradient of the position is complete now. */
     for (size_t k = 0; k < 4; k++)
         d_log2[k] += d_x[k] * w->prim_shift[4 * i + k] * LN2;
 }
@@ -212,7 +215,7 @@ static void attributes_chunk(void *user, size_t chunk)
         places_backward(t, i);
 }
 
-/* Returns where the gradients of fuse_forward's features go. */
+/* Returns the gradients of the features that fuse_forward returns. */
 static real *d_fused(saga_twin *w, const saga_scene *s, int tier)
 {
     const int net = saga_fuse_net(tier);
@@ -220,7 +223,7 @@ static real *d_fused(saga_twin *w, const saga_scene *s, int tier)
     return s->net[net].n_layers ? w->batch[net].d_out : w->d_context;
 }
 
-/* The gradients go on from there to w->d_context. */
+/* Takes these gradients back to w->d_context. */
 static void fuse_backward(const saga_twin_stage *t, int tier, size_t block)
 {
     const int net = saga_fuse_net(tier);
@@ -261,8 +264,8 @@ static void prims_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
     saga_twin_stage t = { .w = w, .d = d, .s = s };
 
     saga_twin_attribute_rows(t.rows, s);
-    /* From attributes to the networks' outputs, through the networks, then from
-     * features to the fine anchors they came from. */
+    /* From attributes to the networks' outputs, through the networks, and from
+     * features to the fine anchors from which they were interpolated. */
     saga_twin_do_rows(attributes_chunk, &t, w->n.prim);
     t.nets = nets;
     t.n_nets = 3;
@@ -271,7 +274,8 @@ static void prims_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
                        s->model.features, NULL, w->n.prim);
 }
 
-/* Gradients of fine features and supports go to F_fine's rows. */
+/* Sets the gradients of F_fine's rows from those of fine features and
+ * supports. */
 static void fine_outputs(const saga_twin_stage *t, size_t i)
 {
     const saga_twin *const w = t->w;
@@ -315,8 +319,8 @@ void saga_twin_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
     saga_twin_stage t = { .w = w, .d = d, .s = s, .nets = nets, .n_nets = 2 };
 
     saga_model_rows(t.rows, &s->model);
-    /* Backward, in the opposite order: primitives leave the gradients of fine
-     * features and supports, from which the coarse tier goes on. */
+    /* The order is reversed: primitives come first, and give the gradients of
+     * fine features and supports, from which the coarse tier continues. */
     prims_backward(w, d, s);
     go_back(fine_block, &t, w->n.fine);
     saga_links_scatter(d->coarse_feature, &w->to_fine, w->d_context,

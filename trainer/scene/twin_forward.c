@@ -37,7 +37,8 @@ static void run(saga_twin *w, const saga_scene *s, int net, size_t chunk)
     saga_net_chunk_forward(&p, chunk);
 }
 
-/* Each row of a network's input has F features, then an embedding. */
+/* Sets the rows of a network's input, which have F features and then an
+ * embedding. */
 static void assemble(saga_twin *w, const saga_scene *s, int net,
                      const real *feature, const real *phase, saga_range of)
 {
@@ -52,8 +53,8 @@ static void assemble(saga_twin *w, const saga_scene *s, int net,
                            of.end - of.begin, 4, s->model.octaves);
 }
 
-/* Returns what Fuse of a tier makes of w->context; that itself where there is
- * none. */
+/* Returns the output of a tier's Fuse network for w->context, or w->context if
+ * there is no such network. */
 static const real *fuse_forward(const saga_twin_stage *t, int tier,
                                 const real *phase, size_t chunk)
 {
@@ -70,7 +71,7 @@ static const real *fuse_forward(const saga_twin_stage *t, int tier,
 
 /* --- Coarse to fine ------------------------------------------------------ */
 
-/* F_fine's rows become features and supports. */
+/* Sets features and supports of fine anchor i from F_fine's outputs. */
 static void take_fine(const saga_twin_stage *t, size_t i)
 {
     saga_twin *const w = t->w;
@@ -86,8 +87,7 @@ static void take_fine(const saga_twin_stage *t, size_t i)
            f * sizeof *out);
     for (k = 0; k < 4; k++) {
         const real lo = saga_twin_least_support((size_t)k), hi = 0;
-        /* log2 of the cell's half-size, which the network's
-         * output is relative to. */
+        /* log2 of the cell's half-size, to which the output is relative. */
         const real half = k < 3 ? -R(c->depth_x) : R(-1 - c->depth_t);
         const real l = saga_clamp(half + raw[k], lo, hi);
 
@@ -127,8 +127,8 @@ void saga_twin_fine_forward(saga_twin *w, const saga_scene *s,
 
 /* --- Fine to primitives -------------------------------------------------- */
 
-/* Returns how far an attribute is above its output in a primitive of the cell:
- * sizes are relative to it. */
+/* Returns the constant between an attribute and its output for primitives of a
+ * cell: log2 sizes are relative to the cell. */
 static real level_of(const saga_attribute *a, const saga_coarse *cell)
 {
     switch (a->unit) {
@@ -141,7 +141,8 @@ static real level_of(const saga_attribute *a, const saga_coarse *cell)
     }
 }
 
-/* An output's rows of F_geo become an attribute's reals from `part` on. */
+/* Sets an attribute's components part, part + 1, ... from an output's rows of
+ * F_geo. */
 static void take_rows(const saga_twin_stage *t, int attr, size_t part,
                       saga_rows rows, saga_range of)
 {
@@ -157,8 +158,8 @@ static void take_rows(const saga_twin_stage *t, int attr, size_t part,
         real *const to = t->w->attr.of[attr] + (size_t)a->width * i + part;
 
         for (size_t k = 0; k < rows.n; k++)
-            /* Beyond its format's end a motion no longer grows, but may come
-             * back. */
+            /* A motion beyond its format is clamped, and gets only gradients
+             * that lead back. */
             to[k] = a->unit == SAGA_UNIT_SUPPORT
                 ? saga_clamp(out[k], -SAGA_TWIN_MOST_MOTION,
                              SAGA_TWIN_MOST_MOTION)
@@ -168,7 +169,8 @@ static void take_rows(const saga_twin_stage *t, int attr, size_t part,
     }
 }
 
-/* Means are the primitives' positions; their own times are moved by F_geo. */
+/* Sets means, supports and temporal centres. Means are the primitives'
+ * positions; F_geo shifts their times. */
 static void set_places(const saga_twin_stage *t, saga_range of)
 {
     saga_twin *const w = t->w;
@@ -226,7 +228,7 @@ void saga_twin_geometry(saga_twin *w, const saga_scene *s,
 
 /* --- Colour -------------------------------------------------------------- */
 
-/* The direction is to where a primitive is at mid-segment. */
+/* Sets d to the direction from the camera to the primitive at mid-segment. */
 static void set_direction(real d[3], const saga_twin *w, size_t i,
                           const real *centre)
 {

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * A stage of the twin works on rows, a fine anchor's or a primitive's each,
+ * A stage of the twin works on rows, one for each fine anchor or primitive,
  * which its networks take in chunks.
  */
 #include "twin_state.h"
@@ -14,7 +14,8 @@ size_t saga_twin_rows(const saga_twin *w, int net)
 void saga_twin_attribute_rows(saga_rows rows[SAGA_N_OUTS], const saga_scene *s)
 {
     saga_model_rows(rows, &s->model);
-    /* A base stands still: its rows of time are there and say nothing. */
+    /* A base is still: the model has rows for temporal outputs, but they are
+     * not used. */
     for (int a = 0; s->still && a < SAGA_N_ATTRS; a++) {
         const saga_attribute *const k = &saga_attributes[a];
 

@@ -9,24 +9,25 @@
 #include "threads.h"
 #include "twin.h"
 
-/* A primitive's temporal centre stays between these. */
+/* Limits of a primitive's temporal centre. */
 #define SAGA_TWIN_CENTRE_MIN (R(SAGA_CENTRE_T_MIN) / 65536)
 #define SAGA_TWIN_CENTRE_MAX (R(SAGA_CENTRE_T_END) / 65536)
 
-/* 16 bits hold as much of a motion. */
+/* The largest motion that fits 16 bits. */
 #define SAGA_TWIN_MOST_MOTION (R(32767) / (1 << SAGA_TWIN_MOTION_Q))
 
-/* All chunks of a stage share this. */
+/* The inputs of a stage, which all chunks share. */
 typedef struct saga_twin_stage {
     saga_twin *w;
-    saga_scene *d;               /* backward */
+    saga_scene *d;               /* gradients, for the backward pass */
     const saga_scene *s;
-    const real *feature;         /* coarse */
-    const real *centre;          /* of the camera */
-    real weight;                 /* of the anchors' loss */
+    const real *feature;         /* coarse features */
+    const real *centre;          /* centre of the camera */
+    real weight;                 /* weight of the anchors' loss */
     saga_rows rows[SAGA_N_OUTS];
-    const int *nets;             /* (n_nets) that the rows go through; those */
-    int n_nets;                  /* without layers are left out */
+    const int *nets;             /* (n_nets) networks of the stage; those
+                                  * without layers are skipped */
+    int n_nets;
 } saga_twin_stage;
 
 typedef void saga_twin_out_fn(const saga_twin_stage *t, int attr, size_t part,
@@ -40,34 +41,36 @@ typedef void saga_twin_out_fn(const saga_twin_stage *t, int attr, size_t part,
 #define saga_twin_fine_forward SAGA_REAL_NAME(saga_twin_fine_forward)
 
 /* twin_rows.c */
-/* Nanoseconds that a thread takes for a row beside what its networks take. */
+/* Nanoseconds for a row, besides its networks. */
 enum { SAGA_TWIN_ROW_NS = 40 };
 
-/* Tells which rows of the networks' outputs become attributes. */
+/* Sets the rows of the networks' outputs that become attributes. */
 void saga_twin_attribute_rows(saga_rows rows[SAGA_N_OUTS],
                               const saga_scene *s);
-/* Returns what a thread takes for a row, in nanoseconds; *most becomes the
- * number of threads that all networks have scratch for. */
+/* Returns the nanoseconds for a row, and sets *most to the number of threads
+ * for which all networks have scratch. */
 double saga_twin_cost(const saga_twin_stage *t, size_t *most);
-/* Does n rows of a stage, in chunks. */
+/* Runs a stage on n rows, in chunks. */
 void saga_twin_do_rows(void (*chunk)(void *, size_t), saga_twin_stage *t,
                        size_t n);
-/* Has `one` done for every output of F_geo that is part of an attribute: reals
- * `part` to part + rows.n - 1 of it, of some primitives. */
+/* Calls `one` for every output of F_geo that belongs to an attribute. The
+ * output is components part .. part + rows.n - 1 of the attribute, for a range
+ * of primitives. */
 void saga_twin_each_out(const saga_twin_stage *t, saga_range of,
                         saga_twin_out_fn *one);
-/* Returns a pass of a network over its batch. */
+/* Returns the pass of a network over its batch. */
 saga_net_pass saga_twin_pass(saga_twin *w, const saga_scene *s, int net);
-/* twin_forward.c: sets features and supports of the fine anchors. */
+/* twin_forward.c: computes features and supports of the fine anchors. */
 void saga_twin_fine_forward(saga_twin *w, const saga_scene *s,
                             const real *feature);
 
-/* Colours go through these, the second only where they depend on the view. */
+/* The networks of colour; the second one is used only if colours depend on the
+ * view. */
 static const int saga_twin_colour_nets[] = {
     SAGA_NET_COLOUR, SAGA_NET_COLOUR_VIEW
 };
 
-/* Returns where a network's outputs for row i of its batch begin. */
+/* Returns the index of a network's outputs for row i of its batch. */
 static inline size_t saga_twin_out_at(const saga_scene *s, int net, size_t i)
 {
     const saga_net *const n = &s->net[net];
@@ -75,8 +78,7 @@ static inline size_t saga_twin_out_at(const saga_scene *s, int net, size_t i)
     return i * (size_t)n->dim[n->n_layers];
 }
 
-/* A support is at least one box unit of the cube, one time unit of the segment.
- */
+/* Returns log2 of the least support: one box unit, or one time unit. */
 static inline real saga_twin_least_support(size_t axis)
 {
     return axis < 3 ? -R(SAGA_LOG2_HALF_X) : -R(SAGA_LOG2_HALF_T + 1);
