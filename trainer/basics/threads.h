@@ -106,8 +106,7 @@ typedef struct saga_span { void *at; size_t nbytes; } saga_span;
 /* Sets n spans to zero, with several threads. A span at NULL is skipped. */
 void saga_clear(const saga_span *spans, size_t n);
 
-/* --- Memory of threads
- * ----------------------------------------------------- */
+/* --- Memory of threads --------------------------------------------------- */
 
 /* The stack of each thread except the first, which the program also requests
  * from OpenMP (main.c). */

@@ -460,8 +460,7 @@ bool saga_rate_decide(saga_rate *r, saga_scene *s, const saga_rate_input *x,
     return ok;
 }
 
-/* --- The scene to pack
- * ----------------------------------------------------- */
+/* --- The scene to pack --------------------------------------------------- */
 
 bool saga_rate_choice_init(saga_rate_choice *c, saga_rate *r,
                            const saga_rate_input *x, saga_error *error)

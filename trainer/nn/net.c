@@ -70,8 +70,7 @@ void saga_net_init(saga_net *net, unsigned long long seed)
     }
 }
 
-/* --- Packed weights
- * -------------------------------------------------------- */
+/* --- Packed weights ------------------------------------------------------ */
 
 /* One layer in work->packed: transposed (dim[l], pad(l + 1)), bias (pad(l +
  * 1)), not transposed (dim[l + 1], pad(l)). */

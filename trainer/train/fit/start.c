@@ -69,8 +69,7 @@ static void release(saga_start *x)
     free(x->code);
 }
 
-/* --- Weights
- * --------------------------------------------------------------- */
+/* --- Weights ------------------------------------------------------------- */
 
 static size_t stride_of(int attr)
 {

@@ -172,18 +172,18 @@ void saga_plan_model(saga_model *m, const saga_model_terms *terms,
                             ? 0 : saga_caps[o->level].n_slots);
 }
 
-/* --- What a training begins with ----------------------------------------- */
+/* --- The start of a training ---------------------------------------------- */
 
 uint32_t saga_plan_splats(const saga_train_options *o, const saga_ablation *a)
 {
-    /* Splats that are imported were fitted as normal distributions. */
+    /* Imported splats were fitted as normal distributions. */
     if (o->given)
         return 0;
     return SAGA_TOOLS_SPLAT & ~(a->no_steep ? SAGA_TOOL_STEEP : 0u);
 }
 
-/* Features and outputs of later segments were cut where they were larger than
- * the first one's, which a short training lost 20 dB by. */
+/* Without room, features and outputs of later segments were clipped where they
+ * exceeded those of the first one; a short training lost 20 dB by that. */
 #define SEGMENT_ROOM 2
 
 double saga_plan_room(const saga_train_options *o)

@@ -21,11 +21,12 @@ typedef struct saga_model_terms {
 void saga_plan_model(saga_model *m, const saga_model_terms *terms,
                      uint32_t tools);
 
-/* Returns how splats fall off, SAGA_TOOLS_SPLAT, of a training that begins. */
+/* Returns the SAGA_TOOLS_SPLAT bits, which say how splats fall off, for a
+ * training that makes the networks. */
 uint32_t saga_plan_splats(const saga_train_options *o, const saga_ablation *a);
 
-/* Returns how many times what the first segment shows the networks' formats
- * hold, for segments that are still to come. */
+/* Returns the factor by which the networks' formats exceed the ranges of the
+ * first segment, for segments that are still to come. */
 double saga_plan_room(const saga_train_options *o);
 
 /* Sets the members of *m that describe the entropy model: sources, groups and

@@ -8,13 +8,14 @@
 
 /* --- Teachers ------------------------------------------------------------ */
 
-/* A teacher adds this part to the time of a training: its lesson is a fifth of
- * it, and drawing its pictures the rest. Two were measured at 50 %. */
+/* A teacher adds this part to the time of a training: a fifth of it for its own
+ * iterations, and the rest for drawing its pictures. For two teachers, 50 % was
+ * measured. */
 #define TEACHER_TIME 0.25
 
 int saga_plan_teachers(const saga_preset *preset, const saga_capture *capture)
 {
-    /* Where things move, teachers cost more than they show
+    /* In a moving scene teachers cost more than they gain
      * (docs/lab/teachers.md). */
     return capture->n_frames == 1 ? preset->teachers : 0;
 }
@@ -22,9 +23,9 @@ int saga_plan_teachers(const saga_preset *preset, const saga_capture *capture)
 bool saga_plan_may_teach(const saga_train_options *o, const saga_ablation *a,
                          const saga_pictures *segment)
 {
-    /* A base is drawn with each view's own colours, and there are none between
-     * the views; what was imported is not learned; and pictures of a camera
-     * that moves have no neighbours that were taken at their moment. */
+    /* A base has colours only for the cameras' views, not for views between
+     * them; imported primitives are not trained; and no two pictures of a
+     * moving camera are from the same moment. */
     return o->n_teachers > 0 && !a->no_teachers && !o->given &&
            !segment->capture->moves && !segment->backdrop;
 }
@@ -41,21 +42,26 @@ double saga_plan_time_with(int n_teachers)
 
 /* --- The number of primitives -------------------------------------------- */
 
-/* After this part of the warm-up a free count is guessed for the first time. */
+/* The part of the warm-up after which a free number is decided for the first
+ * time. */
 #define GUESS_AT 0.15
 
-/* A count changes by no more than that at once: the error is an estimate. */
+/* A decision changes the number by at most this factor, since it rests on an
+ * estimated error. */
 #define MOST_CHANGE 4
 
-/* Returns which part of the error of now the warm-up ends with, where a free
- * count is settled; else 0. Once while it grows, so that it does so towards
- * that count, once before it prunes. By the logs of four captures: 0.6 dB with
- * small pictures, 4 to 6 without, and 0.7 to 2.7 dB. */
+/* Returns the part of the present error that will be left at the end of the
+ * warm-up, if a free number is decided at this iteration; otherwise 0. It is
+ * decided twice: while the set grows, so that it grows to the right number, and
+ * before the first prune. In the logs of four captures the error fell by a
+ * further 0.6 dB from the first decision on if pictures were reduced, by 4 to 6
+ * dB if not, and by 0.7 to 2.7 dB from the second one on. */
 static double error_left(const saga_train_options *o, const saga_flat *warm)
 {
     const int at = saga_flat_iteration(warm);
 
-    /* Parts of the mean squared error: 0.87 is 0.6 dB less, 0.36 is 4.4. */
+    /* Parts of the mean squared error: 0.87 is 0.6 dB less, 0.36 is 4.4 dB
+     * less. */
     if (at == (int)(GUESS_AT * o->n_warm))
         return saga_flat_mip_at(warm, at) ? 0.87 : 0.36;
     /* 0.71 is 1.5 dB less. */
@@ -71,7 +77,7 @@ uint32_t saga_plan_count(const saga_train_options *o, const saga_flat *warm,
 
     if (!(left > 0))
         return 0;
-    /* By the error that the warm-up is going to end with. */
+    /* The error is the one that the warm-up is expected to end with. */
     wanted = saga_policy_primitives(o->lambda, left * mse,
                                     saga_pictures_pixels(pictures), n);
     return (uint32_t)fmin(

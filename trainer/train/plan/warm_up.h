@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The warm-up of a segment: whether teachers come before it and how long they
- * learn, and how many primitives it has where nobody said.
+ * Decisions about the warm-up of a segment: whether teachers are trained before
+ * it, for how long, and how many primitives it has if the user left that open.
  */
 #ifndef SAGA_WARM_UP_H
 #define SAGA_WARM_UP_H
@@ -12,31 +12,33 @@
 #include "pictures.h"
 #include "preset.h"
 
-/* A teacher has this part of the warm-up's iterations; with all of them it
- * costs twice the time, and teaches no better (docs/lab/teachers.md). */
+/* A teacher has this part of the warm-up's iterations. With all of them it
+ * takes twice the time and teaches no better (docs/lab/teachers.md). */
 #define SAGA_LESSON_PART 0.5
 
-/* On a base a warm-up begins with this part of its primitives: most of those
- * drawn at random would be the base's once more, and the errors say where the
- * others are needed. */
+/* On top of a base, a warm-up begins with this part of its primitives. Most of
+ * the others, placed at random, would repeat the base; they are added later,
+ * where the error is large. */
 #define SAGA_START_ON_BASE 0.1
 
-/* Returns the teachers that a preset asks for a capture, whole. */
+/* Returns the number of teachers that a preset has for a capture. The pictures
+ * need not be loaded. */
 int saga_plan_teachers(const saga_preset *preset, const saga_capture *capture);
 
-/* Tells whether a segment may have the teachers that were asked for; cameras
- * that are far apart are still to be found (novel.h). */
+/* Tells whether a segment may have the teachers in the options. Whether cameras
+ * are far apart is decided later (rig/novel.h). */
 bool saga_plan_may_teach(const saga_train_options *o, const saga_ablation *a,
                          const saga_pictures *segment);
 
-/* Returns the iterations of a teacher, before a warm-up of n_warm. */
+/* Returns the iterations of a teacher for a warm-up of n_warm iterations. */
 int saga_plan_lesson(int n_warm);
 
-/* Returns what a training takes with teachers, of its time without. */
+/* Returns the time of a training with teachers, over that without. */
 double saga_plan_time_with(int n_teachers);
 
-/* Returns the primitives that suit o->lambda, where a free count is settled at
- * the warm-up's coming iteration; 0: it is not. mse: its pictures' of late. */
+/* Returns the number of primitives that suits o->lambda, if the number is free
+ * and is decided before the next iteration of the warm-up; otherwise 0. mse is
+ * the mean squared error of its recent pictures. */
 uint32_t saga_plan_count(const saga_train_options *o, const saga_flat *warm,
                          double mse, const saga_pictures *pictures);
 

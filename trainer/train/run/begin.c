@@ -14,8 +14,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* --- Exposures
- * ------------------------------------------------------------- */
+/* --- Exposures ----------------------------------------------------------- */
 
 void saga_train_tone(saga_train *t)
 {
