@@ -18,9 +18,9 @@ enum { PART = 256, TURN_NS = 5, SETTLE_NS = 40 };
  * octaves. */
 #define MOST_STEP R(2)
 
-/* The large `most` limits gradients hardly at all: a new primitive starts
- * without moments, and at first its gradients are far above their root mean
- * square. */
+/* most is above 1 / sqrt(1 - beta2), so that it limits no gradient: a new
+ * primitive starts without moments, and at first its gradients are far above
+ * their root mean square. */
 static const saga_adam adam = { R(0.9), R(0.995), R(1e-15), R(16) };
 
 saga_flat_options saga_flat_defaults(void)

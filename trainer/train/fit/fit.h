@@ -55,8 +55,8 @@ typedef struct saga_fit_options {
     int n_render;                /* number of iterations */
     uint64_t seed;
     saga_prices price;
-    bool raw_networks;           /* 1 for experiments: weights have no price,
-                                  * and their step stays 2^-SAGA_RAW_STEP */
+    bool raw_networks;           /* for experiments: weights have no price, and
+                                  * their step stays 2^-SAGA_RAW_STEP */
     const saga_fit_networks *given; /* NULL: the fit trains networks of its
                                      * own */
 } saga_fit_options;

@@ -65,7 +65,8 @@ typedef struct saga_train_options {
     double lambda;               /* bits per training pixel against distortion
                                   * (policy.h); 0: derived from the warm-up's
                                   * error and n_primitives */
-    int level;                   /* 0..3; a limit, not a wish */
+    int level;                   /* 0..3; a scene that needs more than the level
+                                  * allows is refused */
     int n_teachers;              /* 0..SAGA_TRAIN_MOST_TEACHERS teachers, which
                                   * are trained before each warm-up, half as
                                   * long, and whose mean picture it learns

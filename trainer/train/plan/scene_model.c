@@ -22,8 +22,8 @@ static void set_tiers(saga_model *m, const saga_train_options *o)
         l->softmax_q8 = 3000;      /* log2(e) / T, T = 1/8 */
     }
     if (o->n_fine >= o->n_primitives) {
-        /* Each primitive has a fine anchor of its own, stands where the anchor
-         * stands, and takes the features of the nearest coarse anchor. */
+        /* Each primitive has a fine anchor of its own, stands where that
+         * stands, and takes its features. */
         m->tier[SAGA_TIER_FINE].suffix_bits = 0;
         m->tier[SAGA_TIER_FINE].max_children = 1;
         m->tier[SAGA_TIER_FINE].window = 0;
