@@ -248,6 +248,7 @@ many() {
     check player python3 tests/cli/check_player.py
     check stream python3 tests/cli/check_stream.py
     check engines python3 tests/cli/check_engines.py
+    check headset python3 tests/cli/check_headset.py
     check firmware tests/check_firmware.sh
     vectors gcc
     programs gcc CC=gcc

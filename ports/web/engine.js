@@ -23,15 +23,19 @@ export function floatsOf({ bytes, nSplats }) {
     const ints = new Int32Array(bytes.buffer, bytes.byteOffset,
         SPLAT_INTS * nSplats);
     const floats = new Float32Array(FLOATS * nSplats);
+    let from = SPLAT_INTS * nSplats;
 
-    for (let i = 0; i < nSplats; i++) {
-        const from = SPLAT_INTS * (nSplats - 1 - i);
-        const [x, y, g, n, h, q0, depth, redGreen, blue] =
-            ints.subarray(from, from + 9);
-
-        floats.set([x / 2 ** 8, y / 2 ** 8, depth, q0 / 2 ** 20,
-            g / 2 ** 28, n / 2 ** 28, h / 2 ** 28, (redGreen & 65535) / 32768,
-            (redGreen >>> 16) / 32768, (blue & 65535) / 32768], FLOATS * i);
+    for (let to = 0; to < floats.length; to += FLOATS) {
+        from -= SPLAT_INTS;
+        floats[to] = ints[from] / 2 ** 8;
+        floats[to + 1] = ints[from + 1] / 2 ** 8;
+        floats[to + 2] = ints[from + 6];
+        floats[to + 3] = ints[from + 5] / 2 ** 20;
+        for (let i = 2; i < 5; i++)
+            floats[to + 2 + i] = ints[from + i] / 2 ** 28;
+        floats[to + 7] = (ints[from + 7] & 65535) / 32768;
+        floats[to + 8] = (ints[from + 7] >>> 16) / 32768;
+        floats[to + 9] = (ints[from + 8] & 65535) / 32768;
     }
     return floats;
 }
@@ -75,9 +79,48 @@ vec4 saga_mixed() {
 `;
 
 // a b
-function product(a, b) {
+export function product(a, b) {
     return Array.from({ length: 16 }, (_, i) => [0, 1, 2, 3].reduce(
         (sum, k) => sum + a[4 * k + i % 4] * b[4 * (i >> 2) + k], 0));
+}
+
+// The camera of the decoder that sees what an engine's camera does: modelView
+// takes the capture's units to it, turned, moved and scaled alike in all
+// directions.
+export function valuesFrom(view, modelView, projection, width, height) {
+    const m = modelView, p = projection;
+    const scale = Math.hypot(m[0], m[1], m[2]);
+    const axis = (i, sign) => [m[i], m[i + 4], m[i + 8]].map(
+        (x) => sign * x / scale);
+    const rows = [axis(0, 1), axis(1, -1), axis(2, -1)];
+    const t = [m[12], -m[13], -m[14]];
+    const eye = [0, 1, 2].map((k) => -rows.reduce(
+        (sum, row, i) => sum + row[k] * t[i], 0) / scale);
+    const lens = Int32Array.from(view.home);
+
+    lens.set([width * p[0] / 2, height * p[5] / 2, width * (1 - p[8]) / 2,
+        height * (1 + p[9]) / 2].map((x) => Math.round(x * 65536)), 12);
+    lens.set([width, height], 17);
+    return cam.placed(lens,
+        { rotation: rows.flat(), centre: view.toUnits(eye) });
+}
+
+// The matrix from splats that were made for `values`, (x depth, y depth, depth,
+// 1) in pixels and box units, to the engine's camera's screen.
+export function toClip(view, values, modelView, projection) {
+    const { rotation: r, centre } = cam.poseOf(values);
+    const [fx, fy, cx, cy] = Array.from(values.slice(12, 16),
+        (x) => x / 65536);
+    const eye = view.toMetres(centre);
+    const column = (i) => cam.times(r.slice(3 * i, 3 * i + 3),
+        view.info.unit);
+    const [right, down, forward] = [0, 1, 2].map(column);
+    const ahead = forward.map((f, k) =>
+        f - right[k] * cx / fx - down[k] * cy / fy);
+
+    return product(product(projection, modelView), [
+        ...right.map((x) => x / fx), 0, ...down.map((x) => x / fy), 0,
+        ...ahead, 0, ...eye, 1]);
 }
 
 export class EngineView extends Viewer {
@@ -87,34 +130,12 @@ export class EngineView extends Viewer {
     constructor(take, { make = 'splats', ...options } = {}) {
         super(null, { ...options,
             screen: { takesSplats: true, make, showSplats: take } });
-        this.wanted = null;
     }
 
-    values() {
-        return this.wanted || super.values();
-    }
-
-    // Asks for what a camera of the engine sees: modelView takes the capture's
-    // units to the camera, turned, moved and scaled alike in all directions.
+    // Asks for what a camera of the engine sees.
     lookFrom(modelView, projection, width, height) {
-        if (!this.info)
-            return;
-        const m = modelView, p = projection;
-        const scale = Math.hypot(m[0], m[1], m[2]);
-        const axis = (i, sign) => [m[i], m[i + 4], m[i + 8]].map(
-            (x) => sign * x / scale);
-        const rows = [axis(0, 1), axis(1, -1), axis(2, -1)];
-        const t = [m[12], -m[13], -m[14]];
-        const eye = [0, 1, 2].map((k) => -rows.reduce(
-            (sum, row, i) => sum + row[k] * t[i], 0) / scale);
-        const lens = Int32Array.from(this.home);
-
-        lens.set([width * p[0] / 2, height * p[5] / 2, width * (1 - p[8]) / 2,
-            height * (1 + p[9]) / 2].map((x) => Math.round(x * 65536)), 12);
-        lens.set([width, height], 17);
-
-        this.want(cam.placed(lens,
-            { rotation: rows.flat(), centre: this.toUnits(eye) }));
+        if (this.info)
+            this.want(valuesFrom(this, modelView, projection, width, height));
     }
 
     // Gaussians do not depend on a camera but for their colours, and these on
@@ -128,29 +149,8 @@ export class EngineView extends Viewer {
         this.want(values);
     }
 
-    want(values) {
-        if (this.wanted && values.every((x, i) => x === this.wanted[i]))
-            return;
-        this.wanted = values;
-        this.changed();
-    }
-
-    // The matrix from splats that were made for `values`, (x depth, y depth,
-    // depth, 1) in pixels and box units, to the engine's camera's screen.
     toClip(values, modelView, projection) {
-        const { rotation: r, centre } = cam.poseOf(values);
-        const [fx, fy, cx, cy] = Array.from(values.slice(12, 16),
-            (x) => x / 65536);
-        const eye = this.toMetres(centre);
-        const column = (i) => cam.times(r.slice(3 * i, 3 * i + 3),
-            this.info.unit);
-        const [right, down, forward] = [0, 1, 2].map(column);
-        const ahead = forward.map((f, k) =>
-            f - right[k] * cx / fx - down[k] * cy / fy);
-
-        return product(product(projection, modelView), [
-            ...right.map((x) => x / fx), 0, ...down.map((x) => x / fy), 0,
-            ...ahead, 0, ...eye, 1]);
+        return toClip(this, values, modelView, projection);
     }
 
     // Where a camera of the rig stands: columns right, up, back and its place

@@ -114,7 +114,7 @@ function compile(gl, kind, source) {
 }
 
 // The program and where its uniforms are.
-function link(gl, vertex, fragment, uniforms) {
+export function link(gl, vertex, fragment, uniforms) {
     const program = gl.createProgram();
 
     gl.attachShader(program, compile(gl, gl.VERTEX_SHADER, vertex));

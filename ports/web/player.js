@@ -17,6 +17,7 @@
 import { addControls, moveByKey } from './controls.js';
 import { heightOf, widthOf } from './camera.js';
 import { Viewer } from './viewer.js';
+import { enterHeadset, hasHeadset } from './xr.js';
 
 const REST_MS = 2500; // of the pointer, until the bar goes
 const RATES = [0.25, 0.5, 1, 1.5, 2]; // of time, in the bar
@@ -99,6 +100,8 @@ select, ::slotted(select) { max-width: 10em; padding: 4px 9px; font: inherit;
   ${icon('reset', 'Back to the camera (R)',
         '<path class="stroke" d="M5 5v5h5M5.5 10a7.5 7.5 0 1 1-1 5"/>')}
   <slot name="buttons"></slot>
+  ${icon('headset', 'In a headset (V)', `<path class="stroke"
+      d="M3 7h18v10h-6l-3-3-3 3H3z"/>`)}
   ${icon('full', 'Full screen (F)', `<path class="stroke"
       d="M4 9V4h5M15 4h5v5M20 15v5h-5M9 20H4v-5"/>`)}
 </div>`;
@@ -179,6 +182,11 @@ export class SagaPlayer extends HTMLElement {
         });
         on('reset', 'click', () => viewer.selectCamera(viewer.camera));
         on('full', 'click', () => this.toggleFull());
+        on('headset', 'click', () => this.enterHeadset());
+        this.$('headset').hidden = true;
+        hasHeadset().then((has) => {
+            this.$('headset').hidden = !has || !viewer.screen.takesSplats;
+        });
         this.addEventListener('keydown', (event) => this.onKey(event));
         for (const type of ['pointermove', 'pointerdown', 'keydown'])
             this.addEventListener(type, () => this.wake());
@@ -326,6 +334,16 @@ export class SagaPlayer extends HTMLElement {
             this.requestFullscreen();
     }
 
+    async enterHeadset() {
+        if (this.$('headset').hidden || !this.info)
+            return;
+        try {
+            await enterHeadset(this.viewer);
+        } catch (error) {
+            this.tell(`the headset cannot be entered (${error.message})`);
+        }
+    }
+
     step(frames) {
         this.viewer.pause();
         this.viewer.seek(Math.round(this.viewer.frame) + frames);
@@ -341,6 +359,7 @@ export class SagaPlayer extends HTMLElement {
             ',': () => this.step(-1),
             '.': () => this.step(1),
             f: () => this.toggleFull(),
+            v: () => this.enterHeadset(),
             r: () => viewer.selectCamera(viewer.camera),
             g: () => viewer.setExact(!viewer.exact),
         };

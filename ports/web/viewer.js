@@ -32,6 +32,9 @@ const MOST_MS = 250;  // that the clock goes on at a time
 const WAIT_MS = 200;  // until who waits for a segment is told
 const AHEAD_SECONDS = 10, AHEAD_SEGMENTS = 16; // fetched, at most
 
+// When the page shows its next picture.
+export const onPage = (call) => requestAnimationFrame(call);
+
 export class Viewer extends EventTarget {
     // exact: true for the decoder's own picture, which a browser without WebGL2
     // has anyway. simd: false for the plain decoder; else what the browser has.
@@ -53,6 +56,7 @@ export class Viewer extends EventTarget {
         this.loop = true;       // begins anew at the end
         this.rate = 1;          // of time, while it plays
         this.wantCrc = false;
+        this.nextFrame = onPage;
         this.rig = [];
         this.segments = [];
         this.clear();
@@ -66,6 +70,7 @@ export class Viewer extends EventTarget {
         this.frame = 0;
         this.playing = false;
         this.movedAt = -Infinity; // when the camera was
+        this.wanted = null;     // camera of an engine or a headset, for ours
         this.path = null;       // of key cameras, while it is played
         this.busy = false;      // a picture is being drawn
         this.stale = false;     // and another one is wanted
@@ -217,13 +222,23 @@ export class Viewer extends EventTarget {
 
     // Whether pictures have the size of the window.
     get fills() {
-        return !this.exact && this.room !== null;
+        return !this.exact && this.room !== null && !this.wanted;
+    }
+
+    // Another's camera is drawn until it is null.
+    want(values) {
+        if (values && this.wanted?.every((x, i) => x === values[i]))
+            return;
+        this.wanted = values;
+        this.changed();
     }
 
     // The camera that is drawn: the rig's own integers where nothing was
     // moved, and in the camera's own size. While something moves, pictures are
     // as small as the machine needs.
     values() {
+        if (this.wanted)
+            return this.wanted;
         const detail = this.isMoving() ? this.pace.scale : 1;
         const lens = this.fills
             ? cam.fitted(this.lens, ...this.room.map(
@@ -331,8 +346,28 @@ export class Viewer extends EventTarget {
             this.frame = 0;
         this.playing = true;
         this.since = performance.now();
-        requestAnimationFrame((now) => this.tick(now));
+        this.runClock();
         this.changed();
+    }
+
+    // A clock that is run anew stops the one before it.
+    runClock() {
+        const next = () => this.nextFrame((now) => {
+            if (this.clock !== next || !this.playing)
+                return;
+            this.tick(now);
+            next();
+        });
+
+        this.clock = next;
+        next();
+    }
+
+    // Pictures of a page and those of a headset come at times of their own.
+    setClock(nextFrame) {
+        this.nextFrame = nextFrame;
+        if (this.playing)
+            this.runClock();
     }
 
     pause() {
@@ -354,14 +389,11 @@ export class Viewer extends EventTarget {
         // A page that slept goes on where it was.
         const passed = Math.max(0, Math.min(MOST_MS, now - this.since)) / 1000;
 
-        if (!this.playing)
-            return;
         this.since = now;
         if (!this.isLate())
             this.advance(passed);
         this.lookAhead();
         this.changed();
-        requestAnimationFrame((next) => this.tick(next));
     }
 
     advance(seconds) {

@@ -17,20 +17,17 @@ or the registry, Chromium or the decoder for it, it says that it was skipped.
 """
 
 import os
-import shutil
-import subprocess
 import sys
-import tarfile
 
 sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "support"))
 import browser  # noqa: E402
+import npm  # noqa: E402
 from verdict import Verdicts, read  # noqa: E402
 
 os.chdir(os.path.join(os.path.dirname(__file__), "..", ".."))
 BUILD = os.environ.get("BUILD", "build")
 SAGA = os.environ.get("SAGA", BUILD + "/saga")
 WEB = os.path.join(os.path.dirname(SAGA), "web")
-PACKAGES = os.path.join(BUILD, "npm")
 LEAST_DB = 40
 LEAST_GAUSSIANS_DB = 30
 SIZE = 320, 180         # of the demo's cameras
@@ -52,32 +49,15 @@ checks = Verdicts("engines")
 complain, verdict = checks.complain, checks.verdict
 
 
-def pack(name, version):
-    """The package's archive, or None where it cannot be had."""
-    path = os.path.join(PACKAGES, "%s-%s.tgz" % (
-        name.lstrip("@").replace("/", "-"), version))
-    if not os.path.exists(path):
-        os.makedirs(PACKAGES, exist_ok=True)
-        done = subprocess.run(
-            ["npm", "pack", "%s@%s" % (name, version), "--silent",
-             "--pack-destination", PACKAGES], stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL, timeout=300)
-        if done.returncode:
-            return None
-    return path
-
-
 def fetch(engine):
     """{path: bytes} of what a page of the engine needs, or None."""
     files = {}
     for name, version, wanted in ENGINES[engine]:
-        path = pack(name, version)
-        if path is None:
+        package = npm.fetch(name, version, wanted)
+        if package is None:
             return None
-        with tarfile.open(path) as tar:
-            files.update({"%s/node_modules/%s/%s" % (engine, name, w):
-                          tar.extractfile("package/" + w).read()
-                          for w in wanted})
+        files.update({"%s/node_modules/%s/%s" % (engine, name, w): data
+                      for w, data in package.items()})
     return files
 
 
@@ -353,7 +333,7 @@ def main():
     if not os.path.exists(os.path.join(WEB, "saga.wasm")):
         print("ok   engines skipped: no clang or no wasm-ld, so no decoder")
         return 0
-    if not browser.find_chromium() or not shutil.which("npm"):
+    if not browser.find_chromium() or not npm.is_there():
         print("ok   engines skipped: chromium or npm is not installed")
         return 0
     for name in ENGINES:

@@ -1,0 +1,199 @@
+// SPDX-License-Identifier: MIT
+//
+// A viewer's film in a headset, by WebXR. The worker sorts and projects for one
+// camera between the eyes that sees what both see; each eye draws these splats
+// from where it stands, by their depths (engine.js), in one call. A unit of the
+// capture is a metre; who enters stands where the viewer's camera does, upright.
+
+import * as cam from './camera.js';
+import { FLOATS, FRAGMENT_GLSL, VERTEX_GLSL, floatsOf, isSteep, product, toClip,
+    valuesFrom } from './engine.js';
+import { link } from './gpu.js';
+import { onPage } from './viewer.js';
+
+const MARGIN = 1.1; // of what the eyes see: heads turn while splats are made
+
+const VERTEX = `#version 300 es
+precision highp float;
+${VERTEX_GLSL}
+layout(location = 0) in vec4 place;
+layout(location = 1) in vec3 chol;
+layout(location = 2) in vec3 colour;
+
+void main() {
+    vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0;
+    gl_Position = saga_place(corner, place, chol, colour);
+}`;
+
+const FRAGMENT = `#version 300 es
+precision highp float;
+${FRAGMENT_GLSL}
+out vec4 mixed;
+
+void main() {
+    mixed = saga_mixed();
+}`;
+
+export async function hasHeadset() {
+    try {
+        return Boolean(await navigator.xr?.isSessionSupported('immersive-vr'));
+    } catch {
+        return false; // a page that may not ask
+    }
+}
+
+// The splats of the last picture.
+class EyeScreen {
+    constructor(gl) {
+        this.gl = gl;
+        this.takesSplats = true;
+        this.made = null;
+        this.program = link(gl, VERTEX, FRAGMENT, ['saga_to_clip', 'saga_size',
+            'saga_viewport', 'saga_steep']);
+        this.array = gl.createVertexArray();
+        this.buffer = gl.createBuffer();
+        gl.bindVertexArray(this.array);
+        gl.bindBuffer(gl.ARRAY_BUFFER, this.buffer);
+        for (const [i, n, at] of [[0, 4, 0], [1, 3, 4], [2, 3, 7]]) {
+            gl.enableVertexAttribArray(i);
+            gl.vertexAttribPointer(i, n, gl.FLOAT, false, 4 * FLOATS, 4 * at);
+            gl.vertexAttribDivisor(i, 1);
+        }
+        gl.bindVertexArray(null);
+    }
+
+    showSplats(splats) {
+        const { gl } = this;
+        const { values, nSplats, background } = splats;
+
+        this.made = { values, nSplats, background, steep: isSteep(splats) };
+        gl.bindBuffer(gl.ARRAY_BUFFER, this.buffer);
+        gl.bufferData(gl.ARRAY_BUFFER, floatsOf(splats), gl.STREAM_DRAW);
+    }
+
+    begin(framebuffer) {
+        const { gl } = this;
+
+        gl.bindFramebuffer(gl.FRAMEBUFFER, framebuffer);
+        gl.clearColor(...this.made.background, 1);
+        gl.clear(gl.COLOR_BUFFER_BIT);
+    }
+
+    // One eye. Its field in pixels of the splats, which were made for another.
+    drawEye(clip, projection, { x, y, width, height }) {
+        const { gl, program, made } = this;
+        const [fx, fy] = made.values.slice(12, 14);
+
+        gl.viewport(x, y, width, height);
+        gl.useProgram(program.program);
+        gl.uniformMatrix4fv(program.saga_to_clip, false, clip);
+        gl.uniform2f(program.saga_size, 2 * fx / 65536 / projection[0],
+            2 * fy / 65536 / projection[5]);
+        gl.uniform4f(program.saga_viewport, x, y, width, height);
+        gl.uniform1f(program.saga_steep, Number(made.steep));
+        gl.bindVertexArray(this.array);
+        gl.enable(gl.BLEND);
+        gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+        gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, made.nSplats);
+        gl.disable(gl.BLEND);
+        gl.bindVertexArray(null);
+    }
+}
+
+// From the capture to the headset's space, whose y is up.
+export function standing(viewer) {
+    const { pose, up } = viewer;
+    const ahead = cam.forwardOf(pose);
+    const level = cam.unit(cam.sub(ahead, cam.times(up, cam.dot(ahead, up))));
+    const eye = viewer.toMetres(pose.centre);
+    const rows = [cam.cross(level, up), up, cam.times(level, -1)];
+
+    return [0, 1, 2].flatMap((k) => [...rows.map((row) => row[k]), 0]).concat(
+        rows.map((row) => -cam.dot(row, eye)), 1);
+}
+
+// What all eyes see from between them, as tangents: left, right, bottom, top.
+function fieldOf({ transform, views }) {
+    const field = [Infinity, -Infinity, Infinity, -Infinity];
+
+    for (const { projectionMatrix: p, transform: { matrix } } of views) {
+        const turn = product(transform.inverse.matrix, matrix);
+
+        for (const [x, y] of [[-1, -1], [1, -1], [-1, 1], [1, 1]]) {
+            const at = [(x + p[8]) / p[0], (y + p[9]) / p[5], -1];
+            const [right, up, back] = [0, 1, 2].map((i) =>
+                turn[i] * at[0] + turn[4 + i] * at[1] + turn[8 + i] * at[2]);
+
+            field[0] = Math.min(field[0], -right / back);
+            field[1] = Math.max(field[1], -right / back);
+            field[2] = Math.min(field[2], -up / back);
+            field[3] = Math.max(field[3], -up / back);
+        }
+    }
+    return field.map((x) => MARGIN * x);
+}
+
+// The camera between the eyes, with the pixels of the first one.
+function valuesBetween(viewer, model, pose, { width, height }) {
+    const [l, r, b, t] = fieldOf(pose);
+    const [{ projectionMatrix: p }] = pose.views;
+    const projection = new Float32Array(16);
+
+    projection[0] = 2 / (r - l);
+    projection[5] = 2 / (t - b);
+    projection[8] = (r + l) / (r - l);
+    projection[9] = (t + b) / (t - b);
+    return valuesFrom(viewer, product(pose.transform.inverse.matrix, model),
+        projection, Math.round(width * p[0] * (r - l) / 2),
+        Math.round(height * p[5] * (t - b) / 2));
+}
+
+// Enters, at a click or key; the headset's own button plays and pauses.
+// Resolves to the session.
+export async function enterHeadset(viewer) {
+    const session = await navigator.xr.requestSession('immersive-vr');
+    const { screen: page, exact } = viewer, { gl } = page;
+    const screen = new EyeScreen(gl), model = standing(viewer);
+
+    await gl.makeXRCompatible();
+    const layer = new XRWebGLLayer(session, gl,
+        { antialias: false, depth: false, alpha: false });
+
+    session.updateRenderState({ baseLayer: layer });
+    const space = await session.requestReferenceSpace('local');
+    const draw = (now, frame) => {
+        const pose = frame.getViewerPose(space);
+
+        session.requestAnimationFrame(draw);
+        if (!pose || !viewer.info)
+            return;
+        viewer.want(valuesBetween(viewer, model, pose,
+            layer.getViewport(pose.views[0])));
+        if (!screen.made)
+            return;
+        screen.begin(layer.framebuffer);
+        for (const view of pose.views)
+            screen.drawEye(toClip(viewer, screen.made.values,
+                product(view.transform.inverse.matrix, model),
+                view.projectionMatrix), view.projectionMatrix,
+            layer.getViewport(view));
+    };
+
+    session.addEventListener('select', () => {
+        if (viewer.playing)
+            viewer.pause();
+        else
+            viewer.play();
+    });
+    session.addEventListener('end', () => {
+        viewer.screen = page;
+        viewer.setExact(exact);
+        viewer.setClock(onPage);
+        viewer.want(null);
+    });
+    viewer.screen = screen;
+    viewer.setExact(false);
+    viewer.setClock((call) => session.requestAnimationFrame(call));
+    session.requestAnimationFrame(draw);
+    return session;
+}

@@ -1,0 +1,180 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""check_headset.py: guarantees, for the page of ports/web in headless Chromium
+with a headset that iwer emulates,
+  offer       without a headset there is no button for it, with one there is
+  eyes        each eye sees what the decoder draws for its camera, to 40 dB, and
+              not what the other one does; the head turned and moved too
+  clock       the film plays by the headset's clock; its button pauses
+  leave       afterwards the page has its own picture and plays on
+iwer comes by npm, once for a build folder. Without npm or the registry, Chromium
+or the decoder for it, it says that it was skipped.
+"""
+
+import os
+import sys
+
+sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "support"))
+import browser  # noqa: E402
+import npm  # noqa: E402
+from verdict import Verdicts, read  # noqa: E402
+
+os.chdir(os.path.join(os.path.dirname(__file__), "..", ".."))
+BUILD = os.environ.get("BUILD", "build")
+SAGA = os.environ.get("SAGA", BUILD + "/saga")
+WEB = os.path.join(os.path.dirname(SAGA), "web")
+IWER = ("iwer", "2.5.0", ("build/iwer.min.js",))
+LEAST_DB = 40
+
+checks = Verdicts("headset")
+complain, verdict = checks.complain, checks.verdict
+
+# What runs before the page: the headset, and a note of the page's session.
+INSTALL = """;
+window.device = new IWER.XRDevice(IWER.metaQuest3, { stereoEnabled: true });
+device.installRuntime({ forceInstall: true });
+{
+    const real = navigator.xr.requestSession.bind(navigator.xr);
+    navigator.xr.requestSession = async (mode) =>
+        window.session = await real(mode);
+}
+"""
+
+# eyes(): dB of each eye beside the decoder's picture for its camera, and beside
+# that of the other eye, once splats for this head are there.
+SHARED = """(async () => {
+const { SagaFile } = await import('/saga.js');
+const { product, valuesFrom } = await import('/engine.js');
+const file = await SagaFile.open('/demo.saga');
+const player = document.getElementById('player');
+const { viewer } = player;
+const space = await session.requestReferenceSpace('local');
+
+window.viewer = viewer;
+window.player = player;
+const beside = (want, got) => {
+    let sum = 0;
+    for (let i = 0; i < want.length; i++)
+        sum += (want[i] - got[i]) ** 2;
+    return 10 * Math.log10(255 * 255 / Math.max(1e-9, sum / want.length * 4 / 3));
+};
+const inFrame = (call) => new Promise((resolve) =>
+    session.requestAnimationFrame((now, frame) => resolve(call(frame))));
+
+// What an eye's part of the canvas shows, rows from the top.
+function readEye(gl, { x, y, width, height }) {
+    const rows = new Uint8Array(4 * width * height), got = rows.slice();
+    gl.readPixels(x, y, width, height, gl.RGBA, gl.UNSIGNED_BYTE, rows);
+    for (let i = 0; i < height; i++)
+        got.set(rows.subarray(4 * width * i, 4 * width * (i + 1)),
+            4 * width * (height - 1 - i));
+    return got;
+}
+
+window.eyes = async (model) => {
+    const settled = () => !viewer.busy && !viewer.stale &&
+        viewer.screen.made?.values.every((v, i) => v === viewer.wanted[i]);
+    let seen = null;
+    for (let i = 0; i < 4; i++) // the device moves in its own frames
+        await inFrame(() => {});
+    while (!seen)
+        seen = await inFrame((frame) => settled() &&
+            frame.getViewerPose(space).views.map((view) => {
+                const box = session.renderState.baseLayer.getViewport(view);
+                return { got: readEye(viewer.screen.gl, box),
+                    values: valuesFrom(viewer, product(
+                        view.transform.inverse.matrix, model),
+                    view.projectionMatrix, box.width, box.height) };
+            }));
+    const want = [];
+    for (const { values } of seen)
+        want.push(Uint8Array.from((await file.draw({ values },
+            viewer.frame)).rgba));
+    return [beside(want[0], seen[0].got), beside(want[1], seen[1].got),
+        beside(want[0], seen[1].got)];
+};
+})()"""
+
+
+def check_offer(tab, url):
+    tab.go(url + "index.html?src=demo.saga")
+    tab.wait("document.getElementById('player').viewer.drawn")
+    if not tab.run("document.getElementById('player').$('headset').hidden"):
+        complain("without a headset it is offered")
+    tab.call("Page.addScriptToEvaluateOnNewDocument",
+             source=npm.fetch(*IWER)["build/iwer.min.js"].decode() + INSTALL)
+    tab.go(url + "index.html?src=demo.saga&camera=4")
+    tab.wait("document.getElementById('player').viewer.drawn")
+    tab.wait("!document.getElementById('player').$('headset').hidden")
+    verdict("offer")
+
+
+def check_eyes(tab):
+    tab.run("document.getElementById('player').$('headset').click()")
+    tab.wait("Boolean(window.session)")
+    tab.run(SHARED)
+    told = []
+    for head in ("", "device.position.x += 0.1; device.quaternion.set("
+                 "0.05, 0.1, 0, Math.sqrt(1 - 0.0125));"):
+        told.append(tab.run("""(async () => {
+            const { standing } = await import('/xr.js');
+            %s
+            return eyes(standing(viewer));
+        })()""" % head))
+    for left, right, other in told:
+        if min(left, right) < LEAST_DB or other > min(left, right) - 6:
+            complain("left, right, left's picture in the right eye: dB",
+                     left, right, other)
+    verdict("eyes: %.1f, %.1f dB; %.1f, %.1f with the head turned" % (
+        *told[0][:2], *told[1][:2]))
+
+
+def check_clock(tab):
+    tab.run("viewer.seek(0); viewer.play()")
+    tab.wait("viewer.frame > 3 && viewer.drawn.num / viewer.drawn.den > 3")
+    tab.run("session.dispatchEvent(new Event('select'))")
+    if tab.run("viewer.playing"):
+        complain("the headset's button does not pause")
+    tab.run("session.dispatchEvent(new Event('select'))")
+    if not tab.run("viewer.playing"):
+        complain("the headset's button does not play")
+    verdict("clock")
+
+
+def check_leave(tab):
+    tab.run("session.end()")
+    tab.wait("viewer.wanted === null && viewer.screen.painter")
+    before = tab.run("viewer.frame")
+    tab.wait("viewer.frame !== %r" % before)
+    tab.run("viewer.pause()")
+    tab.wait("!viewer.busy && !viewer.stale && "
+             "viewer.drawn.width === viewer.room[0]")
+    verdict("leave")
+
+
+def main():
+    if not os.path.exists(os.path.join(WEB, "saga.wasm")):
+        print("ok   headset skipped: no clang or no wasm-ld, so no decoder")
+        return 0
+    if not browser.find_chromium() or not npm.is_there():
+        print("ok   headset skipped: chromium or npm is not installed")
+        return 0
+    if npm.fetch(*IWER) is None:
+        print("ok   headset skipped: the registry cannot be reached")
+        return 0
+    files = {name: read(os.path.join(WEB, name)) for name in os.listdir(WEB)}
+    files["demo.saga"] = read("docs/demo.saga")
+    server, tab = browser.FileServer(files), browser.Browser()
+    try:
+        check_offer(tab, server.url)
+        check_eyes(tab)
+        check_clock(tab)
+        check_leave(tab)
+        checks.complaints.extend(tab.log)
+        verdict("console")
+    finally:
+        tab.close()
+    return 1 if checks.failed else 0
+
+
+sys.exit(main())
