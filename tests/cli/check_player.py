@@ -120,7 +120,14 @@ def put(tab, **attributes):
 
 
 def settle(tab):
-    tab.wait("viewer.drawn && !viewer.busy && !viewer.stale")
+    """A film that plays is never done with its pictures on a slow machine."""
+    tab.wait("viewer.drawn && (viewer.playing || !viewer.busy && !viewer.stale)",
+             """(({ info, drawn, busy, stale, playing, waiting, frame, asked }) =>
+             JSON.stringify({ open: Boolean(info), drawn, busy, stale, playing,
+                 waiting, frame, asked, exact: viewer.exact,
+                 lost: viewer.screen.gl?.isContextLost(),
+                 text: document.querySelector('saga-player')
+                     ?.$('told').textContent }))(viewer)""")
 
 
 def expect(tab, what, script):

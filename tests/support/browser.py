@@ -121,12 +121,14 @@ class Browser:
             raise RuntimeError(str(reply["exceptionDetails"]))
         return reply["result"].get("value")
 
-    def wait(self, script):
-        """Until an expression is true."""
+    def wait(self, script, tell=None):
+        """Until an expression is true; `tell`, another one, says more where it
+        never is."""
         until = time.monotonic() + self.patience
         while not self.run(script):
             if time.monotonic() > until:
-                raise TimeoutError("never true: " + script)
+                raise TimeoutError("never true: %s; %s; console: %s" % (
+                    script, tell and self.run(tell), self.log[-3:]))
             time.sleep(0.02)
 
     def go(self, url):
