@@ -5,6 +5,7 @@
  */
 #include "file.h"
 #include "rng.h"
+#include "save_header.h"
 #include "testing.h"
 #include "threads.h"
 #include "tiny_training.h"
@@ -436,6 +437,70 @@ TEST(train_should_refuse_a_damaged_checkpoint)
     assert_true(resume_fails(&o, "is cut short"));
     write_damaged(&b, b.nbytes, b.nbytes);
     saga_train_free(tiny_resume(&room.capture, &o));
+    free(b.data);
+}
+
+/* Writes the bytes with one number changed, and a digest that is right. */
+static void write_changed(const saga_bytes *b, size_t at, uint64_t value)
+{
+    FREED uint8_t *const data = must(malloc(b->nbytes));
+    FILE *const file = must(fopen(room.checkpoint, "wb"));
+    uint64_t sum;
+
+    memcpy(data, b->data, b->nbytes);
+    memcpy(data + at, &value, sizeof value);
+    sum = saga_digest(SAGA_DIGEST_START, data, b->nbytes - sizeof sum);
+    memcpy(data + b->nbytes - sizeof sum, &sum, sizeof sum);
+    assert_int_equal(fwrite(data, 1, b->nbytes, file), b->nbytes);
+    assert_int_equal(fclose(file), 0);
+}
+
+/* Returns where the iteration of the fit is kept: behind the sizes of its
+ * scene. */
+static size_t place_of_iteration(const saga_bytes *b, const saga_scene *s)
+{
+    const uint64_t before[4] = { s->n.coarse, s->n.fine, s->n.prim,
+                                 s->n_reals };
+    size_t at = 0;
+
+    while (memcmp(b->data + at, before, sizeof before) != 0)
+        at++;
+    return at + sizeof before;
+}
+
+/* Whatever made them, numbers that lead beyond arrays are not followed: a stage
+ * that is none, a fit that is missing or not due, an iteration past the
+ * last. */
+TEST(train_should_refuse_impossible_numbers)
+{
+    const saga_train_options o = stop_in_rendering();
+    const size_t stage = HEAD_BEGIN + offsetof(saga_train_header, stage);
+    const size_t fitting = HEAD_BEGIN + offsetof(saga_train_header, fitting);
+    saga_error error = { "" };
+    saga_train *t = tiny_resume(&room.capture, &o);
+    size_t iteration;
+    saga_bytes b;
+
+    assert_true(saga_read_file(&b, room.checkpoint, &error));
+    iteration = place_of_iteration(&b, &t->scene);
+    saga_train_free(t);
+    {
+        const struct { size_t at; uint64_t value; } change[] = {
+            { stage, SAGA_TRAIN_N_STAGES }, { stage, UINT64_MAX },
+            { stage, SAGA_TRAIN_WARM }, { fitting, 0 },
+            { iteration, (uint64_t)o.n_render + 1 },
+            { iteration, (uint64_t)INT64_MAX + 1 }
+        };
+
+        for (size_t i = 0; i < sizeof change / sizeof change[0]; i++) {
+            write_changed(&b, change[i].at, change[i].value);
+            assert_true(resume_fails(&o, "does not hold together"));
+        }
+    }
+    write_changed(&b, iteration, 4);
+    t = tiny_resume(&room.capture, &o);
+    assert_int_equal(saga_fit_iteration(t->fit), 4);
+    saga_train_free(t);
     free(b.data);
 }
 

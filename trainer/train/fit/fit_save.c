@@ -65,6 +65,8 @@ void saga_fit_walk(saga_fit *f, saga_checkpoint *c)
     saga_checkpoint_expect(c, f->scene->n.prim);
     saga_checkpoint_expect(c, f->scene->n_reals);
     saga_checkpoint_walk(c, &iteration, sizeof iteration);
+    /* One past the last is that of a fit that is over. */
+    c->failed = c->failed || iteration > (uint64_t)f->o.n_render;
     /* The step may have been steered (size.c), and the prices with it. */
     saga_fit_walk_step(f, c);
     /* The parameters, and the state of their optimisers. */

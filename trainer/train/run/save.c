@@ -123,15 +123,12 @@ static bool load_fit(saga_train *t, saga_checkpoint *c, saga_error *error)
 }
 
 /* Takes over the iterations that a trial found when the training began. */
-static bool adopt_iterations(saga_train *t, const saga_train_header *h)
+static void adopt_iterations(saga_train *t, const saga_train_header *h)
 {
-    if (!saga_train_header_iterations(h))
-        return false;
     t->o.n_warm = (int)h->warm;
     t->o.n_render = (int)h->render;
     t->o.n_iterations = t->o.n_warm + t->o.n_render;
     t->flat_options.n_iterations = t->o.n_warm;
-    return true;
 }
 
 static bool read_finished(saga_train *t, saga_checkpoint *c,
@@ -176,8 +173,9 @@ static bool adopt_primitives(saga_train *t, const saga_train_header *h)
 
 static bool adopt(saga_train *t, const saga_train_header *h)
 {
-    return (!(t->o.minutes > 0) || adopt_iterations(t, h)) &&
-           (!t->o.free_count || adopt_primitives(t, h));
+    if (t->o.minutes > 0)
+        adopt_iterations(t, h);
+    return !t->o.free_count || adopt_primitives(t, h);
 }
 
 static void load_base(saga_train *t, const saga_train_header *h)
@@ -193,10 +191,6 @@ static void load_base(saga_train *t, const saga_train_header *h)
 static bool load_turn(saga_train *t, const saga_train_header *h,
                       saga_checkpoint *c, saga_error *error)
 {
-    if (!saga_train_header_turns(h)) {
-        c->failed = true;
-        return false;
-    }
     /* The base comes before the turn, since the segment of a turn depends on
      * it. */
     load_base(t, h);
@@ -222,6 +216,10 @@ static bool load_turn(saga_train *t, const saga_train_header *h,
 bool saga_train_load_state(saga_train *t, const saga_train_header *h,
                            saga_checkpoint *c, saga_error *error)
 {
+    if (!saga_train_header_stage(h)) {
+        c->failed = true;
+        return false;
+    }
     if (!load_turn(t, h, c, error))
         return false;
     /* The warm-up is always in a checkpoint, since hierarchy and targets are
@@ -249,10 +247,10 @@ static bool load(saga_train *t, saga_checkpoint *c, saga_error *error)
 {
     saga_train_header h;
 
-    saga_checkpoint_walk(c, &h, sizeof h);
+    saga_train_header_walk(&h, c);
     /* This precedes the comparison of options, so that numbers found by a trial
      * or the warm-up count as equal. */
-    if (!adopt(t, &h)) {
+    if (c->failed || !adopt(t, &h)) {
         c->failed = true;
         return false;
     }
@@ -275,7 +273,7 @@ static bool load_networks(saga_train *t, saga_checkpoint *c, saga_error *error)
 {
     saga_train_header h;
 
-    saga_checkpoint_walk(c, &h, sizeof h);
+    saga_train_header_walk(&h, c);
     /* A file of networks begins after the turns that made them. */
     c->failed = c->failed || h.turn != (h.base_prim ? 2 : 1) ||
                 !adopt(t, &h);

@@ -129,12 +129,14 @@ bool saga_train_header_segments(const saga_train *t,
 
 /* --- What a checkpoint was begun with ------------------------------------- */
 
-bool saga_train_header_iterations(const saga_train_header *h)
+bool saga_train_header_stage(const saga_train_header *h)
 {
-    return h->warm - 1 < INT_MAX / 2 && h->render - 1 < INT_MAX / 2;
+    return h->stage < SAGA_TRAIN_N_STAGES &&
+           (h->fitting != 0) == (h->stage > SAGA_TRAIN_WARM);
 }
 
-bool saga_train_header_turns(const saga_train_header *h)
+/* Tells whether first segment, turn and base's size are possible. */
+static bool has_turns(const saga_train_header *h)
 {
     const uint64_t most = saga_caps[SAGA_N_PROFILES - 1].n_prim;
 
@@ -149,9 +151,9 @@ void saga_train_header_walk(saga_train_header *h, saga_checkpoint *c)
 {
     saga_checkpoint_walk(c, h, sizeof *h);
     c->failed = c->failed || h->segments > SAGA_MAX_SEGMENTS ||
-                !saga_train_header_turns(h) ||
-                h->primitives > UINT32_MAX || h->coarse > UINT32_MAX ||
-                h->fine > UINT32_MAX || !saga_train_header_iterations(h);
+                !has_turns(h) || h->primitives > UINT32_MAX ||
+                h->coarse > UINT32_MAX || h->fine > UINT32_MAX ||
+                h->warm - 1 >= INT_MAX / 2 || h->render - 1 >= INT_MAX / 2;
 }
 
 static bool read_header(saga_train_header *h, const char *checkpoint,

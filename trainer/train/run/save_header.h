@@ -31,10 +31,9 @@ void saga_train_header_fill(saga_train_header *h, const saga_train *t);
  * number is impossible. */
 void saga_train_header_walk(saga_train_header *h, saga_checkpoint *c);
 
-/* Tell whether the iterations, and the turn with the sizes of the base, are
- * possible for any training. */
-bool saga_train_header_iterations(const saga_train_header *h);
-bool saga_train_header_turns(const saga_train_header *h);
+/* Tells whether a training can be at the header's stage: there is a fit from
+ * the rendering on, and nothing is saved behind the last stage but networks. */
+bool saga_train_header_stage(const saga_train_header *h);
 
 /* Compare a header with the options of t, except for the pictures. Return false
  * with *error set, which names `file`, if one differs. */
