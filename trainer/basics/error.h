@@ -11,8 +11,8 @@
  * - A function that fails frees what it has allocated and removes the file it
  *   was writing. Its arguments stay owned by the caller, in a state that can be
  *   freed.
- * - A function that the user can also stop returns a saga_outcome. - Memory
- * whose size depends on input is allocated by alloc.h, which writes
+ * - A function that the user can also stop returns a saga_outcome.
+ * - Memory whose size depends on input is allocated by alloc.h, which writes
  *   the sentence itself. Neither a bad file nor a small machine aborts the
  *   program; assert() is for our own mistakes only.
  * - Code that runs in every iteration uses memory that was allocated before, if

@@ -28,7 +28,7 @@ struct saga_encoder {
     saga_encode_sizes sizes;
 };
 
-/* What memory errors name, and what other errors recommend. */
+/* PURPOSE is named in errors of memory, and REMEDY recommended in others. */
 #define PURPOSE "the file to be written"
 #define REMEDY "try another --seed, and report it"
 

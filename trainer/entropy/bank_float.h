@@ -62,8 +62,8 @@ void saga_bank_float_read_backward(real *d_query, real *d_state,
 void saga_bank_float_update(real *to, const real *s, const real *write,
                             size_t n, int plain);
 
-/* Replaces d, the gradient of the updated slot, by that of s. Sets d_write (n +
- * 1). */
+/* Replaces d, the gradient of the updated slot, by that of s. Sets d_write
+ * (n + 1). */
 void saga_bank_float_update_backward(real *d, real *d_write, const real *s,
                                      const real *write, size_t n, int plain);
 

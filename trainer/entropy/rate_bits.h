@@ -11,8 +11,8 @@
  * in steps: v = (y - mu) / step. The coder has 64 such normal distributions,
  * rounded to 2^-15. e bounds the cost of an escape from above: 15 bits
  * (frequency 1), the sign, and the Exp-Golomb code of order 3, whose 4 + 2k
- * bits for 8 (2^k - 1) <= x < 8 (2^(k + 1) - 1) are at most 4 + 2 log2(1 + x /
- * 8) <= 5 + log2(1 + x^2 / 64).
+ * bits for 8 (2^k - 1) <= x < 8 (2^(k + 1) - 1) are at most 4 + 2
+ * log2(1 + x / 8) <= 5 + log2(1 + x^2 / 64).
  */
 #ifndef SAGA_RATE_BITS_H
 #define SAGA_RATE_BITS_H

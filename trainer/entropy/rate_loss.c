@@ -392,8 +392,8 @@ void saga_rate_code(double bits[SAGA_N_STEPS], saga_rate *r,
         const saga_rate_list list = { runs->block + runs->begin[i],
                                       runs->begin[i + 1] - runs->begin[i] };
 
-        /* This is the decoder's order: a run reads the state after the previous
-         * runs, is coded, and writes what was decoded. */
+        /* A run reads the state after the previous runs, is coded, and writes
+         * what was decoded, in the order of the decoder. */
         saga_rate_context_read(c, x->scene, kind, i, i + 1, &features);
         code_list(bits, r, x, kind, list);
         saga_rate_context_write(c, x->scene, kind, i, i + 1, &features);

@@ -17,8 +17,8 @@
  * fewest bits for the present weights, measured at each iteration; gradients
  * treat them as constants.
  *
- * Gradients: y follows x one to one, and by the logarithm of the step dy = (y -
- * x) ln 2, since noise grows with the step.
+ * Gradients: y follows x one to one, and by the logarithm of the step
+ * dy = (y - x) ln 2, since noise grows with the step.
  */
 #ifndef SAGA_WEIGHT_RATE_H
 #define SAGA_WEIGHT_RATE_H

@@ -6,8 +6,8 @@
 enum { ANGLES = 32 };     /* angles computed at a time */
 
 /* Coefficients of sin and cos of f quarter turns, |f| <= 1/2, in z = f^2:
- * Chebyshev fits with errors 4.9e-9 and 4.8e-11 (double: below 1e-20). x +
- * MAGIC has the integer nearest to x in its low bits. */
+ * Chebyshev fits with errors 4.9e-9 and 4.8e-11 (double: below 1e-20).
+ * x + MAGIC has the integer nearest to x in its low bits. */
 #ifdef SAGA_REAL_DOUBLE
 #define MAGIC 0x1.8p52
 static const real sine_fit[] = {

@@ -72,8 +72,8 @@ void saga_net_init(saga_net *net, unsigned long long seed)
 
 /* --- Packed weights ------------------------------------------------------ */
 
-/* One layer in work->packed: transposed (dim[l], pad(l + 1)), bias (pad(l +
- * 1)), not transposed (dim[l + 1], pad(l)). */
+/* One layer in work->packed: transposed (dim[l], pad(l + 1)), bias
+ * (pad(l + 1)), not transposed (dim[l + 1], pad(l)). */
 typedef struct { const real *across, *bias, *along; } layer_weights;
 
 static size_t layer_size(const saga_net *net, int l)
@@ -256,8 +256,8 @@ void saga_net_forward(real *y, saga_net_work *work, const real *x, size_t m,
 
 /* --- Backward ------------------------------------------------------------ */
 
-/* Returns the size of a block's padded gradients: for each layer dw (dim[l +
- * 1], pad(l)) and db. */
+/* Returns the size of a block's padded gradients: for each layer dw
+ * (dim[l + 1], pad(l)) and db. */
 static size_t partial_size(const saga_net *net)
 {
     size_t n = 0;

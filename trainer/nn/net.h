@@ -27,8 +27,9 @@ typedef struct saga_net {
     real *b[SAGA_NET_LAYERS];     /* (dim[l + 1]) */
 } saga_net;
 
-/* What a forward pass keeps for its backward pass, and scratch. It is all zero
- * or set by saga_net_reserve, and freed by saga_net_free. */
+/* The memory of a network: data that a forward pass keeps for its backward
+ * pass, and scratch. It is all zero or set by saga_net_reserve, and freed by
+ * saga_net_free. */
 typedef struct saga_net_work {
     size_t n_points, n_threads;    /* the most that it has room for */
     real *hidden[SAGA_NET_LAYERS]; /* (M, padded), after ReLU */
@@ -60,8 +61,8 @@ size_t saga_net_n_params(const saga_net *net);
 /* Points w and b into params (n_params), in the order w[0], b[0], w[1], ... */
 void saga_net_bind(saga_net *net, real *params);
 
-/* Initialises by He's method: uniform weights of variance 2 / dim[l] (1 /
- * dim[l] in the last layer), and biases of 0. */
+/* Initialises by He's method: uniform weights of variance 2 / dim[l]
+ * (1 / dim[l] in the last layer), and biases of 0. */
 void saga_net_init(saga_net *net, unsigned long long seed);
 
 /* Allocates memory for up to m points through networks whose layers are no

@@ -305,8 +305,8 @@ bool saga_cube_fit(saga_cube *cube, double *range, const saga_capture *c,
     if (!scratch)
         return false;
     find_ranges(range, c, scratch);
-    /* What two views see has a depth that can be learned. If no two views share
-     * anything, the cube contains what any view sees. */
+    /* A place that two views see has a depth that can be learned. If no two
+     * views share anything, the cube contains what any view sees. */
     if (!include_frusta(lo, hi, c, range, 2))
         include_frusta(lo, hi, c, range, 1);
     include_points(lo, hi, c, scratch);

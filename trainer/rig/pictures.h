@@ -35,8 +35,8 @@ typedef struct saga_pictures {
                            * the truth; 1 until exposures are found
                            * (exposure.h) */
     uint8_t background[3]; /* R, G, B behind everything */
-    int *there;           /* (n_there) training pictures that exist: frame *
-                           * n_train + index in train; NULL: all do */
+    int *there;           /* (n_there) training pictures that exist:
+                           * frame * n_train + index in train; NULL: all do */
     int n_there;
     const saga_backdrop *backdrop; /* drawn with all pictures; NULL: none, the
                                     * default */

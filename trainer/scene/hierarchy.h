@@ -56,9 +56,9 @@ typedef struct saga_hierarchy_options {
 /* Sets everything except the model and the budgets. */
 void saga_hierarchy_defaults(saga_hierarchy_options *o);
 
-/* Builds a scene, which the caller frees by saga_scene_free. - Positions and
- * times outside the cube and the segment are clamped to them; in
- *   a model without temporal tools every time is 1/2.
+/* Builds a scene, which the caller frees by saga_scene_free.
+ * - Positions and times outside the cube and the segment are clamped to them.
+ *   In a model without temporal tools every time is 1/2.
  * - The influence of a primitive's time on the tree falls with its temporal
  *   width. A primitive without a width (log2_width NULL, or a model without
  *   temporal opacity) is always visible, and its time has no influence.

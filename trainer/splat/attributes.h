@@ -33,8 +33,9 @@ typedef struct saga_splat_params {
     union {
         struct {
             real *mean;       /* (N, 3) at t = t_centre */
-            real *opacity;    /* (N) in log2 units: peak alpha = 8 / (1 + 2^(3 -
-                               * o)), which pixels cap */
+            real *opacity;    /* (N) in log2 units: peak
+                               * alpha = 8 / (1 + 2^(3 - o)), which pixels
+                               * cap */
             real *log2_scale; /* (N, 3) of standard deviations; clamped to +-60
                                * where used */
             real *quat;       /* (N, 4) w, x, y, z of any length; (0, 0, 0, 0)

@@ -51,9 +51,9 @@ typedef struct saga_splat_posed {
                            * -3 */
 } saga_splat_posed;
 
-/* A primitive as seen by a camera. At a pixel, q = q0 + s + square s^2 with s =
- * v^2 + w^2, v = g dx - n dy and w = h dy, where (dx, dy) is from the mean to
- * the pixel's centre. */
+/* A primitive as seen by a camera. At a pixel, q = q0 + s + square s^2 with
+ * s = v^2 + w^2, v = g dx - n dy and w = h dy, where (dx, dy) is from the mean
+ * to the pixel's centre. */
 typedef struct saga_splat_2d {
     real mean[2];         /* in pixels */
     real g, n, h;         /* Cholesky factor of the conic, log2 units */

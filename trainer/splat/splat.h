@@ -5,15 +5,15 @@
  * decoder/animate.*, project.* and raster.*, with the rules and constants of
  * docs/arithmetic.md.
  *
- * Conventions - Tensors are points-major and dense: (N, 3) is x, y, z of
- * primitive 0, then
+ * Conventions
+ * - Tensors are points-major and dense: (N, 3) is x, y, z of primitive 0, then
  *   of primitive 1, ...
  * - Units are chosen by the caller: one unit of length for means, supports,
  *   log2_scale and the camera; one unit of time, the segment, for t, t_centre
  *   and log2_width. Motion and slope depend on the age: dt over the temporal
  *   width, or over half a unit if that is shorter or there is no width.
- * - x_backward ADDS to the gradients it is given; the caller clears them. -
- * Results have the same bits for any number of threads: every sum has a
+ * - x_backward ADDS to the gradients it is given; the caller clears them.
+ * - Results have the same bits for any number of threads: every sum has a
  *   fixed order that does not depend on how work is divided.
  * - Functions that can fail do so if memory is short; the canvas is then still
  *   valid, and its content undefined.
@@ -52,9 +52,9 @@ bool saga_splat_forward(saga_canvas *canvas, const saga_splat_params *p,
 
 /* Adds the gradients of the last forward pass to d, from canvas->d_image.
  * Members of d that are NULL are skipped; mean, quat, log2_scale, opacity and
- * colour must not be NULL. stats may be NULL. (After a pass with d_image =
- * (error, 0, 0), d->colour[0] is the share of each primitive in a map of
- * errors.) */
+ * colour must not be NULL. stats may be NULL. (After a pass with
+ * d_image = (error, 0, 0), d->colour[0] is the share of each primitive in a map
+ * of errors.) */
 bool saga_splat_backward(saga_splat_params *d, saga_splat_stats *stats,
                          saga_canvas *canvas, const saga_splat_params *p,
                          saga_error *error);

@@ -13,18 +13,20 @@
 #define saga_splat_animate_forward SAGA_REAL_NAME(saga_splat_animate_forward)
 #define saga_splat_animate_backward SAGA_REAL_NAME(saga_splat_animate_backward)
 
-/* Returns by how much the age of primitive i grows in a unit of time: 1 /
- * min(width, 1/2), at most 2^100, so that a dt of 0 gives age 0. */
+/* Returns by how much the age of primitive i grows in a unit of time:
+ * 1 / min(width, 1/2), at most 2^100, so that a dt of 0 gives age 0. */
 real saga_splat_ageing(const saga_splat_params *p, size_t i);
 
 /* Sets x to the mean of primitive i at time t. */
 void saga_splat_place(real x[3], const saga_splat_params *p, size_t i, real t);
 
-/* Poses a range of primitives on one thread; other threads may do other ranges:
+/* Poses a range of primitives on one thread; other threads may do other ranges.
+ * With dt = t - t_centre and age = dt ageing, clamped to +-4, it sets
  *
- * dt = t - t_centre, age = dt ageing, clamped to +-4; mean + support (((b3 age
- * + b2) age + b1) age), quat + slope age, log2(1 + 2^-o) + log2(e) min(16, |dt|
- * 2^-log2_width)^2. */
+ *     mean   mean + support (((b3 age + b2) age + b1) age)
+ *     quat   quat + slope age
+ *     q0     log2(1 + 2^(3 - o)) - 3 + log2(e) u^2,
+ *            u = min(16, |dt| 2^-log2_width) */
 void saga_splat_animate_forward(saga_splat_posed *out,
                                 const saga_splat_params *p, saga_range of,
                                 real t);

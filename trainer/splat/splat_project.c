@@ -2,8 +2,8 @@
  *
  * With W the camera's rotation, R S the primitive's axes and J the Jacobian of
  * the projection, the 2-D covariance is T T^t + d I, where T = J W R S (2 x 3)
- * and d is the low-pass. The rows t0, t1 of T give A0 = t0.t0, B = t0.t1, C0 =
- * t1.t1, and
+ * and d is the low-pass. The rows t0, t1 of T give A0 = t0.t0, B = t0.t1,
+ * C0 = t1.t1, and
  *   A = A0 + d,  C = C0 + d,  det = |t0 x t1|^2 + d (A0 + C0) + d^2
  *   h = sqrt(k / C),  g = sqrt(k C / det),  n = g B / C,  k = log2(e) / 2.
  * In this form, det and its derivative suffer no cancellation for thin

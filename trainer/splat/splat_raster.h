@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
  * Blends the lists of the tiles front to back, and computes the gradients. The
- * rules are the decoder's: a splat touches the pixels with q < cut, alpha =
- * 2^-q is capped, its weight is alpha T, a pixel is finished when its T falls
- * below the floor, and the remaining T shows the background.
+ * rules are the decoder's: a splat touches the pixels with q < cut,
+ * alpha = 2^-q is capped, its weight is alpha T, a pixel is finished when its T
+ * falls below the floor, and the remaining T shows the background.
  */
 #ifndef SAGA_SPLAT_RASTER_H
 #define SAGA_SPLAT_RASTER_H

@@ -28,8 +28,8 @@ enum {
 
 /* --- A splat ------------------------------------------------------------- */
 
-/* Sums over the pixels of a tile: q of dL/dq / ln 2, and moments m of dL/ds /
- * ln 2. */
+/* Sums over the pixels of a tile: q of dL/dq / ln 2, and moments m of
+ * dL/ds / ln 2. */
 typedef struct {
     wide q, m00, m10, m01, m20, m11, m02;
     wide red, green, blue, weight;
@@ -156,7 +156,7 @@ static void blend_backward(real *record, tile *t, const saga_splat_2d *o,
 
 /* --- A tile's list ------------------------------------------------------- */
 
-/* What the forward pass of a tile keeps. */
+/* The data that the forward pass of a tile keeps. */
 typedef struct {
     kept *block;
     uint16_t *touched;     /* bit mask of blocks, for each splat that is kept */

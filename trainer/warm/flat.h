@@ -4,8 +4,8 @@
  * capture. Its primitives are the candidates for the hierarchy; the file
  * contains nothing of them directly.
  *
- * Conventions - Space and time are those of pictures.h; the box unit of the
- * format is 2^-23
+ * Conventions
+ * - Space and time are those of pictures.h; the box unit of the format is 2^-23
  *   of a half-cube. Supports are 1.
  * - Everything is deterministic: the same capture, options and build give the
  *   same bits, for any number of threads, and when interrupted and resumed.

@@ -39,7 +39,8 @@ struct saga_flat {
     saga_canvas canvas;
 };
 
-/* What a pixel tells about a place in the scene. */
+/* A sight: the place in the scene that a pixel shows, and when it is
+ * visible. */
 typedef struct saga_flat_sight {
     double position[3];         /* world units */
     double depth, footprint;    /* world units; footprint: size of a pixel

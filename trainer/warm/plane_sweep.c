@@ -68,8 +68,8 @@ bool saga_patch_between(saga_patch *p, const saga_pictures *from, int view,
     const saga_capture *const c = from->capture;
     const saga_shot *const w = c->views + view;
     const size_t stride = saga_view_row_nbytes(w);
-    /* The first sample of the patch is between pixels, whose centres are at +
-     * 0.5; the square that is read is one pixel larger. */
+    /* The first sample of the patch is between pixels, whose centres are
+     * at + 0.5; the square that is read is one pixel larger. */
     const double left = u - PATCH - 0.5, top = v - PATCH - 0.5;
     const uint8_t *rgb;
     float part[2], scale[3];

@@ -280,8 +280,8 @@ static void pull(const saga_start *x, saga_fit *f)
     const double *w = x->weight;
 
     saga_twin_clear(&f->twin, f->scene);
-    /* The network gives motion in supports, and it is wanted in half-cubes: a =
-     * motion support, so both factors get a gradient. */
+    /* The network gives motion in supports, and it is wanted in half-cubes:
+     * a = motion support, so both factors get a gradient. */
     for (size_t i = 0; i < x->n; i++)
         for (int a = 0; a < SAGA_N_ATTRS; a++)
             for (size_t k = 0; k < x->width[a]; k++, w++) {

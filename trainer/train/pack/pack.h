@@ -20,9 +20,9 @@ typedef struct saga_packed {
     saga_fit_networks networks;
 } saga_packed;
 
-/* What is packed is the scene of the choice. choice, twin and feature are as
- * saga_fit_code sets them, so that every network has run on all of the
- * scene. */
+/* The inputs of packing. The scene of the choice is packed. choice, twin and
+ * feature are as saga_fit_code sets them, so that every network has run on all
+ * of the scene. */
 typedef struct saga_pack_input {
     const saga_rate_choice *choice;
     const saga_twin *twin;

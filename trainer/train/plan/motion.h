@@ -7,9 +7,10 @@
  * The rule looks at the pixels of training views that differ by more than 8/255
  * from the middle frame of their view. Temporal tools stay on if these pixels
  * are at least 10^-4 of all and the warm-up explains at least a tenth of their
- * change against the middle frame, that is 1 - sum (change - drawn change)^2 /
- * sum change^2 >= 0.1. Camera noise makes such pixels too, but a fitted model
- * cannot predict noise: it explains a few hundredths of it at most.
+ * change against the middle frame, that is 1 - sum (change - drawn
+ * change)^2 / sum change^2 >= 0.1. Camera noise makes such pixels too, but a
+ * fitted model cannot predict noise: it explains a few hundredths of it at
+ * most.
  */
 #ifndef SAGA_MOTION_H
 #define SAGA_MOTION_H

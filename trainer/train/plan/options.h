@@ -44,8 +44,8 @@ typedef struct saga_train_options {
                                   * set */
     uint32_t n_primitives;       /* in a segment, 1 to the level's limit */
     bool free_count;             /* n_primitives is a guess, and the warm-up
-                                  * ends with the number that suits lambda >
-                                  * 0 */
+                                  * ends with the number that suits
+                                  * lambda > 0 */
     uint32_t n_coarse, n_fine;   /* most anchors of each tier; 0: derived from
                                   * n_primitives */
     int n_iterations;            /* for all stages of a segment, >= 2 */

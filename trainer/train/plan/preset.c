@@ -132,9 +132,9 @@ double saga_plan_minutes(double n_primitives, double n_iterations,
            (0.27 * n_primitives / 1000 + 0.7 * pixels / 100000);
 }
 
-/* What a file learns about a primitive grows with the logarithm of the number
- * of iterations per primitive. It was measured on stills of 0.02 to 8 of them,
- * which tests/train/test_preset.c lists. */
+/* The detail that is learned about a primitive grows with the logarithm of the
+ * number of iterations per primitive. The formula was fitted to stills with
+ * 0.02 to 8 of them, which tests/train/test_preset.c lists. */
 void saga_plan_nbytes(double *least, double *most, double n_primitives,
                       double n_iterations, bool still)
 {

@@ -22,8 +22,8 @@
 /* The parts of the rendering after which the step is set. */
 static const double moment[] = { 0.05, 0.15, 0.3, 0.5, 0.65, 0.7, 0.8, 0.92 };
 
-/* Of a segment and the base together, at most this many times the planned
- * number of primitives are drawn; a segment itself has at least its planned
+/* Limits what is drawn of a segment together with the base to this many times
+ * the planned number of primitives. A segment itself has at least its planned
  * number divided by this. */
 #define MOST_UNLIKE 1.5
 

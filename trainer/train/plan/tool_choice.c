@@ -127,8 +127,8 @@ static void lower_order(saga_splat_params *p, uint32_t n, int order)
              * axis k. */
             real *const b = p->motion + 9 * i + k;
 
-            /* The integral of (a^3 - c a)^2 for a in -1..1 is least at c =
-             * (2/5) / (2/3) = 3/5; the mean of a^2 is 1/3. */
+            /* The integral of (a^3 - c a)^2 for a in -1..1 is least at
+             * c = (2/5) / (2/3) = 3/5; the mean of a^2 is 1/3. */
             if (order == 3)
                 b[0] += R(0.6) * b[6];
             else if (order == 2)
