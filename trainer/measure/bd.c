@@ -35,8 +35,8 @@ static const char *sort(spline *s, const saga_bd_curve *from)
     for (int i = 0; i < c.n; i++) {
         s->x[i] = c.point[i].quality;
         s->y[i] = log(c.point[i].nbytes);
-        /* Equal or falling values are no curve: a rise would be
-         * infinite, 0 or below it. */
+        /* Values must grow: otherwise a rise would be infinite, 0 or
+         * negative. */
         if (i && (s->x[i] <= s->x[i - 1] || s->y[i] <= s->y[i - 1]))
             return "quality does not grow with the bytes";
     }
@@ -50,8 +50,8 @@ static double rise(const spline *s, int i)
 
 /* --- Slopes -------------------------------------------------------------- */
 
-/* Fritsch and Carlson's one-sided slope: of the parabola through three points,
- * unless that would make a bump. */
+/* Returns Fritsch and Carlson's one-sided slope: that of the parabola through
+ * three points, unless it would overshoot. */
 static double pchip_end(double h0, double h1, double d0, double d1)
 {
     const double d = ((2.0 * h0 + h1) * d0 - h0 * d1) / (h0 + h1);
@@ -73,17 +73,18 @@ static void pchip(spline *s)
                                 rise(s, n - 3));
     for (int i = 1; i + 1 < n; i++) {
         const double a = rise(s, i - 1), b = rise(s, i);
-        /* The harmonic mean of both rises, the one over the shorter interval
-         * weighed more: between points that rise the curve never falls. Where
-         * one of them does not rise the slope is 0. */
+        /* The harmonic mean of both rises, with the larger weight on the
+         * shorter interval: between rising points the curve never falls. If one
+         * of the two rises is not positive, the slope is 0. */
         const double wa = 2.0 * h[i] + h[i - 1], wb = h[i] + 2.0 * h[i - 1];
 
         s->slope[i] = a * b <= 0.0 ? 0.0 : (wa + wb) / (wa / a + wb / b);
     }
 }
 
-/* Akima's slopes weigh the rises left and right of a point by how much those
- * beyond them turn. Two more rises on each side go on as they came. */
+/* Akima's slope is a weighted mean of the rises left and right of a point. The
+ * weight of each side is how much the rises on the other side differ. Two more
+ * rises are extrapolated at each end. */
 static void akima(spline *s)
 {
     const int n = s->n;
@@ -100,8 +101,8 @@ static void akima(spline *s)
         const double right = fabs(m[i + 1] - m[i]);
         const double left = fabs(m[i - 1] - m[i - 2]);
 
-        /* Where neither side turns there is nothing to
-         * weigh by: the plain mean. */
+        /* If the rises differ on neither side, all weights are 0: take the
+         * plain mean. */
         s->slope[i] = right + left > 1e-9 * (fabs(m[i]) + fabs(m[i - 1]))
             ? (right * m[i - 1] + left * m[i]) / (right + left)
             : 0.5 * (m[i - 1] + m[i]);
@@ -110,13 +111,13 @@ static void akima(spline *s)
 
 /* --- Integrals ----------------------------------------------------------- */
 
-/* Returns the integral of the cubic between points i and i + 1, from the first
- * of them over a width of t. */
+/* Returns the integral of the cubic between points i and i + 1, over the width
+ * t from point i on. */
 static double integral_of_piece(const spline *s, int i, double t)
 {
     const double h = s->x[i + 1] - s->x[i], r = rise(s, i);
-    /* Hermite's cubic y + slope t + c t^2 + d t^3, which has the slopes of both
-     * points; below it is integrated term by term. */
+    /* Hermite's cubic y + slope t + c t^2 + d t^3 has the given slopes at both
+     * points; it is integrated term by term. */
     const double c = (3.0 * r - 2.0 * s->slope[i] - s->slope[i + 1]) / h;
     const double d = (s->slope[i] + s->slope[i + 1] - 2.0 * r) / (h * h);
 
@@ -130,8 +131,8 @@ static double integral(const spline *s, double lo, double hi)
 
     for (int i = 0; i + 1 < s->n; i++) {
         const double h = s->x[i + 1] - s->x[i];
-        /* A stretch outside the piece is clipped to one of its ends, and
-         * cancels out. */
+        /* An interval that does not meet this piece is clipped to one end of
+         * it, so that the two integrals cancel out. */
         const double t0 = fmin(fmax(lo - s->x[i], 0.0), h);
         const double t1 = fmin(fmax(hi - s->x[i], 0.0), h);
 

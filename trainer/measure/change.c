@@ -7,10 +7,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Samples whose histograms a thread keeps at a time: 64 KiB of them. */
+/* Number of samples whose histograms a thread keeps at a time: 64 KiB. */
 enum { BLOCK = 64, N_VALUES = 256 };
 
-/* Returns the value of rank `rank` (from 0). */
+/* Returns the value of rank `rank` (from 0) in a histogram. */
 static int value_at(const uint32_t count[N_VALUES], uint32_t rank)
 {
     uint32_t below = count[0];
@@ -21,22 +21,21 @@ static int value_at(const uint32_t count[N_VALUES], uint32_t rank)
     return value;
 }
 
-/* Samples begin..end - 1, at most BLOCK of them. */
+/* Sets the medians of samples begin..end - 1, at most BLOCK of them. */
 static void median_block(uint8_t *median, const uint8_t *const *frame,
                          int n_frames, size_t begin, size_t end)
 {
     const uint32_t n = (uint32_t)n_frames;
     uint32_t count[BLOCK][N_VALUES];
 
-    /* A frame at a time, since that reads each of them
-     * in the order of memory. */
+    /* Read frame by frame, because each frame is contiguous in memory. */
     memset(count, 0, sizeof count);
     for (int f = 0; f < n_frames; f++)
         for (size_t i = begin; i < end; i++)
             count[i - begin][frame[f][i]]++;
     for (size_t i = begin; i < end; i++)
-        /* An even number of frames has two middle values:
-         * their mean, rounded up. */
+        /* An even number of frames has two middle values: take their mean,
+         * halves up. */
         median[i] = (uint8_t)((value_at(count[i - begin], (n - 1) / 2) +
                                value_at(count[i - begin], n / 2) + 1) / 2);
 }
@@ -46,7 +45,7 @@ void saga_median_picture(uint8_t *median, const uint8_t *const *frame,
 {
     const int64_t n_blocks = (int64_t)((n + BLOCK - 1) / BLOCK);
 
-    (void)n_threads; /* without OpenMP */
+    (void)n_threads; /* unused without OpenMP */
 #pragma omp parallel for num_threads(n_threads)
     for (int64_t b = 0; b < n_blocks; b++) {
         const size_t begin = (size_t)b * BLOCK;
@@ -56,7 +55,7 @@ void saga_median_picture(uint8_t *median, const uint8_t *const *frame,
     }
 }
 
-/* Says whether a pixel is far enough from the median's. */
+/* Returns 1 if pixel a is far enough from pixel b to count as changing. */
 static int changes(const uint8_t a[3], const uint8_t b[3])
 {
     return abs(a[0] - b[0]) > SAGA_CHANGE_LEVEL ||

@@ -1,12 +1,13 @@
 /* SPDX-License-Identifier: MIT
  *
- * Measures what a picture that never changes would do, and what happens where
- * the pictures of a view do change.
+ * Measures how well a picture that never changes would do, and the quality
+ * where the pictures of a view do change.
  *
  * The temporal median picture holds, for each pixel and channel, the median
- * over all frames of a view: the best still picture a codec without time could
- * send (in the sense of absolute differences). A pixel of a frame changes where
- * the truth differs from it by more than SAGA_CHANGE_LEVEL in some channel.
+ * over all frames of a view. It minimises the sum of absolute differences, so
+ * it is the best that a codec without time could send. A pixel of a frame
+ * changes if the truth differs from the median by more than SAGA_CHANGE_LEVEL
+ * in some channel.
  */
 #ifndef SAGA_CHANGE_H
 #define SAGA_CHANGE_H
@@ -17,31 +18,32 @@
 enum { SAGA_CHANGE_LEVEL = 8 }; /* of 255 */
 
 /* Sets the medians of n samples over the n_frames >= 1 frames
- * frame[0..n_frames), each (n). Of an even number: the mean of the middle two,
- * halves up. */
+ * frame[0..n_frames), of n samples each. If n_frames is even, the median is the
+ * mean of the middle two values, with halves rounded up. */
 void saga_median_picture(uint8_t *median, const uint8_t *const *frame,
                          int n_frames, size_t n, int n_threads);
 
-/* Sums over pictures; zero it, add. */
+/* Sums over pictures: initialise with zeros, then add pictures. */
 typedef struct saga_change {
     uint64_t n_pixels, n_changing;
-    uint64_t error;          /* squared, of the changing pixels' samples; below
-                              * 2^63 for 2^45 pixels */
+    uint64_t error;          /* sum of squared errors over the changing pixels'
+                              * samples; stays below 2^63 for 2^45 pixels */
 } saga_change;
 
-/* Adds a picture of n_pixels RGB pixels, and what was made of it. */
+/* Adds a picture of n_pixels RGB pixels, as captured (truth) and as decoded. */
 void saga_change_add(saga_change *to, const uint8_t *median,
                      const uint8_t *truth, const uint8_t *picture,
                      size_t n_pixels);
 
-/* Adds other sums. */
+/* Adds the sums of `from`. */
 void saga_change_merge(saga_change *to, const saga_change *from);
 
-/* Returns the PSNR of the changing pixels, all three channels: infinite where
- * they are right; NaN when there is none. */
+/* Returns the PSNR of all three channels of the changing pixels: infinity if
+ * they have no error, NaN if no pixel changes. */
 double saga_change_psnr(const saga_change *c);
 
-/* Returns the changing pixels as a part of all of them; NaN of none. */
+/* Returns the changing pixels as a fraction of all pixels; NaN if there are no
+ * pixels. */
 double saga_change_share(const saga_change *c);
 
 #endif

@@ -8,8 +8,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* A thread computes BLOCK pixels at a time. What their windows hold is copied
- * side by side first, a row per tap, so that the sums run along vectors. */
+/* A thread computes BLOCK pixels at a time. The samples in their windows are
+ * first copied to a matrix with one row per tap, so that the sums run along
+ * vectors. */
 enum {
     GROUP = SAGA_CONV_GROUP,
     PANEL = 2 * VEC_LANES,   /* pixels whose sums are in registers */
@@ -30,8 +31,8 @@ bool saga_conv_pack(saga_conv *c, const double *weight, const double *bias,
     c->bias = saga_calloc(n_groups * GROUP, sizeof *c->bias, purpose, error);
     if (!c->weight || !c->bias)
         return false;
-    /* GROUP planes' weights of a tap come to lie side by side, as sum_panel
-     * takes them; planes beyond the last keep the zeros. */
+    /* The weights of a tap for GROUP planes lie side by side, as sum_panel
+     * reads them; planes beyond the last keep zeros. */
     for (size_t o = 0; o < n; o++) {
         float *const to = c->weight + o / GROUP * GROUP * k + o % GROUP;
 
@@ -56,7 +57,8 @@ typedef struct {
     int y, x, n;
 } run;
 
-/* Copies what tap (plane, ky, kx) sees in the run's windows; zeros outside. */
+/* Copies the samples that tap (plane, ky, kx) reads for the pixels of a run;
+ * zeros outside the picture. */
 static void copy_run(float *to, const saga_conv *c, const saga_planes *in,
                      const int tap[3], const run *r)
 {
@@ -72,8 +74,8 @@ static void copy_run(float *to, const saga_conv *c, const saga_planes *in,
     }
 }
 
-/* Fills column (taps, BLOCK) for the pixels from `first` on; what is behind the
- * picture's end is zero. */
+/* Fills column (taps, BLOCK) for the pixels from `first` on; pixels past the
+ * end of the picture get zeros. */
 static void fill(float *column, const saga_conv *c, const saga_planes *in,
                  const saga_planes *out, int first)
 {
@@ -85,8 +87,8 @@ static void fill(float *column, const saga_conv *c, const saga_planes *in,
             for (int kx = 0; kx < c->size; kx++, column += BLOCK) {
                 const int tap[3] = { plane, ky, kx };
 
-                /* A block may go over several output rows: a run
-                 * ends where a row does. */
+                /* A block may span several output rows; it is copied in runs,
+                 * each within one row. */
                 for (int done = 0; done < n;) {
                     const int x = (first + done) % out->width;
                     const int left = out->width - x;
@@ -102,7 +104,7 @@ static void fill(float *column, const saga_conv *c, const saga_planes *in,
 
 /* --- Sums ---------------------------------------------------------------- */
 
-/* Computes GROUP planes of PANEL pixels: sum (GROUP, PANEL). */
+/* Computes GROUP planes of PANEL pixels: sum is (GROUP, PANEL). */
 static void sum_panel(float *sum, const float *weight, const float *column,
                       size_t n_taps)
 {
@@ -110,7 +112,7 @@ static void sum_panel(float *sum, const float *weight, const float *column,
 
     for (int o = 0; o < GROUP; o++)
         a[o][0] = a[o][1] = vec_zero();
-    /* GROUP x 2 sums stay in registers while all taps pass, in one order. */
+    /* GROUP x 2 sums stay in registers while all taps are added in order. */
     for (size_t k = 0; k < n_taps; k++) {
         const vec x0 = vec_load(column + k * BLOCK);
         const vec x1 = vec_load(column + k * BLOCK + VEC_LANES);
@@ -128,7 +130,7 @@ static void sum_panel(float *sum, const float *weight, const float *column,
     }
 }
 
-/* Stores a panel's sums of plane o, with the bias, and no negative ones. */
+/* Stores a panel's sums of plane o, with bias and ReLU. */
 static void store(const saga_planes *out, const saga_conv *c, int o, int first,
                   const float *sum)
 {
@@ -150,8 +152,8 @@ static void run_block(const saga_planes *out, const saga_conv *c,
     fill(column, c, in, out, first);
     for (int o = 0; o < c->n_out; o += GROUP)
         for (int p = 0; p < BLOCK; p += PANEL) {
-            /* Planes of the last group that do not exist are
-             * summed, and not stored. */
+            /* Planes of the last group that do not exist are computed, but not
+             * stored. */
             float sum[GROUP * PANEL];
 
             sum_panel(sum, c->weight + (size_t)o * n_taps, column + p, n_taps);
@@ -160,13 +162,14 @@ static void run_block(const saga_planes *out, const saga_conv *c,
         }
 }
 
-/* Returns how many windows of `size` there are; 0 for a side too small. */
+/* Returns the number of windows of `size` along a side; 0 if it is too
+ * small. */
 static int count(int side, int size, int stride)
 {
     return side < size ? 0 : (side - size) / stride + 1;
 }
 
-/* Allocates the planes, or leaves them without pixels. */
+/* Allocates the planes; leaves v NULL if they have no pixels. */
 static bool make(saga_planes *p, saga_error *error)
 {
     const size_t n = (size_t)p->n * (size_t)p->height * (size_t)p->width;
@@ -197,7 +200,7 @@ bool saga_conv_run(saga_planes *out, const saga_conv *c, const saga_planes *in,
         out->v = NULL;
         return false;
     }
-/* Each thread has a column of its own; blocks write different pixels. */
+/* Each thread has its own column; blocks write different pixels. */
 #pragma omp parallel for num_threads(n_threads) schedule(dynamic)
     for (int first = 0; first < n; first += BLOCK)
         run_block(out, c, in, first,
@@ -223,8 +226,9 @@ static float largest(const saga_planes *in, int plane, int y0, int x0,
     return most;
 }
 
-/* A window that is not full begins inside of the picture: a stride that is no
- * longer than the window sees to that. */
+/* Returns the number of pooling windows along a side. With `ceil` a last window
+ * that is not full counts; it begins inside the picture, because the stride is
+ * at most the size. */
 static int count_pool(int side, int size, int stride, bool ceil)
 {
     return side < 1 ? 0

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * A file is judged by the capture it was made from, and by no other: cameras,
- * frames and rate are compared first.
+ * A file is evaluated only with the capture from which it was made: cameras,
+ * frames and frame rate are compared first.
  */
 #include "evaluate.h"
 
@@ -13,10 +13,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* A view may be so far from the rig's camera it is taken for. */
-static const double max_distance = 1e-4; /* of the cube's width */
+/* Tolerances between a view and the rig's camera that it is taken for. */
+static const double max_distance = 1e-4; /* as a fraction of the cube's width */
 static const double max_degrees = 0.1;
-static const double max_focal = 0.01;    /* scaling crops odd rests */
+static const double max_focal = 0.01;    /* relative; scaling a picture may crop
+                              * odd sides */
 
 void saga_eval_free(saga_eval *eval)
 {
@@ -43,7 +44,7 @@ static bool check_time(const saga_film *film, const saga_capture *capture,
         return saga_fail(error, film->name, "give the --frames A:B it was "
                          "encoded with", "has %" PRIu32 " frames, the capture "
                          "gives %d", i->n_frames, capture->n_frames);
-    /* Written so that a rate of NaN is refused, too. */
+    /* The condition is negated so that a NaN rate is refused, too. */
     if (i->n_frames > 1 && !(fabs(capture->fps - rate) <= 1e-3 * rate))
         return saga_fail(error, film->name, "give the capture it was made "
                          "from", "has %g frames per second, the capture %g",
@@ -76,11 +77,11 @@ static double distance_between(const saga_shot *a, const saga_shot *b)
                 (p[2] - q[2]) * (p[2] - q[2]));
 }
 
-/* This separates a view from the rig's camera that is nearest to it. */
+/* How a view differs from the rig's camera that is nearest to it. */
 typedef struct {
     int rig;
     uint32_t number;
-    double distance, degrees, focal; /* metres, -, relative */
+    double distance, degrees, focal; /* metres, degrees, relative */
 } match;
 
 static match nearest(const saga_film *film, const saga_shot *shot)
@@ -99,11 +100,11 @@ static match nearest(const saga_film *film, const saga_shot *shot)
         saga_shot_of_camera(&r, &film->metric, &c);
         m.distance = distance_between(&r, shot);
         m.degrees = turn_between(&r, shot);
-        /* In parts of the picture's width, so that a capture that was scaled is
-         * still the same camera. */
+        /* Focal lengths are relative to the picture's width, so that a scaled
+         * capture still has the same cameras. */
         m.focal = fabs(shot->fx / shot->width * r.width / r.fx - 1.0);
-        /* One measure for both: a cube's width counts as
-         * much as a quarter turn. */
+        /* One distance for place and angle: a cube's width equals a quarter
+         * turn. */
         far = m.distance / saga_metric_width(&film->metric) + m.degrees / 90.0;
         if (far < least) {
             least = far;
@@ -131,7 +132,8 @@ static bool refuse_view(const saga_film *film, const saga_shot *shot,
                      m->degrees, 100.0 * m->focal);
 }
 
-/* Takes near plane and background of camera `rig`, or guesses without a rig. */
+/* Takes near plane and background from camera `rig`; without a rig, sets
+ * defaults. */
 static void borrow(saga_eval_view *v, double *near_metres,
                    const saga_film *film, int rig)
 {
@@ -148,7 +150,7 @@ static void borrow(saga_eval_view *v, double *near_metres,
         v->camera.background_q15[i] = c.background_q15[i];
 }
 
-/* Makes the views of a capture, which fit as far as *ok says. */
+/* Makes the views of a capture; sets *ok to false if memory is short. */
 static void begin(saga_eval *eval, bool *ok, const char *name,
                   const saga_capture *capture, saga_error *error)
 {
@@ -176,8 +178,8 @@ static bool match_view(saga_eval_view *v, const saga_film *film,
     const match m = nearest(film, shot);
     double near_metres;
 
-    /* A view that is held out need not be in the rig. One that was trained on
-     * has to be, else the capture is another one and its PSNR says nothing. */
+    /* A held-out view need not be in the rig. A training view must be:
+     * otherwise the capture is another one, and its PSNR is meaningless. */
     if (is_same(film, &m))
         v->rig = m.rig;
     else if (!shot->held_out && film->info.n_cameras)

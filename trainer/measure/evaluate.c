@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Pictures are compared one by one (score.h). Metrics of a view over its frames
- * are here: its median picture, what changes, flicker, exposure.
+ * Single pictures are compared in score.h. The metrics of a view over its
+ * frames are computed here: median picture, changing pixels, flicker, exposure.
  */
 #include "evaluate.h"
 
@@ -24,14 +24,14 @@ enum { DIFFERENCE_GAIN = 4 };
 
 /* --- The comparison ------------------------------------------------------ */
 
-/* A view's sums over its frames. */
+/* Sums for one view over its frames. */
 typedef struct {
-    saga_score_sum each;    /* of pictures on their own */
-    saga_change change;     /* where pixels change */
-    double median_psnr, median_mse; /* the temporal median picture's */
-    double temporal_mse;    /* of what changes from picture to picture */
-    int n_steps;            /* number of such changes */
-    saga_exposure_sums exposure[3]; /* of each channel */
+    saga_score_sum each;    /* scores of single pictures */
+    saga_change change;     /* over changing pixels */
+    double median_psnr, median_mse; /* of the temporal median picture */
+    double temporal_mse;    /* error of the change from frame to frame */
+    int n_steps;            /* number of pairs of frames in temporal_mse */
+    saga_exposure_sums exposure[3]; /* for each channel */
 } sums;
 
 typedef struct {
@@ -41,15 +41,15 @@ typedef struct {
     const saga_eval_options *options;
     saga_error *error;
     int n_threads;
-    uint8_t *rgb;           /* of the largest view: a decoded picture */
-    const uint8_t **frame;  /* (n_frames) of one view */
-    uint8_t **median;       /* (n_views) its temporal median picture */
-    uint8_t **before;       /* (n_views) what was made of the frame before */
+    uint8_t *rgb; /* the decoded picture; sized for the largest view */
+    const uint8_t **frame;  /* (n_frames) the pictures of one view */
+    uint8_t **median;       /* (n_views) temporal median pictures */
+    uint8_t **before; /* (n_views) decoded pictures of the previous frame */
     sums *sum;              /* (n_views) */
 } comparison;
 
-/* Makes the median pictures, of the truth alone, and room for the pictures of
- * the frame before. */
+/* Computes the median pictures of the captured frames, and allocates the
+ * pictures of the previous frame. */
 static bool make_medians(const comparison *c)
 {
     for (int i = 0; i < c->eval->n_views; i++) {
@@ -91,8 +91,8 @@ static bool write_picture(const comparison *c, int view, int frame)
     return ok;
 }
 
-/* Adds to the view's sums what its median picture is worth, and how the
- * decoded one does where something changes. */
+/* Adds the errors of the view's median picture to its sums, and the decoded
+ * picture's errors at changing pixels. */
 static void compare_change(const comparison *c, int view, int frame)
 {
     const uint8_t *const truth = saga_capture_frame(c->capture, view, frame);
@@ -106,15 +106,15 @@ static void compare_change(const comparison *c, int view, int frame)
     saga_change_add(&s->change, median, truth, c->rgb, n / 3);
 }
 
-/* Returns the mean squared error of what changes from the pictures a0, b0 to
- * a1, b1. */
+/* Returns the mean squared error between two changes: from a0 to a1, and from
+ * b0 to b1. */
 static double change_mse(const uint8_t *a0, const uint8_t *a1,
                          const uint8_t *b0, const uint8_t *b1, size_t n)
 {
     uint64_t sum = 0;
 
     for (size_t i = 0; i < n; i++) {
-        /* The difference of differences: an error that stays is no flicker. */
+        /* The difference of differences: a constant error is no flicker. */
         const int d = a1[i] - a0[i] - (b1[i] - b0[i]);
 
         sum += (uint64_t)(d * d);
@@ -122,8 +122,8 @@ static double change_mse(const uint8_t *a0, const uint8_t *a1,
     return (double)sum / (double)n;
 }
 
-/* Flicker and lag show in how pictures follow each other; both of them must be
- * there. */
+/* Adds the error of the change since the previous frame, which shows flicker
+ * and lag; both frames must exist in the capture. */
 static void compare_time(const comparison *c, int view, int frame)
 {
     const size_t n = saga_view_frame_nbytes(&c->capture->views[view]);
@@ -136,11 +136,12 @@ static void compare_time(const comparison *c, int view, int frame)
             saga_capture_frame(c->capture, view, frame), n);
         s->n_steps++;
     }
-    /* Kept for the next frame, also where this one could not be compared. */
+    /* Kept for the next frame even if this frame was not compared. */
     memcpy(c->before[view], c->rgb, n);
 }
 
-/* Returns the mean of (f x made - truth)^2, with the best f of each channel. */
+/* Returns the mean of (f x made - truth)^2, with the best factor f for each
+ * channel. */
 static double exposed_mse(const comparison *c, int view)
 {
     const double n =
@@ -185,16 +186,17 @@ static bool compare_one(const comparison *c, int view, int frame)
     if (!c->maker->draw(c->maker->state, c->rgb, c->eval, view, frame,
                         c->error))
         return false;
-    /* Pixels that do not count get those of the truth, and so no error. */
+    /* Pixels that do not count are set to the truth, so that they have no
+     * error. */
     counting = saga_capture_forgive(c->capture, view, frame, c->rgb);
-    if (counting == 0.0) { /* nothing to judge */
+    if (counting == 0.0) { /* no pixel counts */
         compare_time(c, view, frame);
         return true;
     }
     if (!saga_score_pair(&score, &pair, counting, &c->options->score,
                          c->error))
         return false;
-    /* Sums of the view, in the order of frames; means are taken at the end. */
+    /* Sums are taken in the order of frames; means are formed at the end. */
     saga_score_add(&c->sum[view].each, &score);
     compare_change(c, view, frame);
     compare_time(c, view, frame);
@@ -219,7 +221,7 @@ static bool progress(const comparison *c, int view, int frame)
            saga_fail(c->error, NULL, NULL, "cancelled");
 }
 
-/* Goes frame by frame, so that each segment is decoded once. */
+/* Frames are the outer loop, so that each segment is decoded once. */
 static bool compare_all(const comparison *c)
 {
     for (int frame = 0; frame < c->eval->n_frames; frame++)
@@ -241,9 +243,9 @@ static void set_change(saga_score *score, const saga_change *change)
     set(score, "changing_pixels", (double)change->n_changing);
 }
 
-/* Mean over the views that are held out, or over those that are not. All of
- * them weigh the same, but for changing pixels, which are taken together: a
- * view without motion has hardly any say there. */
+/* Returns the mean over the held-out views, or over the training views. All
+ * views weigh the same, except for changing pixels, which are averaged over all
+ * views together: a view with little motion then counts little. */
 static saga_score mean_of(const comparison *c, bool held_out)
 {
     const int psnr = saga_metric_called("psnr");
@@ -255,7 +257,7 @@ static saga_score mean_of(const comparison *c, bool held_out)
         const saga_eval_view *const v = &c->eval->view[i];
 
         if (v->held_out != held_out || isnan(v->score.value[psnr]))
-            continue; /* NaN: all of its pictures are missing */
+            continue; /* NaN: all its pictures are missing */
         saga_score_add(&sum, &v->score);
         saga_change_merge(&change, &c->sum[i].change);
     }
@@ -270,7 +272,8 @@ static void take_means(const comparison *c)
         saga_score *const score = &c->eval->view[i].score;
         const sums *const s = &c->sum[i];
 
-        /* Frames that are missing, or that a mask empties, are in no mean. */
+        /* Frames that are missing, or that a mask excludes entirely, are in no
+         * mean. */
         *score = saga_score_mean(&s->each);
         set(score, "median_psnr", s->median_psnr / s->each.n);
         set(score, "median_psnr_of_mean_mse", s->median_mse / s->each.n);
@@ -300,7 +303,7 @@ static bool make_folder(const char *path, saga_error *error)
 {
     if (!path || mkdir(path, 0777) == 0)
         return true;
-    const int why = errno; /* looking at it sets another one */
+    const int why = errno; /* saga_path_is_folder overwrites errno */
     if (saga_path_is_folder(path))
         return true;
     errno = why;
@@ -308,8 +311,8 @@ static bool make_folder(const char *path, saga_error *error)
                            "cannot be made");
 }
 
-/* Allocates the memory of a comparison; release gives back what there is of it.
- */
+/* Allocates the memory of a comparison. If it fails, release() frees what has
+ * been allocated. */
 static bool allocate(comparison *c)
 {
     const size_t n_views = (size_t)c->eval->n_views;

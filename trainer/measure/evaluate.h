@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Compares a file with the capture it was made from: pictures of the integer
- * decoder with the loaded ones, after both were opened anew. Or what another
- * codec made of a capture's pictures, by the same measures.
+ * Compares a file with the capture from which it was made: pictures drawn by
+ * the integer decoder are compared with the captured pictures. Another codec's
+ * decoded pictures can be compared by the same measures.
  */
 #ifndef SAGA_EVALUATE_H
 #define SAGA_EVALUATE_H
@@ -11,73 +11,79 @@
 #include "view.h"
 
 typedef struct saga_eval_options {
-    const char *pictures;    /* folder for side-by-side PNGs, made if it is not
-                              * there; NULL: none */
+    const char *pictures;    /* folder for side-by-side PNGs, created if it does
+                              * not exist; NULL: no PNGs */
     saga_score_options score;
-    saga_progress_fn *progress; /* or NULL */
+    saga_progress_fn *progress; /* called after each picture; may be NULL */
     void *progress_user;
 } saga_eval_options;
 
 typedef struct saga_eval_view {
-    const char *name;        /* the capture's */
+    const char *name;        /* owned by the capture */
     int width, height;
     bool held_out;
-    int rig;                 /* its camera in the file's rig; -1: none */
+    int rig; /* its camera's index in the file's rig; -1: not in it */
     saga_camera camera;
-    double late;             /* frames, the capture's */
+    double late; /* delay of this camera in frames, from the capture */
     saga_score score;        /* means over its frames */
     char *picture;           /* the PNG that was written; NULL: none */
-    int picture_frame;       /* which frame of the file it shows */
+    int picture_frame;       /* the frame of the file that the PNG shows */
 } saga_eval_view;
 
 typedef struct saga_eval {
     int n_views, n_frames;
-    int first_frame;         /* the film's, shown by the capture's first */
+    int first_frame;         /* frame of the film that the capture's first frame
+                              * shows */
     saga_eval_view *view;    /* (n_views) in the capture's order */
     int n_training, n_held_out;
-    saga_score training, held_out; /* means over views; of none, NaN. Changing
-                              * pixels are those of all views together */
+    saga_score training, held_out; /* means over views, NaN if there are none.
+                                    * Changing pixels are averaged over the
+                                    * pixels of all views instead */
 } saga_eval;
 
-/* Sets rgb to a picture that is judged: of a view, at a frame of the capture.
- */
+/* Sets rgb to the picture that is judged: that of a view at a frame of the
+ * capture. */
 typedef bool saga_eval_draw_fn(void *state, uint8_t *rgb, const saga_eval *eval,
                                int view, int frame, saga_error *error);
 
-/* A maker gives the pictures that are judged. */
+/* A maker supplies the pictures that are judged. */
 typedef struct saga_eval_maker {
     const char *name;        /* for messages */
-    int n_threads;           /* of comparing; 0: as many as there are */
+    int n_threads;           /* for comparing; 0: all that are available */
     saga_eval_draw_fn *draw;
     void *state;             /* the first argument of draw */
 } saga_eval_maker;
 
-/* Makers of pictures: the integer decoder, whose state is the saga_film; and
- * another codec, whose state is a saga_capture of what it decoded. */
+/* The two makers: the first draws with the integer decoder, and its state is
+ * the saga_film; the second copies the pictures that another codec decoded, and
+ * its state is the saga_capture that holds them. */
 saga_eval_draw_fn saga_eval_draw_film;
 saga_eval_draw_fn saga_eval_draw_pictures;
 
-/* Says whether the capture is what the file was made from, camera by camera;
- * fills in all but the scores. With first_frame -1 the capture must have all
- * frames of the film; else its frames are the film's from first_frame on.
- * Training views must be in the file's rig (if it has one), up to 10^-4 of the
- * cube's width, 0.1 degrees and 1 % of the focal length; held-out ones need
- * not. A view in the rig takes the rig's background and near plane, the others
- * those of the rig's first camera; with no rig: black, 2^-10 of the cube.
- * False: *error says what does not fit and *eval is empty. */
+/* Checks, camera by camera, whether the capture is the one the file was made
+ * from, and sets all of *eval except the scores. If first_frame is -1, the
+ * capture must have all frames of the film; otherwise its frames are those of
+ * the film from first_frame on. Training views must be in the file's rig (if it
+ * has one), with tolerances of 10^-4 of the cube's width, 0.1 degrees and 1 %
+ * of the focal length; held-out views need not be in it. A view in the rig uses
+ * the rig's background and near plane, and other views use those of the rig's
+ * first camera. Without a rig the background is black and the near plane 2^-10
+ * of the cube's width. If it returns false, *error says what does not fit and
+ * *eval is empty. */
 bool saga_eval_match(saga_eval *eval, const saga_film *film,
                      const saga_capture *capture, int first_frame,
                      saga_error *error);
 
-/* Does the same for pictures of another codec: they must be as many views and
- * frames, and views of the same names and sizes. */
+/* Does the same for pictures of another codec: there must be as many views
+ * and frames as in the capture, and the views must have the same names and
+ * sizes. */
 bool saga_eval_match_pictures(saga_eval *eval, const char *name,
                               const saga_capture *pictures,
                               const saga_capture *capture, saga_error *error);
 
-/* Makes and compares every frame of every view that matched. With
- * options->pictures, writes NAME_FFFFF.png (truth, decode, 4 x difference) of
- * each view's middle frame. */
+/* Makes and compares every frame of every view that matched. If
+ * options->pictures is set, writes NAME_FFFFF.png (truth, decode, 4 x
+ * difference) for each view's middle frame. */
 bool saga_eval_run(saga_eval *eval, const saga_eval_maker *maker,
                    const saga_capture *capture,
                    const saga_eval_options *options, saga_error *error);

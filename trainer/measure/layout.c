@@ -15,7 +15,8 @@ typedef struct {
     const uint8_t *bytes;
     size_t n;
     saga_layout *to;
-    uint32_t owner;          /* the CRC that the next chunk's goes on from */
+    uint32_t owner;          /* CRC of the next chunk's owner, from which its
+                              * CRC continues */
 } walk;
 
 static void name_of(char name[5], uint32_t type)
@@ -28,7 +29,7 @@ static void name_of(char name[5], uint32_t type)
     name[4] = '\0';
 }
 
-/* Keeps the first damage only: the later ones follow from it. */
+/* Records damage. Only the first is kept, because later ones follow from it. */
 static bool damaged(const walk *w, uint32_t type, uint64_t at,
                     const char *what)
 {
@@ -46,7 +47,7 @@ static bool wrong_crc(const walk *w, const saga_chunk *c, uint64_t at,
 {
     char what[80];
 
-    /* Checksums once began anew in every chunk. */
+    /* Older pre-releases began the CRC anew in every chunk. */
     if (saga_chunk_crc(0, c, w->bytes + at + SAGA_CHUNK_NBYTES) == c->crc)
         snprintf(what, sizeof what, "an earlier pre-release of saga has "
                  "written it: encode it again");
@@ -75,14 +76,15 @@ static bool cut(const walk *w, uint32_t type, uint64_t at, uint64_t needs)
     return damaged(w, type, at, what);
 }
 
-/* Finds the chunk of a type at byte `at`, whole and with the right CRC. */
+/* Reads the chunk header at byte `at`; the chunk must have this type, be
+ * complete and have the right CRC. */
 static bool take_chunk(saga_chunk *c, walk *w, uint32_t type, uint64_t at)
 {
     saga_io io = { w->bytes, NULL, 0 };
     uint32_t crc;
 
-    /* A length is compared with what is left before it is added to anything, so
-     * that a damaged one cannot wrap around. */
+    /* Each length is compared with the bytes left before it is added to
+     * anything, so that a damaged length cannot wrap around. */
     if (at > w->n || w->n - at < SAGA_CHUNK_NBYTES)
         return cut(w, type, at, SAGA_CHUNK_NBYTES);
     io.in = w->bytes + at;
@@ -91,8 +93,8 @@ static bool take_chunk(saga_chunk *c, walk *w, uint32_t type, uint64_t at)
         return wrong_type(w, type, at, c->type);
     if (c->nbytes > w->n - at - SAGA_CHUNK_NBYTES)
         return cut(w, type, at, (uint64_t)c->nbytes + SAGA_CHUNK_NBYTES);
-    /* The CRC goes on from that of the chunk's owner, so a chunk of another
-     * file is found out though it is whole. */
+    /* The CRC continues from that of the chunk's owner, so that an intact chunk
+     * from another file is detected. */
     crc = saga_chunk_crc(w->owner, c, w->bytes + at + SAGA_CHUNK_NBYTES);
     if (crc != c->crc)
         return wrong_crc(w, c, at, crc);
@@ -101,7 +103,7 @@ static bool take_chunk(saga_chunk *c, walk *w, uint32_t type, uint64_t at)
     return true;
 }
 
-/* Takes the chunk of names at byte `at`, if there is one. */
+/* Takes the NAME chunk at byte `at`, if there is one. */
 static bool take_names(walk *w, uint64_t at)
 {
     saga_chunk c;
@@ -129,8 +131,8 @@ static bool take_base(walk *w, const saga_header *h, uint64_t at)
         if (!take_chunk(&c, w, part_type[i], at))
             return false;
         w->to->base_nbytes[i] = c.nbytes;
-        /* The base's chunks hang on each other, and the
-         * segments on the last of them. */
+        /* Each chunk of the base is owned by the chunk before it, and the last
+         * of them owns the segments. */
         w->owner = c.crc;
         at += SAGA_CHUNK_NBYTES + (uint64_t)c.nbytes;
     }
@@ -160,7 +162,8 @@ static bool take_head(walk *w, const saga_header *h)
     to->nets_nbytes = c.nbytes;
     w->owner = c.crc;
     at += SAGA_CHUNK_NBYTES + (uint64_t)c.nbytes;
-    /* Names lie behind the base, but their CRC goes on from the networks'. */
+    /* Names are stored after the base, but their CRC continues from that of
+     * NETS. */
     return take_names(w, at + h->base_nbytes) &&
            (!(h->model.tools & SAGA_TOOL_BASE) || take_base(w, h, at));
 }
@@ -217,7 +220,8 @@ static bool take_segment(walk *w, saga_layout_segment *s)
     if (!take_chunk(&c, w, SAGA_CHUNK_SEGMENT, at))
         return false;
     s->payload_nbytes[SAGA_PART_SEGMENT] = c.nbytes;
-    /* The header says how long each layer is, so it comes before them. */
+    /* The segment's header holds the length of each layer, so it is read
+     * first. */
     if (!take_header(w, s, at))
         return false;
     at += SAGA_CHUNK_NBYTES + (uint64_t)c.nbytes;
@@ -229,7 +233,8 @@ static bool take_segment(walk *w, saga_layout_segment *s)
                    "length of the segment than its chunks have");
 }
 
-/* Takes segment i of the index, which saga_find has accepted as a whole. */
+/* Takes segment i of the index; check_index has accepted the index as a
+ * whole. */
 static void take_entry(walk *w, uint32_t i, uint32_t first_frame)
 {
     saga_layout_segment *const s = &w->to->segment[i];
@@ -246,8 +251,8 @@ static void take_entry(walk *w, uint32_t i, uint32_t first_frame)
             w->to->part_nbytes[p] += s->payload_nbytes[p];
         return;
     }
-    /* Counts that were taken before the damage showed are forgotten: sums are
-     * of whole segments only. */
+    /* The segment counts as damaged until all of it has been taken: sums
+     * include whole segments only. */
     s->damaged = true;
     s->n = (saga_counts){ 0, 0, 0 };
     memset(s->layer, 0, sizeof s->layer);
@@ -266,7 +271,8 @@ static void count_other(saga_layout *to)
     to->other_nbytes = to->file_nbytes > known ? to->file_nbytes - known : 0;
 }
 
-/* Asks saga_find about the whole index: the last frame is behind it all. */
+/* Checks the whole index by looking up the last frame, for which saga_find has
+ * to pass all entries. */
 static bool check_index(const walk *w, const saga_header *h)
 {
     saga_segment last;
@@ -312,8 +318,8 @@ bool saga_layout_read(saga_layout *layout, const char *name,
     saga_header_io(&io, &h);
     saga_tools_io(&io, &h);
     if (h.header_nbytes >= SAGA_HEADER_NBYTES && h.header_nbytes <= n)
-        /* The header ends in its CRC, from which those
-         * of INDX and NETS go on. */
+        /* The header ends with its CRC, from which those of INDX and NETS
+         * continue. */
         w.owner = (uint32_t)saga_load_le(bytes + h.header_nbytes - 4, 4);
     return read_all(&w, &h, name, error);
 }

@@ -14,16 +14,16 @@
 /* --- What the nets look like --------------------------------------------- */
 
 typedef enum {
-    CONV,                    /* with ReLU behind */
-    FIRE,                    /* 1x1, then 1x1 and 3x3 side by side */
+    CONV,                    /* followed by ReLU */
+    FIRE,                    /* 1x1, then 1x1 and 3x3 in parallel */
     POOL,
-    TAP,                     /* here pictures are compared */
+    TAP,                     /* the two pictures are compared here */
     END
 } kind;
 
 typedef struct {
     kind kind;
-    const char *name;        /* of its weights */
+    const char *name;        /* of its weights in the file */
     int size, stride, pad;
 } step;
 
@@ -65,7 +65,7 @@ static const step vgg[] = {
 typedef struct {
     const char *key, *name;
     const step *steps;
-    bool ceil;               /* of pools */
+    bool ceil;               /* pools count a last window that is not full */
 } net;
 
 static const net nets[] = {
@@ -88,7 +88,8 @@ struct saga_lpips {
     char text[256];
 };
 
-/* The net's input is (x - shift) / scale, R G B, of samples x in [-1, 1]. */
+/* The network's input is (x - shift) / scale for R, G and B, where the samples
+ * x are in [-1, 1]. */
 static const double shift[3] = { -.030, -.088, -.188 };
 static const double scale[3] = { .458, .448, .450 };
 
@@ -105,15 +106,16 @@ void saga_lpips_free(saga_lpips *l)
     free(l);
 }
 
-/* While a net is loaded, this goes through its steps. */
+/* The state while the steps of a network are loaded. */
 typedef struct {
     saga_lpips *l;
     const saga_npz *npz;
-    int n_planes;            /* at this step */
+    int n_planes;            /* planes after the steps so far */
     saga_error *error;
 } loading;
 
-/* Reads NET.NAME[.MORE]; refuses what has not `n` numbers of `sides` sides. */
+/* Reads NET.NAME[.MORE]; refuses an array that does not hold `n` numbers in
+ * `sides` dimensions. */
 static bool read_array(saga_npy *a, const loading *s, const char *name,
                        const char *more)
 {
@@ -131,7 +133,7 @@ static bool refuse(const loading *s, const char *name, const saga_npy *a)
                      a->side[1], a->side[2], a->side[3]);
 }
 
-/* Loads a convolution of n_in planes; its n_out comes from the file. */
+/* Loads a convolution with n_in input planes; the file gives n_out. */
 static bool load_conv(loading *s, const step *like, const char *name, int n_in)
 {
     saga_conv *const c = &s->l->conv[s->l->n_convs];
@@ -139,8 +141,8 @@ static bool load_conv(loading *s, const step *like, const char *name, int n_in)
     bool ok = read_array(&w, s, name, ".weight") &&
               read_array(&b, s, name, ".bias");
 
-    /* The file's shapes have to be those of the net: n_out, which only the file
-     * says, is bounded, all other sides follow from the steps before. */
+    /* The array's shape must be that of the network. Only n_out comes from the
+     * file, so it is bounded; all other sides follow from the steps before. */
     if (ok && (w.n_sides != 4 || w.side[0] > 4096 || w.side[0] < 1 ||
                w.side[1] != (size_t)n_in || w.side[2] != (size_t)like->size ||
                w.side[3] != (size_t)like->size))
@@ -159,8 +161,8 @@ static bool load_conv(loading *s, const step *like, const char *name, int n_in)
     return ok;
 }
 
-/* Loads the three convolutions of a fire module; c[0] gives what the other two
- * take. */
+/* Loads the three convolutions of a fire module; the outputs of c[0] are the
+ * inputs of c[1] and c[2]. */
 static bool load_fire(loading *s, const char *name)
 {
     static const step one = { CONV, NULL, 1, 1, 0 }, three = { CONV, NULL, 3,
@@ -175,8 +177,8 @@ static bool load_fire(loading *s, const char *name)
     ok = ok && load_conv(s, &one, part, c[0].n_out);
     snprintf(part, sizeof part, "%s.expand3x3", name);
     ok = ok && load_conv(s, &three, part, c[0].n_out);
-    /* The outputs of both expanding convolutions lie one behind the other
-     * (join). */
+    /* join() puts the outputs of the two expanding convolutions one after the
+     * other. */
     if (ok)
         s->n_planes = c[1].n_out + c[2].n_out;
     return ok;
@@ -264,7 +266,7 @@ const char *saga_lpips_text(const saga_lpips *l)
 
 /* --- Comparing ----------------------------------------------------------- */
 
-/* One picture on its way through the net. */
+/* One picture on its way through the network. */
 typedef struct {
     const saga_lpips *l;
     saga_planes now;
@@ -281,8 +283,8 @@ static bool begin(walk *w, const uint8_t *rgb, int width, int height)
     w->now.v = saga_alloc(3 * n, sizeof *w->now.v, "comparing two pictures",
                           w->error);
     for (size_t i = 0; w->now.v && i < 3 * n; i++) {
-        /* From interleaved bytes to planes of samples in [-1, 1], shifted and
-         * scaled as the net was trained. */
+        /* Convert interleaved bytes to planes of samples in [-1, 1], shifted
+         * and scaled as in the network's training. */
         const size_t c = i / n;
 
         w->now.v[i] = (float)((rgb[3 * (i % n) + c] / 127.5 - 1.0 - shift[c]) /
@@ -291,7 +293,7 @@ static bool begin(walk *w, const uint8_t *rgb, int width, int height)
     return w->now.v;
 }
 
-/* Goes on with `next` in the place of the planes that are there. */
+/* Replaces the current planes by `next`. */
 static void move_on(walk *w, saga_planes next)
 {
     free(w->now.v);
@@ -304,7 +306,7 @@ static bool next_conv(saga_planes *out, walk *w, const saga_planes *in)
                          w->error);
 }
 
-/* Puts b's planes behind a's, which are of the same size. */
+/* Appends b's planes to a's, which have the same size. */
 static bool join(saga_planes *out, const saga_planes *a, const saga_planes *b,
                  saga_error *error)
 {
@@ -335,7 +337,7 @@ static bool next_fire(saga_planes *out, walk *w)
     return ok;
 }
 
-/* Takes a step that is no tap. */
+/* Takes one step other than TAP. */
 static bool take(walk *w, const step *p)
 {
     saga_planes next = { 0 };
@@ -349,7 +351,7 @@ static bool take(walk *w, const step *p)
     return ok;
 }
 
-/* Returns what is to be divided by for a pixel's vector to have length 1. */
+/* Returns the divisor that gives a pixel's vector the length 1. */
 static double length(const float *v, int n, size_t stride)
 {
     double sum = 0.0;
@@ -368,8 +370,8 @@ static double compare(const saga_planes *a, const saga_planes *b,
     double sum = 0.0;
 
     for (size_t i = 0; i < n; i++) {
-        /* Both vectors get length 1, so that only their directions count, then
-         * each channel has its learned weight. */
+        /* Both vectors are normalised, so that only their directions count;
+         * then each channel has its learned weight. */
         const double la = length(a->v + i, a->n, n);
         const double lb = length(b->v + i, b->n, n);
 
@@ -383,15 +385,16 @@ static double compare(const saga_planes *a, const saga_planes *b,
     return sum / (double)n;
 }
 
-/* Takes both through the net. A picture without pixels left is too small. */
+/* Takes both pictures through the network. If no pixels are left, the picture
+ * was too small and the distance is NaN. */
 static bool walk_both(double *distance, walk *a, walk *b)
 {
     int tap = 0;
 
     *distance = 0.0;
     for (const step *p = a->l->net->steps; p->kind != END; p++) {
-        /* Both go through the net together, so that at each tap only the planes
-         * of that one are in memory. */
+        /* Both pictures advance together, so that only the planes of one step
+         * are in memory. */
         if (p->kind == TAP)
             *distance += compare(&a->now, &b->now, a->l->head[tap++]);
         else if (!take(a, p) || !take(b, p))

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: MIT
  *
  * LPIPS (Zhang et al. 2018), version 0.1: how different two pictures look to a
- * network that learned to tell objects apart. The weights are in a file of the
- * user's: AlexNet, SqueezeNet 1.1 or VGG16, with their heads.
+ * network that was trained to classify objects. The user supplies the weights
+ * in a file: AlexNet, SqueezeNet 1.1 or VGG16, with their LPIPS heads.
  *
- * Pictures go in as they are, 8-bit RGB over [-1, 1]. (Some public code feeds
- * [0, 1] and reports lower values.)
+ * Pictures enter as 8-bit RGB mapped to [-1, 1]. (Some public code maps to [0,
+ * 1] and reports lower values.)
  */
 #ifndef SAGA_LPIPS_H
 #define SAGA_LPIPS_H
@@ -14,18 +14,20 @@
 
 typedef struct saga_lpips saga_lpips;
 
-/* Loads the weights from a .npz file: convolutions as (out, in, y, x) and heads
- * NET.lin0, NET.lin1, ...; which net it is, their names say: alex.conv1.weight
- * and .bias, squeeze.3.expand1x1.weight, vgg.0.weight (the numbers are those of
- * torchvision's features). NULL: *error says why. */
+/* Loads the weights from a .npz file: convolutions as (out, in, y, x), and
+ * heads NET.lin0, NET.lin1, ... The names of the arrays tell which network it
+ * is: alex.conv1.weight and .bias, squeeze.3.expand1x1.weight, vgg.0.weight
+ * (numbered as in torchvision's features). Returns NULL, with the reason in
+ * *error, if it fails. */
 saga_lpips *saga_lpips_load(const char *path, saga_error *error);
 void saga_lpips_free(saga_lpips *l);
 
-/* Returns net and weights in words, for protocols; it lives as long as *l. */
+/* Returns a description of network and weights for reports; it lives as long as
+ * *l. */
 const char *saga_lpips_text(const saga_lpips *l);
 
-/* Sets the distance of two pictures; NaN where they are too small for the net.
- * False: no memory. */
+/* Sets the distance between two pictures; NaN if they are too small for the
+ * network. Fails if memory is short. */
 bool saga_lpips_distance(double *distance, const saga_lpips *l,
                          const saga_picture_pair *pair, saga_error *error);
 

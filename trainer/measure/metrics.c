@@ -11,8 +11,8 @@
 enum {
     TAPS = SAGA_SSIM_WINDOW,
     HALF = TAPS / 2,
-    BAND = 16,              /* rows of SSIM one thread does at a time */
-    N_MAPS = 5              /* a, b, a a, b b, a b */
+    BAND = 16, /* rows for which one thread computes SSIM at a time */
+    N_MAPS = 5              /* filtered maps: a, b, a a, b b, a b */
 };
 
 /* The SSIM paper's constants (0.01)^2 and (0.03)^2, for samples in [0, 1]. */
@@ -44,20 +44,21 @@ double saga_psnr(double mse)
 
 /* --- SSIM of one channel ------------------------------------------------- */
 
-/* A pair is two channels to be compared, samples in [0, 1]. */
+/* Two channels to be compared, with samples in [0, 1]. */
 typedef struct {
     const double *a, *b;    /* (height, width) */
     int width, height, n_threads;
     double tap[TAPS];
-    double (*row)[3];       /* (height) sums: SSIM of the row; SSIM and
-                             * contrast-structure of its inner columns */
-    double *scratch;        /* (n_threads, n_scratch): a row between zeros, and
-                             * the maps of a band */
+    double (*row)[3];       /* (height) sums over a row: SSIM of all columns;
+                             * SSIM and contrast-structure of the columns whose
+                             * windows lie inside */
+    double *scratch;        /* (n_threads, n_scratch): a row with zeros at both
+                             * ends, and the maps of a band */
     size_t n_scratch;
 } pair;
 
-/* Means over all windows: of SSIM with zero padding; of SSIM and of the
- * contrast-structure term of the windows inside. */
+/* Means over all windows: SSIM with zero padding; SSIM and the
+ * contrast-structure term of the windows that lie inside the picture. */
 typedef struct {
     double zero, valid, structure;
 } channel_ssim;
@@ -78,20 +79,21 @@ static void make_taps(double tap[TAPS])
         tap[i] /= sum;
 }
 
-/* Filters one map of a row along it: line has HALF zeros at both ends. */
+/* Filters one map of a row horizontally; line has HALF zeros at both ends. */
 static void filter_row(double *out, const double *line, int width,
                        const double tap[TAPS])
 {
     for (int x = 0; x < width; x++)
         out[x] = 0.0;
-    /* Taps outside, pixels inside: the inner loop has no
-     * dependence and runs in vectors. */
+    /* Taps are the outer loop and pixels the inner loop, which then has no
+     * dependence and is vectorised. */
     for (int k = 0; k < TAPS; k++)
         for (int x = 0; x < width; x++)
             out[x] += tap[k] * line[x + k];
 }
 
-/* Filters the five maps of row y along it; outside the picture are zeros. */
+/* Filters the five maps of row y horizontally; rows outside the picture are
+ * zeros. */
 static void filter_maps(double *out, double *line, const pair *p, int y)
 {
     const size_t w = (size_t)p->width;
@@ -113,20 +115,21 @@ static void filter_maps(double *out, double *line, const pair *p, int y)
     }
 }
 
-/* Finds SSIM and its contrast-structure part from a pixel's filtered maps. */
+/* Computes SSIM and its contrast-structure term from a pixel's filtered
+ * maps. */
 static double ssim_of(const double m[N_MAPS], double *structure)
 {
     const double aa = m[0] * m[0], bb = m[1] * m[1], ab = m[0] * m[1];
 
-    /* Contrast and structure are (2 cov + c2) / (var_a + var_b + c2), each of
-     * these from the means as E[xy] - E[x] E[y]. */
+    /* Contrast and structure are (2 cov + c2) / (var_a + var_b + c2), where
+     * each covariance is E[xy] - E[x] E[y]. */
     *structure = (2.0 * (m[4] - ab) + c2) /
                  (m[2] - aa + (m[3] - bb) + c2);
-    /* Times the luminance term, (2 a b + c1) / (a^2 + b^2 + c1). */
+    /* SSIM also has the luminance factor (2 a b + c1) / (a^2 + b^2 + c1). */
     return (2.0 * ab + c1) / (aa + bb + c1) * *structure;
 }
 
-/* Sums of one row, from the maps of the TAPS rows around it. */
+/* Sets the sums of one row, from the maps of the TAPS rows around it. */
 static void sum_row(double sum[3], const double *maps, const pair *p)
 {
     const size_t w = (size_t)p->width;
@@ -135,8 +138,8 @@ static void sum_row(double sum[3], const double *maps, const pair *p)
     for (size_t x = 0; x < w; x++) {
         double m[N_MAPS] = { 0.0 }, structure, ssim;
 
-        /* The window is separable: rows are filtered
-         * already, here the columns. */
+        /* The window is separable: the maps are already filtered horizontally
+         * and are filtered vertically here. */
         for (size_t k = 0; k < TAPS; k++)
             for (size_t i = 0; i < N_MAPS; i++)
                 m[i] += p->tap[k] * maps[(k * N_MAPS + i) * w + x];
@@ -149,7 +152,7 @@ static void sum_row(double sum[3], const double *maps, const pair *p)
     }
 }
 
-/* Fills rows y0.. of the sums. */
+/* Sets the sums of the rows y0.. of one band. */
 static void sum_band(const pair *p, int y0)
 {
     const size_t w = (size_t)p->width;
@@ -159,8 +162,8 @@ static void sum_band(const pair *p, int y0)
 
     for (int i = 0; i < HALF; i++)
         line[i] = line[HALF + w + (size_t)i] = 0.0;
-    /* A band filters HALF rows of its neighbours once more, so that bands
-     * need nothing of each other. */
+    /* A band filters HALF rows of each neighbour again, so that bands are
+     * independent. */
     for (int y = y0 - HALF; y < end + HALF; y++)
         filter_maps(maps + (size_t)(y - y0 + HALF) * N_MAPS * w, line, p, y);
     for (int y = y0; y < end; y++)
@@ -175,8 +178,8 @@ static channel_ssim means_of(const pair *p)
     channel_ssim s = { 0.0, 0.0, 0.0 };
 
     for (int y = 0; y < p->height; y++) {
-        /* Rows in order, whichever thread had them: the
-         * sum is always the same. */
+        /* Rows are added in order, whichever thread computed them, so that the
+         * sum is reproducible. */
         s.zero += p->row[y][0];
         if (y < HALF || y + HALF >= p->height)
             continue;
@@ -195,7 +198,8 @@ static channel_ssim means_of(const pair *p)
 
 static const char purpose[] = "comparing two pictures";
 
-/* p comes without taps, sums and scratch. */
+/* Computes the means of one channel; taps, sums and scratch of p are set
+ * here. */
 static bool channel(channel_ssim *s, pair p, saga_error *error)
 {
     const int n = (p.height + BAND - 1) / BAND;
@@ -222,7 +226,7 @@ static bool channel(channel_ssim *s, pair p, saga_error *error)
 
 /* --- Channels of pictures ------------------------------------------------ */
 
-/* Takes channel c of both pictures into one block: a, then b. */
+/* Returns channel c of both pictures in one block: a, then b. */
 static double *take_channel(const saga_picture_pair *of, int c,
                             saga_error *error)
 {
@@ -261,8 +265,8 @@ bool saga_ssim(double *zero, double *valid, const saga_picture_pair *of,
     return true;
 }
 
-/* Takes the 2x2 means in place, a smaller picture at the same start. An output
- * is never behind what is still to be read. */
+/* Takes 2x2 means in place; the smaller picture begins at the same address. No
+ * output overwrites a sample that is still to be read. */
 static void halve(double *v, int width, int height)
 {
     const int w = (width + 1) / 2, h = (height + 1) / 2;
@@ -280,7 +284,8 @@ static void halve(double *v, int width, int height)
     }
 }
 
-/* Takes one channel through all scales; v, which holds both, is used up. */
+/* Computes one channel over all scales; overwrites v, which holds the channel
+ * of both pictures. */
 static bool scales(double *value, double *v, const saga_picture_pair *of,
                    saga_error *error)
 {
@@ -295,8 +300,8 @@ static bool scales(double *value, double *v, const saga_picture_pair *of,
 
         if (!channel(&s, p, error))
             return false;
-        /* Only the last scale has luminance: all others
-         * compare structure alone. */
+        /* Only the last scale includes luminance; the others use contrast and
+         * structure alone. */
         term = last ? s.valid : s.structure;
         *value *= pow(term > 0.0 ? term : 0.0, ms_weight[i]);
         halve(v, p.width, p.height);

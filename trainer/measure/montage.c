@@ -44,8 +44,8 @@ bool saga_montage_write(const char *path, const saga_still *stills, int n,
         w = stills[i].width > w ? stills[i].width : w;
         h = stills[i].height > h ? stills[i].height : h;
     }
-    /* Each place is as large as the largest picture, with a gap behind it that
-     * the last column and row do not have. */
+    /* Each place is as large as the largest picture plus a gap; the last column
+     * and row have no gap after them. */
     w += SAGA_MONTAGE_GAP;
     h += SAGA_MONTAGE_GAP;
     c.width = w * across - SAGA_MONTAGE_GAP;
@@ -53,7 +53,7 @@ bool saga_montage_write(const char *path, const saga_still *stills, int n,
     c.rgb = saga_alloc((size_t)c.width * (size_t)c.height, 3, path, error);
     if (!c.rgb)
         return false;
-    /* Grey, where no picture is. */
+    /* Places without a picture stay grey. */
     memset(c.rgb, 128, 3 * (size_t)c.width * (size_t)c.height);
     for (int i = 0; i < n; i++)
         paste(&c, &stills[i], w * (i % columns), h * (i / columns));

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * A montage is several pictures in one PNG, to be looked at side by side.
+ * A montage puts several pictures side by side in one PNG.
  */
 #ifndef SAGA_MONTAGE_H
 #define SAGA_MONTAGE_H
@@ -15,16 +15,18 @@ typedef struct saga_still {
 } saga_still;
 
 /* Writes n >= 1 pictures, row by row with `columns` in each, on mid grey.
- * Columns are as wide as the widest picture, rows as high as the highest. */
+ * All columns are as wide as the widest picture, all rows as high as the
+ * highest. */
 bool saga_montage_write(const char *path, const saga_still *stills, int n,
                         int columns, saga_error *error);
 
-/* Shows truth, decode and difference x gain side by side, of equal sizes. */
+/* Writes truth, decode and their difference times `gain` side by side; truth
+ * and decode must have the same size. */
 bool saga_montage_compare(const char *path, const saga_still *truth,
                           const saga_still *decode, int gain,
                           saga_error *error);
 
-/* out = |a - b| * gain, clipped, for n samples. */
+/* Sets out = |a - b| * gain, clipped to 255, for n samples. */
 void saga_difference(uint8_t *out, const uint8_t *a, const uint8_t *b,
                      size_t n, int gain);
 

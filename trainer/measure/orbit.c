@@ -25,7 +25,8 @@ static void cross(double c[3], const double a[3], const double b[3])
     c[2] = a[0] * b[1] - a[1] * b[0];
 }
 
-/* Returns false, and leaves *a as it was, if it has hardly any length. */
+/* Scales *a to length 1. Returns false, and leaves *a unchanged, if it has
+ * hardly any length. */
 static bool normalise(double a[3])
 {
     const double n = sqrt(dot(a, a));
@@ -44,8 +45,8 @@ static void solve(double x[3], const double m[9], const double v[3])
 {
     double c[3][3], d;
 
-    /* The inverse has the rows' cross products, over the determinant, for
-     * columns, and as it is symmetric also for rows. */
+    /* The columns of the inverse are the cross products of m's rows, divided by
+     * the determinant; as the inverse is symmetric, so are its rows. */
     cross(c[0], m + 3, m + 6);
     cross(c[1], m + 6, m);
     cross(c[2], m, m + 3);
@@ -54,8 +55,8 @@ static void solve(double x[3], const double m[9], const double v[3])
         x[i] = (c[0][i] * v[0] + c[1][i] * v[1] + c[2][i] * v[2]) / d;
 }
 
-/* Finds the point nearest to all optical axes, pulled a little towards the
- * middle of the cube, which decides where the axes are parallel. */
+/* Finds the point nearest to all optical axes. A weak pull to the middle of the
+ * cube determines it if the axes are parallel. */
 static void find_focus(double focus[3], const saga_metric *metric,
                        const saga_shot *shots, int n)
 {
@@ -68,9 +69,9 @@ static void find_focus(double focus[3], const saga_metric *metric,
         saga_shot_centre(centre, &shots[s]);
         for (int i = 0; i < 3; i++)
             for (int k = 0; k < 3; k++) {
-                /* 1 - f f^T takes the part of a vector at right angles to the
-                 * axis f: the sum over axes of its squared length from a
-                 * point is to be least. */
+                /* 1 - f f^T projects a vector to the plane perpendicular to the
+                 * axis f. The point minimises the sum over axes of the squared
+                 * length of that part. */
                 const double p = (i == k ? 1.0 : 0.0) - f[i] * f[k];
 
                 m[3 * i + k] += p;
@@ -78,9 +79,8 @@ static void find_focus(double focus[3], const saga_metric *metric,
             }
     }
     for (int i = 0; i < 3; i++) {
-        /* A pull to the cube's middle in all three directions, a
-         * thousandth as strong as the axes': m can be inverted then,
-         * whatever the axes are. */
+        /* Add the pull to the cube's middle, a thousandth as strong as the axes
+         * together: it makes m invertible for any axes. */
         m[4 * i] += 1e-3 * n;
         v[i] += 1e-3 * n * metric->centre[i];
     }
@@ -89,7 +89,8 @@ static void find_focus(double focus[3], const saga_metric *metric,
 
 /* --- The sweep ----------------------------------------------------------- */
 
-/* Takes the mean of the cameras' up, or if they cancel out, the first one's. */
+/* Sets the mean of the cameras' up vectors or, if they cancel out, the first
+ * camera's. */
 static void mean_up(double up[3], const saga_shot *shots, int n)
 {
     for (int i = 0; i < 3; i++) {
@@ -102,9 +103,10 @@ static void mean_up(double up[3], const saga_shot *shots, int n)
             up[i] = -shots[0].rotation[3 + i];
 }
 
-/* People hold cameras level, whatever their tilt: so up is what is most at
- * right angles to all their horizontal axes r. Power iteration on the matrix
- * 1 - mean of r r^T, from the mean up, which decides where axes agree. */
+/* Finds the vertical. People hold cameras level, whatever the tilt, so up is
+ * the direction most nearly perpendicular to all horizontal axes r of the
+ * cameras. It is found by power iteration on the matrix 1 - mean of r r^T,
+ * which begins with the mean up; that start decides if all axes agree. */
 static void find_up(double up[3], const saga_shot *shots, int n)
 {
     enum { STEPS = 64 };
@@ -118,14 +120,15 @@ static void find_up(double up[3], const saga_shot *shots, int n)
             for (int i = 0; i < 3; i++)
                 next[i] -= shots[s].rotation[i] *
                            dot(shots[s].rotation, up) / n;
-        /* Nothing is left where all horizontal axes were along up: keep it. */
+        /* If all horizontal axes are along up, nothing is left: keep up. */
         if (!normalise(next))
             return;
         memcpy(up, next, sizeof next);
     }
 }
 
-/* Splits a camera's position from the focus: along up, and away from it. */
+/* Splits a camera's position relative to the focus: returns the height along
+ * up, and sets `level` to the rest. */
 static double split(double level[3], const saga_orbit *o,
                     const saga_shot *shot)
 {
@@ -140,7 +143,7 @@ static double split(double level[3], const saga_orbit *o,
     return height;
 }
 
-/* Finds axes, radius and height. */
+/* Sets axes, radius and height of the orbit. */
 static bool find_middle(saga_orbit *o, const saga_shot *shots, int n)
 {
     double level[3];
@@ -154,7 +157,8 @@ static bool find_middle(saga_orbit *o, const saga_shot *shots, int n)
         for (int i = 0; i < 3; i++)
             o->ahead[i] += level[i];
     }
-    /* Cameras all round cancel out; then the first of them is ahead. */
+    /* If the cameras stand all round, their directions cancel out, and the
+     * first camera's direction is used as ahead. */
     if (!normalise(o->ahead)) {
         split(o->ahead, o, &shots[0]);
         if (!normalise(o->ahead))
@@ -164,8 +168,8 @@ static bool find_middle(saga_orbit *o, const saga_shot *shots, int n)
     return true;
 }
 
-/* Finds the range of the cameras' angles, without the widest gap between two of
- * them. */
+/* Finds the range of the cameras' angles: the full circle without the widest
+ * gap between two neighbours. */
 static void find_sweep(saga_orbit *o, const saga_shot *shots, int n,
                        double *angle)
 {
@@ -178,8 +182,8 @@ static void find_sweep(saga_orbit *o, const saga_shot *shots, int n,
         angle[s] = atan2(dot(level, o->side), dot(level, o->ahead));
     }
     qsort(angle, (size_t)n, sizeof *angle, saga_by_value);
-    /* The gap over the seam at -pi and pi is the first candidate; another one
-     * moves the end of the range behind the seam. */
+    /* The gap across the seam at -pi and pi is the first candidate. If another
+     * gap is wider, the range crosses the seam. */
     gap = angle[0] + 2.0 * pi - angle[n - 1];
     end = angle[n - 1];
     for (int s = 1; s < n; s++)
@@ -189,10 +193,11 @@ static void find_sweep(saga_orbit *o, const saga_shot *shots, int n,
         }
     o->half = 0.5 * (2.0 * pi - gap);
     o->middle = end - o->half;
-    /* A rig that leaves less than a quarter turn out counts as all round. */
+    /* A rig that leaves out less than a quarter turn counts as all round. */
     o->closed = gap < pi / 2.0;
     if (n == 1)
-        o->half = pi / 36.0; /* a glance to the side still shows depth */
+        o->half = pi / 36.0; /* a single camera: a glance to the side still
+                              * shows depth */
 }
 
 bool saga_orbit_of(saga_orbit *orbit, const saga_film *film,
@@ -233,7 +238,8 @@ bool saga_orbit_camera(saga_camera *camera, const saga_orbit *orbit,
                        saga_error *error)
 {
     const double phase = 2.0 * pi * turn;
-    /* Without a full circle the camera swings, slowest where it turns back. */
+    /* If the orbit is no full circle, the camera swings, and is slowest where
+     * it turns back. */
     const double angle = orbit->middle +
         (orbit->closed ? phase : orbit->half * sin(phase));
     double centre[3], *right, *down, *forward;
@@ -244,8 +250,8 @@ bool saga_orbit_camera(saga_camera *camera, const saga_orbit *orbit,
     down = shot.rotation + 3;
     forward = shot.rotation + 6;
     for (int i = 0; i < 3; i++) {
-        /* From the axis through the focus outwards; the
-         * camera looks at the focus. */
+        /* The camera stands at the orbit's radius and height, and looks at the
+         * focus. */
         const double away = cos(angle) * orbit->ahead[i] +
                             sin(angle) * orbit->side[i];
 
@@ -273,8 +279,8 @@ void saga_camera_resize(saga_camera *camera, int width, int height)
     const int side[2] = { width, height };
 
     for (int i = 0; i < 2; i++) {
-        /* The principal point from the picture's middle; 32768
-         * is half a pixel in Q16. */
+        /* Offset of the principal point from the middle of the picture, where
+         * 32768 is half a pixel in Q16. */
         const double off = camera->principal_q16[i] - 32768.0 * old[i];
         const double focal = rint(scale * camera->focal_q16[i]);
         const double at = rint(32768.0 * side[i] + scale * off);

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * An orbit is a camera path if the viewer gives none: a closed sweep through
- * the angles the rig filmed from, so that it never looks at what no camera saw.
+ * An orbit is the camera path that is used if the user gives none: a closed
+ * sweep through the angles from which the rig filmed, so that it never shows
+ * what no camera saw.
  */
 #ifndef SAGA_ORBIT_H
 #define SAGA_ORBIT_H
@@ -9,27 +10,31 @@
 #include "view.h"
 
 typedef struct saga_orbit {
-    double focus[3];         /* metres: where the rig looks */
-    double up[3], ahead[3], side[3]; /* unit; focus + ahead: middle of the
-                                      * rig's cameras, level with the focus */
-    double radius, height;   /* metres, means of the rig's */
-    double middle, half;     /* of the sweep, radians around `up` */
-    bool closed;             /* the rig stands all around: a full circle */
-    saga_camera lens;        /* the rig's first: all but the pose is used */
+    double focus[3];         /* metres: the point at which the rig looks */
+    double up[3], ahead[3], side[3]; /* unit vectors; focus + ahead points to
+                                      * the middle of the rig's cameras, level
+                                      * with the focus */
+    double radius, height;   /* metres, means over the rig's cameras */
+    double middle, half;     /* centre and half width of the sweep: radians
+                              * around `up` */
+    bool closed; /* the rig surrounds the scene: sweep a full circle */
+    saga_camera lens;        /* the rig's first camera, of which all but the
+                              * pose is used */
 } saga_orbit;
 
 /* Fails if the file has no rig, or its cameras all stand at the focus. */
 bool saga_orbit_of(saga_orbit *orbit, const saga_film *film,
                    saga_error *error);
 
-/* Sets the camera at `turn` of the path, 0 to 1; 1 is 0 again. */
+/* Sets the camera at `turn` along the path, 0 to 1; 1 is the same place as
+ * 0. */
 bool saga_orbit_camera(saga_camera *camera, const saga_orbit *orbit,
                        const saga_metric *metric, double turn,
                        saga_error *error);
 
-/* Gives the camera another picture size: all that was seen stays in it, pixels
- * stay square as they were, the principal point stays where it was around the
- * middle. */
+/* Changes a camera's picture size. Everything that was in the picture stays in
+ * it, the aspect ratio of pixels is kept, and the principal point keeps its
+ * offset from the middle, to scale. */
 void saga_camera_resize(saga_camera *camera, int width, int height);
 
 #endif

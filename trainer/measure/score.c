@@ -9,7 +9,8 @@
 
 /* --- Functions ----------------------------------------------------------- */
 
-/* The squared error stands for PSNR of the mean as well. */
+/* The squared error is stored for two metrics: it is also the value from which
+ * the PSNR of the mean error is computed. */
 static bool measure_errors(double *v, const saga_picture_pair *of,
                            const saga_score_options *with, saga_error *error)
 {
@@ -34,7 +35,7 @@ static bool measure_ms_ssim(double *v, const saga_picture_pair *of,
     return with->no_ssim || saga_ms_ssim(v, of, error);
 }
 
-/* IV-PSNR tries 25 places for each pixel, which takes time: it is left out
+/* IV-PSNR tries 25 places for each pixel, which takes time, so it is left out
  * together with SSIM. */
 static bool measure_yuv(double *v, const saga_picture_pair *of,
                         const saga_score_options *with, saga_error *error)
@@ -160,8 +161,9 @@ int saga_metric_called(const char *key)
 
 /* --- Scores -------------------------------------------------------------- */
 
-/* The error is spread over all pixels; over those that count, a part of all, it
- * is larger by 1 / counting, and a PSNR smaller by that in dB. */
+/* Errors were averaged over all pixels. Over the fraction `counting` that
+ * counts, the mean squared error is larger by 1 / counting, and the PSNR
+ * smaller by as much in dB. */
 static void count_alone(saga_score *s, double counting)
 {
     if (!(counting > 0.0 && counting < 1.0))
@@ -173,7 +175,7 @@ static void count_alone(saga_score *s, double counting)
             s->value[i] /= counting;
 }
 
-/* Tells whether no metric before has the same function. */
+/* Returns whether no earlier metric has the same function. */
 static bool is_first(int metric)
 {
     int i = 0;
@@ -183,7 +185,7 @@ static bool is_first(int metric)
     return i == metric;
 }
 
-/* Calls a metric's function for all that have it. */
+/* Calls a metric's function, which sets all metrics that share it. */
 static bool measure(saga_score *score, int first,
                     const saga_picture_pair *pair,
                     const saga_score_options *with, saga_error *error)

@@ -8,11 +8,13 @@
 #include <stdlib.h>
 
 enum {
-    MOVES = 6,              /* 8-bit levels in a frame, above their rounding */
+    MOVES = 6,              /* least change between the two drawn pictures, in
+                             * 8-bit levels: well above rounding */
     FEW_PICTURES = 4
 };
 
-/* No camera of a capture without a rolling shutter came near both. */
+/* Thresholds that no camera of a capture without a rolling shutter came near to
+ * exceeding both. */
 #define LEAST_READOUT 0.25  /* frames */
 #define LEAST_SPREADS 4.0
 
@@ -43,8 +45,9 @@ void saga_shutter_add(saga_shutter *to, const uint8_t *truth,
     size_t p = 0;
 
     for (int y = 0; y < height; y++) {
-        /* The height of a row's centre, -1/2 at the top, so that what is late
-         * over all rows alike does not pass for readout. */
+        /* The height of the row's centre, -1/2 at the top and 1/2 at the
+         * bottom. It has mean 0, so that a delay common to all rows does not
+         * count as readout. */
         const double row = (y + 0.5) / height - 0.5;
 
         for (int x = 0; x < width; x++, p += 3) {
@@ -52,8 +55,8 @@ void saga_shutter_add(saga_shutter *to, const uint8_t *truth,
 
             if (!moves(drawn->before + p, drawn->after + p))
                 continue;
-            /* A picture captured late by l frames is off by l times the change
-             * in a frame: e = (lateness + readout x row) d. */
+            /* A row that was captured l frames late differs by l times the
+             * change in a frame: e = (delay + readout x row) d. */
             for (size_t k = p; k < p + 3; k++) {
                 const double d = drawn->after[k] - drawn->before[k];
 
@@ -71,7 +74,8 @@ void saga_shutter_add(saga_shutter *to, const uint8_t *truth,
 
 /* --- The fit ------------------------------------------------------------- */
 
-/* Least squares of e by d and s; s has the readout. */
+/* Returns the readout: the coefficient of s in the least-squares fit of e by d
+ * and s. NaN if too little moves. */
 static double fit(const saga_shutter_sums *q)
 {
     const double det = q->dd * q->ss - q->ds * q->ds;
@@ -80,8 +84,8 @@ static double fit(const saga_shutter_sums *q)
         ? (q->se * q->dd - q->de * q->ds) / det : (double)NAN;
 }
 
-/* The jackknife: the variance of the fit from what each group is worth, since
- * what a film has wrong is the same over many pixels. */
+/* Returns the variance of the fit by the jackknife over groups, because errors
+ * of the film are correlated over many pixels. */
 static double variance(const saga_shutter_sums *all,
                        const saga_shutter_sums *groups, int n)
 {
@@ -92,9 +96,8 @@ static double variance(const saga_shutter_sums *all,
         double x;
 
         add_sums(&rest, &groups[i], -1);
-        /* The jackknife: x is what the result moves by without group i, and (n
-         * - 1) / n times the sum of the squares around their mean is the
-         * variance. */
+        /* x is the change of the result without group i; the variance is (n -
+         * 1) / n times the sum of squares around the mean of x. */
         x = fit(&rest) - fit(all);
         sum += x;
         squares += x * x;
@@ -113,8 +116,8 @@ static saga_shutter_found find_alone(const saga_shutter *of)
         return unknown;
     for (int i = 0; i < SAGA_SHUTTER_GROUPS; i++)
         add_sums(&all, &of->strips[i], 1);
-    /* Errors of the film last over time or over places: groups of pictures and
-     * of strips show either kind, and the larger one is believed. */
+    /* Errors of the film persist in time or in place. Groups of pictures show
+     * the first, groups of strips the second; the larger variance is used. */
     const double in_time = variance(&all, of->pictures, n);
     const double across = variance(&all, of->strips, SAGA_SHUTTER_GROUPS);
     if (isnan(in_time) || isnan(across))
@@ -124,7 +127,8 @@ static saga_shutter_found find_alone(const saga_shutter *of)
     };
 }
 
-/* The film's things are sheared in time as most cameras see them. */
+/* Returns the median readout. Moving things in the film are sheared as most
+ * cameras see them, so readouts are relative to the median. */
 static double median_readout(const saga_shutter_found *found, int n,
                              double *scratch)
 {
@@ -137,14 +141,15 @@ static double median_readout(const saga_shutter_found *found, int n,
     return known ? 0.5 * (scratch[(known - 1) / 2] + scratch[known / 2]) : 0;
 }
 
-/* A film that one camera has bent lets its neighbours seem bent the other way,
- * less than that one. */
+/* Decides which readouts are real. A camera with a long readout distorts the
+ * film, and then its neighbours seem to have an opposite, smaller one. */
 static void judge(saga_shutter_found *found, int n)
 {
     double most = 0;
 
     for (int i = 0; i < n; i++) {
-        /* First each by itself, then against the strongest of all. */
+        /* First judge each camera by itself, then compare it with the largest
+         * readout. */
         const double x = fabs(found[i].readout);
 
         found[i].shows = x >= LEAST_READOUT &&
@@ -180,8 +185,8 @@ saga_shutter_found *saga_shutter_find(const saga_shutter *of, int n,
 
 /* --- Drawing ------------------------------------------------------------- */
 
-/* Draws a time in frames of the capture; what does not count is the truth in
- * every picture, and does not move. */
+/* Draws the film at a time in frames of the capture. Pixels that do not count
+ * are set to the truth in every drawn picture, so that they do not move. */
 static bool draw(uint8_t *rgb, saga_film *film, const saga_shutter_view *from,
                  int frame, double late, saga_error *error)
 {
@@ -222,7 +227,7 @@ bool saga_shutter_look(saga_shutter *to, saga_film *film,
                        const saga_shutter_view *from, int n,
                        saga_error *error)
 {
-    /* Neither the first frame nor the last. */
+    /* Exclude the first frame and the last. */
     const int inner = from->capture->n_frames - 2;
 
     n = n < inner ? n : inner;

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * Finds how long a camera takes from its first row to its last, beyond what
- * the other cameras of a film take. The film tells where things are at any
- * moment; what a row of a captured picture is off the film's, by what changes
- * there in a frame, is how late the row was read
+ * Estimates a camera's readout time, from its first row to its last, beyond
+ * that of the other cameras. The film shows where things are at any moment. The
+ * difference between a captured row and the film's row, divided by what changes
+ * there in a frame, tells how late the row was read
  * (docs/lab/rolling-shutter.md).
  */
 #ifndef SAGA_SHUTTER_H
@@ -12,24 +12,28 @@
 #include "capture.h"
 #include "view.h"
 
-/* A sum is left out at a time, to learn how sure the result is. */
+/* Samples are divided into groups. Each group is left out once, to estimate the
+ * error of the result (jackknife). */
 enum { SAGA_SHUTTER_GROUPS = 8 };
 
-/* Sums over samples that move: d is their change in a frame, s the same times
- * the height of the row, -1/2 to 1/2, e what is captured less what is drawn. */
+/* Sums of products over samples that move: d is the change of a sample in a
+ * frame, s is d times the height of its row (-1/2 to 1/2), e is the captured
+ * value less the drawn value. */
 typedef struct saga_shutter_sums {
     double dd, ds, ss, de, se;
 } saga_shutter_sums;
 
-/* The sums of a camera; zero it, add. */
+/* The sums for one camera: initialise with zeros, then add pictures. */
 typedef struct saga_shutter {
-    saga_shutter_sums pictures[SAGA_SHUTTER_GROUPS]; /* in turn, */
-    saga_shutter_sums strips[SAGA_SHUTTER_GROUPS];   /* from left to right */
+    saga_shutter_sums pictures[SAGA_SHUTTER_GROUPS]; /* pictures are dealt out
+                              * in turn */
+    saga_shutter_sums strips[SAGA_SHUTTER_GROUPS];   /* vertical strips of the
+                              * picture, from left to right */
     int n_pictures;
 } saga_shutter;
 
-/* Pictures of a film at the time of a captured one, and half a frame before
- * and after it: (height, width, 3). */
+/* Drawn pictures, (height, width, 3): at the time of a captured picture, and
+ * half a frame before and after it. */
 typedef struct saga_shutter_drawn {
     const uint8_t *before, *at, *after;
 } saga_shutter_drawn;
@@ -38,8 +42,8 @@ typedef struct saga_shutter_drawn {
 void saga_shutter_add(saga_shutter *to, const uint8_t *truth,
                       const saga_shutter_drawn *drawn, int width, int height);
 
-/* A view of a capture, and what is the same in a film: its camera, and the
- * frame that shows the capture's first. */
+/* A view of a capture with its counterpart in the film: its camera, and the
+ * film's frame that shows the capture's first. */
 typedef struct saga_shutter_view {
     const saga_capture *capture;
     int view;
@@ -47,25 +51,26 @@ typedef struct saga_shutter_view {
     int first;
 } saga_shutter_view;
 
-/* Draws and adds up to n pictures of the view, each half a frame from both ends
- * of the capture or more. */
+/* Draws and adds up to n pictures of the view, all of them at least half a
+ * frame from both ends of the capture. */
 bool saga_shutter_look(saga_shutter *to, saga_film *film,
                        const saga_shutter_view *from, int n,
                        saga_error *error);
 
-/* The findings on a camera. */
+/* The result for one camera. */
 typedef struct saga_shutter_found {
-    double readout;          /* frames by which its last row is read after the
-                              * first, below 0: before it; less the median of
-                              * all cameras, whose part the film has taken on;
-                              * NaN where too little moves */
-    double spread;           /* its standard error; NaN likewise */
-    bool shows;              /* it is more than a film's own errors make, and
-                              * half of what any other camera's is */
+    double readout;          /* frames from reading the first row to reading the
+                              * last, negative if the last row is first; less
+                              * the median of all cameras, because the film
+                              * itself has taken on that part; NaN if too little
+                              * moves */
+    double spread;           /* standard error of readout; NaN if readout is */
+    bool shows;              /* readout is larger than errors of the film can
+                              * explain, and at least half of the largest one */
 } saga_shutter_found;
 
-/* Returns what was found of n >= 1 cameras, which free() frees; NULL where
- * memory is short. */
+/* Returns the results for n >= 1 cameras, which the caller releases with
+ * free(); NULL if memory is short. */
 saga_shutter_found *saga_shutter_find(const saga_shutter *of, int n,
                                       saga_error *error);
 

@@ -15,25 +15,24 @@ static int n_pictures(int n_frames)
     return n_frames < SAGA_STILL_PICTURES ? n_frames : SAGA_STILL_PICTURES;
 }
 
-/* Returns frame number i of those that are looked at. */
+/* Returns the frame of picture i of those that are used. */
 static int frame_at(int i, int n_frames)
 {
     const int n = n_pictures(n_frames);
 
-    /* The middles of n equal stretches: floor((i + 1/2) n_frames / n). */
+    /* The middles of n equal intervals: floor((i + 1/2) n_frames / n). */
     return (int)((2 * (int64_t)i + 1) * n_frames / (2 * n));
 }
 
-/* Makes a view's room for the pictures, and for their masks where it has
- * some. */
+/* Allocates a view's pictures, and their masks if the view has any. */
 static bool begin_view(saga_shot *to, const saga_shot *from, int n,
                        saga_error *error)
 {
     const size_t nbytes = saga_view_frame_nbytes(from);
 
     *to = *from;
-    /* The picture lists of its views go with the part; pictures and masks are
-     * made anew, the others are not needed. */
+    /* The lists of files are owned by the part and are not copied; pictures and
+     * masks are allocated anew. */
     to->single = false;
     to->missing = NULL;
     to->n_missing = 0;
@@ -96,7 +95,7 @@ bool saga_still_add(saga_still *s, const saga_capture *part, int first,
         return saga_fail(error, NULL, "give a longer --segment, or leave those "
                          "cameras out", "%d cameras have pictures from frame "
                          "%d on, %d before", part->n_views, first, c->n_views);
-    /* Frames that lie in this part; the others wait for theirs. */
+    /* Takes the frames that lie in this part; later parts hold the rest. */
     while (s->n < c->n_frames) {
         const int at = frame_at(s->n, n_frames);
 
@@ -109,9 +108,9 @@ bool saga_still_add(saga_still *s, const saga_capture *part, int first,
     return true;
 }
 
-/* Tells whether pixel i of n pictures is steadily what the median has. Where a
- * mask says that it does not count, its colour is that of the nearest picture
- * in which it does: once is enough. */
+/* Returns whether pixel i of n pictures is steadily near the median. Pictures
+ * that a mask excludes have the colour of the nearest picture that counts, so
+ * one picture that counts is enough. */
 static bool is_steady(const saga_shot *v, const uint8_t *median, size_t i,
                       int n)
 {
@@ -128,13 +127,13 @@ static bool is_steady(const saga_shot *v, const uint8_t *median, size_t i,
         near += is_near;
         counts |= v->mask && v->mask[k * size + i];
     }
-    /* Three quarters of them: what is there for less
-     * may hide what is behind. */
+    /* Three quarters of them: something that is seen more rarely may hide what
+     * is behind. */
     return counts && 4 * near >= 3 * n;
 }
 
-/* Puts median and mask in the place of the pictures; no mask where all
- * counts. */
+/* Replaces the pictures by the median and a mask; sets no mask if all pixels
+ * count. */
 static bool finish_pictures(saga_shot *v, uint8_t *median, int n,
                             saga_error *error)
 {
@@ -165,7 +164,8 @@ static bool finish_view(saga_capture *c, int view, bool seen,
         return false;
     if (seen)
         return true;
-    /* No part had a picture of this view, so its median is of nothing. */
+    /* No part had a picture of this view, so there is no median: it is marked
+     * as missing. */
     v->n_missing = 1;
     v->missing = saga_alloc(1, sizeof *v->missing, what, error);
     if (v->missing)

@@ -35,7 +35,8 @@ void saga_verdict_add(saga_verdict *to, const uint8_t *median,
 {
     saga_change_add(&to->file, median, truth, picture, n_pixels);
     saga_change_add(&to->still, median, truth, median, n_pixels);
-    /* As a sum, so that saga_verdict_rest can take what changes from it. */
+    /* Stored as a sum, so that saga_verdict_rest can subtract the changing
+     * pixels. */
     to->error += saga_mse(truth, picture, 3 * n_pixels) *
                  (3 * (double)n_pixels);
 }

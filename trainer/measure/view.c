@@ -18,17 +18,19 @@
 
 enum {
     TILE = 16,
-    LIST = 1 << 15,         /* splats a band sees at a time */
-    SCRATCH_ALIGN = 64,     /* a cache line: threads share none */
-    JOBS_PER_THREAD = 2,    /* a job looks at all splats: few are cheaper,
-                             * several share the work better */
-    MAX_SCRATCH = 64 << 20  /* of a thread: what needs more is drawn in bands,
-                             * each of which looks at all splats once more */
+    LIST = 1 << 15,         /* splats that a band can list at a time */
+    SCRATCH_ALIGN = 64,     /* a cache line, so that threads share none */
+    JOBS_PER_THREAD = 2,    /* a job goes through all splats, so fewer jobs cost
+                             * less, but several per thread share the work
+                             * better */
+    MAX_SCRATCH = 64 << 20  /* per thread; a picture that needs more is drawn in
+                             * bands, each of which goes through all splats once
+                             * more */
 };
 
 /* --- Opening ------------------------------------------------------------- */
 
-/* When it is too late, on the clock of saga_clock_seconds(). */
+/* Returns whether the deadline, in saga_clock_seconds(), has passed. */
 static int is_late(void *user)
 {
     const double *const deadline = user;
@@ -51,9 +53,9 @@ static bool refuse_late(const saga_film *film, saga_error *error)
                      "decoding took more than %g s", film->seconds);
 }
 
-/* Says that index, networks or a segment are refused. What no CRC finds wrong
- * was written so: streams of before version 1 is final have no number of their
- * own. */
+/* Reports that the index, the networks or a segment are refused. If no CRC is
+ * wrong, the file was written like this, perhaps by an earlier pre-release:
+ * until version 1 is final, streams have no version number of their own. */
 static bool refuse(const saga_film *film, const char *what,
                    saga_status status, saga_error *error)
 {
@@ -63,8 +65,8 @@ static bool refuse(const saga_film *film, const char *what,
 
     if (status == SAGA_ERR_STOPPED)
         return refuse_late(film, error);
-    /* The decoder says only that; which chunk, and whether its CRC is right, a
-     * walk over the file tells. */
+    /* The decoder only returns a status; a walk over the file finds which chunk
+     * is damaged and whether its CRC is right. */
     if (saga_layout_read(&layout, film->name, film->bytes, film->nbytes,
                          &ignored) && !layout.damage[0])
         remedy = "no checksum is wrong, so it was written like this, perhaps "
@@ -101,7 +103,7 @@ static int threads_of(int wanted)
 #endif
 }
 
-/* Opens what is filled in. */
+/* Opens the file named in *film. */
 static bool open_film(saga_film *film, saga_error *error)
 {
     const saga_status s = saga_probe(&film->info, film->bytes, film->nbytes);
@@ -163,8 +165,8 @@ void saga_film_naming(const saga_film *film, uint32_t index,
 
 /* --- Drawing ------------------------------------------------------------- */
 
-/* The bytes of a segment that are there. Where the file ends early, layers may
- * be whole. */
+/* Returns the number of bytes that the file has of a segment. If the file ends
+ * early, the first layers may still be complete. */
 static size_t bytes_there(const saga_film *film, const saga_segment *seg)
 {
     const size_t left = seg->offset <= film->nbytes
@@ -184,7 +186,7 @@ static bool decode(saga_film *film, const saga_segment *seg,
 
     if (film->segment == (int64_t)seg->number)
         return true;
-    /* Until it is whole the decoder holds no segment that could be drawn. */
+    /* Until decoding has succeeded, the decoder holds no segment to draw. */
     film->segment = -1;
     if (seg->offset <= film->nbytes)
         s = saga_decode(film->dec, seg, film->bytes + seg->offset,
@@ -199,7 +201,7 @@ static bool decode(saga_film *film, const saga_segment *seg,
     return true;
 }
 
-/* Sets the rows of one job out of n, whole tiles. */
+/* Sets the rows of job i of n: whole rows of tiles. */
 static void set_rows(saga_job *job, const saga_camera *c, int i, int n)
 {
     const int rows = (c->height + TILE - 1) / TILE;
@@ -213,8 +215,8 @@ static void set_rows(saga_job *job, const saga_camera *c, int i, int n)
     job->list_capacity = LIST;
 }
 
-/* Returns the bytes of scratch that hold all rows of any one of n jobs at once,
- * or as many as MAX_SCRATCH allows, but one. */
+/* Returns the bytes of scratch in which any of n jobs can draw all its rows at
+ * once, or as many of its rows as fit MAX_SCRATCH. */
 static size_t scratch_nbytes(const saga_camera *c, int n)
 {
     const int rows = (c->height + TILE - 1) / TILE;
@@ -228,11 +230,11 @@ static size_t scratch_nbytes(const saga_camera *c, int n)
     return (nbytes + SCRATCH_ALIGN - 1) / SCRATCH_ALIGN * SCRATCH_ALIGN;
 }
 
-/* Where all of a picture goes, rows without padding. */
+/* Where a whole picture is drawn: rows without padding. */
 typedef struct {
     uint8_t *pixels;
     size_t pixel_nbytes;
-    int bits;               /* as a saga_picture's */
+    int bits;               /* per sample, as in saga_picture */
 } target;
 
 /* Draws all rows of a job. */
@@ -345,7 +347,8 @@ bool saga_film_draw_late(saga_film *film, const saga_camera *camera,
                          uint32_t frame, double late, uint8_t *rgb,
                          saga_error *error)
 {
-    /* As fine as a segment's time, where 32 bits hold it. */
+    /* In steps of 1/65536, the resolution of a segment's time, if 32 bits
+     * suffice. */
     const uint32_t den = late > 0.0 && frame < 65535 ? 65536 : 1;
 
     return saga_film_draw(film, camera, frame * den +

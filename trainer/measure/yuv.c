@@ -8,9 +8,9 @@
 #include <string.h>
 
 enum {
-    RANGE = 2,               /* pixels of IV-PSNR's search */
-    MOST_SHIFT = 2,          /* of colour: 1 % of 255 */
-    LUMA_WEIGHT = 4          /* of IV-PSNR; chroma has 1 each */
+    RANGE = 2,               /* radius of IV-PSNR's search, in pixels */
+    MOST_SHIFT = 2,          /* largest shift of colour: 1 % of 255 */
+    LUMA_WEIGHT = 4 /* weight of luma in IV-PSNR; each chroma plane has 1 */
 };
 
 static const double pi = 3.14159265358979323846;
@@ -37,15 +37,15 @@ bool saga_yuv_of(saga_yuv *yuv, const uint8_t *rgb, int width, int height,
         const double y = 0.2126 * r + 0.7152 * g + 0.0722 * b;
 
         yuv->y[i] = to_byte(y);
-        /* B - Y spans 2 (1 - 0.0722) = 1.8556 of a
-         * byte's range, R - Y 1.5748. */
+        /* B - Y spans 2 (1 - 0.0722) = 1.8556 of a byte's range, R - Y
+         * 1.5748. */
         yuv->u[i] = to_byte((b - y) / 1.8556 + 128.0);
         yuv->v[i] = to_byte((r - y) / 1.5748 + 128.0);
     }
     return true;
 }
 
-/* Returns what row y weighs: the length of its latitude, or 1. */
+/* Returns the weight of row y: the relative length of its latitude, or 1. */
 static double row_weight(bool equirect, int y, int height)
 {
     return equirect ? cos((y + 0.5 - 0.5 * height) * pi / height) : 1.0;
@@ -88,8 +88,8 @@ static bool widen(wide *w, const saga_yuv *of, const int shift[3],
         w->v[c] = w->v[0] + (ptrdiff_t)c * w->stride * height;
         for (int y = 0; y < height; y++)
             for (int x = 0; x < w->stride; x++) {
-                /* Coordinates in the picture; what is outside
-                 * repeats the border. */
+                /* Coordinates in the picture; samples outside repeat the
+                 * border. */
                 const int fx = x - RANGE, fy = y - RANGE;
                 const int ix = fx < 0 ? 0 : fx < of->width ? fx
                                                            : of->width - 1;
@@ -103,7 +103,7 @@ static bool widen(wide *w, const saga_yuv *of, const int shift[3],
     return true;
 }
 
-/* Returns by how much `from` is brighter than `to` in the mean, within 1 %. */
+/* Returns the mean brightness of `from` less that of `to`, limited to 1 %. */
 static int colour_shift(const uint8_t *to, const uint8_t *from, size_t n)
 {
     int64_t sum = 0;
@@ -115,13 +115,13 @@ static int colour_shift(const uint8_t *to, const uint8_t *from, size_t n)
     return (int)fmin(fmax(mean, -MOST_SHIFT), MOST_SHIFT);
 }
 
-/* The best candidates of a row so far: (4, width) of cost and squared errors
- * of Y, U and V. */
+/* The best candidates for a row so far: arrays of length width, with the cost
+ * and the squared errors of Y, U and V. */
 typedef struct {
     int *cost, *error[3];
 } best;
 
-/* Tries the pixels that lie at p1 for those at p0, three planes each. */
+/* Tries the pixels at p1 as matches of those at p0, in three planes each. */
 static void try_row(const best *b, const int *const p0[3],
                     const int *const p1[3], int width)
 {
@@ -129,8 +129,8 @@ static void try_row(const best *b, const int *const p0[3],
         const int dy = p0[0][x] - p1[0][x], du = p0[1][x] - p1[1][x];
         const int dv = p0[2][x] - p1[2][x];
         const int cost = LUMA_WEIGHT * dy * dy + du * du + dv * dv;
-        /* Without branches, so that the row runs in vectors. Among equals the
-         * first candidate stays. */
+        /* Without branches, so that the loop is vectorised. Of equal candidates
+         * the first one stays. */
         const int better = cost < b->cost[x];
 
         b->cost[x] = better ? cost : b->cost[x];
@@ -140,8 +140,8 @@ static void try_row(const best *b, const int *const p0[3],
     }
 }
 
-/* Sums the errors of one row of `a`, each pixel beside the nearest in colour of
- * those around its place in `b`. */
+/* Sums the errors of one row of `a`: each pixel is compared with the most
+ * similar pixel of those around its place in `b`. */
 static void search_row(double sum[3], const wide *a, const wide *b, int y,
                        const best *found, int width)
 {
@@ -167,7 +167,7 @@ static void search_row(double sum[3], const wide *a, const wide *b, int y,
     }
 }
 
-/* Returns the weighted PSNR of `a` as it is found again in `b`. */
+/* Returns the weighted PSNR when each pixel of `a` is matched in `b`. */
 static bool one_way(double *psnr, const wide *a, const wide *b,
                     const saga_yuv *like, bool equirect, saga_error *error)
 {
@@ -191,8 +191,8 @@ static bool one_way(double *psnr, const wide *a, const wide *b,
     }
     *psnr = 0.0;
     for (int c = 0; c < 3; c++)
-        /* A sum of 1 stands for none, so that equal
-         * pictures have a finite value. */
+        /* An error of 0 is replaced by 1, so that equal pictures have a finite
+         * value. */
         *psnr += weight[c] / (LUMA_WEIGHT + 2.0) *
                  saga_psnr((all[c] > 0.0 ? all[c] : 1.0) / weights);
     free(row);
@@ -209,8 +209,8 @@ static bool iv_psnr(double *value, const saga_yuv *made,
                            colour_shift(made->v, truth->v, n) };
     wide a = { 0 }, b = { 0 };
     double there = 0.0, back = 0.0;
-    /* Each picture is searched in the other, and the worse way counts: what is
-     * missing in one of them shows in only one way. */
+    /* Each picture is matched in the other, and the lower PSNR counts:
+     * something that is missing in one picture shows in only one direction. */
     const bool ok = widen(&a, made, shift, error) &&
                     widen(&b, truth, none, error) &&
                     one_way(&there, &b, &a, made, equirect, error) &&
