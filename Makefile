@@ -371,7 +371,8 @@ $(BUILD)/saga-dec: $(addprefix $(OBJ)/tools/,saga_dec.o dec_options.o \
 	$(LINK) $^ -o $@
 
 # The example of docs/threads.md.
-$(BUILD)/saga-play: $(OBJ)/tools/saga_play.o $(LIB)
+$(BUILD)/saga-play: $(addprefix $(OBJ)/tools/,saga_play.o dec_options.o \
+    dec_output.o) $(LIB)
 	$(LINK) $^ -pthread -o $@
 
 $(BUILD)/saga: $(CLI_OBJ) $(EMBEDDED) $(REFERENCE) $(TRAIN) $(LIB)

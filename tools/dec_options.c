@@ -56,13 +56,12 @@ static int parse_time(dec_options *o, const char *text)
            dec_parse_u32(&o->time_den, slash + 1, '\0') && o->time_den > 0;
 }
 
-static int parse_seconds(dec_options *o, const char *text)
+int dec_parse_seconds(double *seconds, const char *text)
 {
     char *stop;
 
-    o->seconds = strtod(text, &stop);
-    return stop != text && *stop == '\0' && o->seconds > 0 &&
-           o->seconds <= 1e9;
+    *seconds = strtod(text, &stop);
+    return stop != text && *stop == '\0' && *seconds > 0 && *seconds <= 1e9;
 }
 
 int dec_parse_options(dec_options *o, int argc, char **argv)
@@ -85,7 +84,7 @@ int dec_parse_options(dec_options *o, int argc, char **argv)
         else if (!strcmp(argv[i], "--time") && value && parse_time(o, value))
             i++;
         else if (!strcmp(argv[i], "--seconds") && value &&
-                 parse_seconds(o, value))
+                 dec_parse_seconds(&o->seconds, value))
             i++;
         else if (argv[i][0] != '-' && !o->file)
             o->file = argv[i];

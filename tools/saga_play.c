@@ -10,7 +10,8 @@
  * Options stand anywhere:
  *     --seconds S   it gives up when decoding a segment takes longer
  *     --y4m FILE    writes the pictures as YUV4MPEG2, "-" to stdout, instead of
- *                   their CRCs: Y'CbCr 4:4:4 of 8 bits in limited range
+ *                   their CRCs: Y'CbCr 4:4:4 of 8 bits in limited range. A file
+ *                   appears whole or not at all
  *     --rgb FILE    the same without a header: R, G, B bytes
  *
  * A Y4M file does not say how its colours were made. Players take BT.601 up to
@@ -20,6 +21,9 @@
  * decoder, and then draws too. A third decodes the next segment meanwhile.
  */
 #include "saga.h"
+
+#include "dec_options.h"
+#include "dec_output.h"
 
 #include <pthread.h>
 #include <stdatomic.h>
@@ -375,25 +379,39 @@ static void read_command(command *c, int argc, char **argv)
         stop(usage);
 }
 
-static double seconds_of(const char *word)
-{
-    char *end;
-    const double s = strtod(word, &end);
-
-    if (*end || !(s > 0 && s <= 1e9))
-        stop("give --seconds a number above 0");
-    return s;
-}
-
 static uint32_t number_of(const char *word, uint32_t otherwise)
 {
     return word ? (uint32_t)strtoul(word, NULL, 10) : otherwise;
 }
 
+/* The file that pictures go to, until it is whole. */
+static dec_output output;
+
+/* Any of the threads may end the program. */
+static void drop_output(void)
+{
+    if (output.f)
+        dec_output_close(&output, 0);
+}
+
 static void open_output(player *p, const char *path)
 {
-    p->out = strcmp(path, "-") ? fopen(path, "wb") : stdout;
-    if (!p->out)
+    if (!strcmp(path, "-")) {
+        p->out = stdout;
+        return;
+    }
+    if (atexit(drop_output) || dec_output_open(&output, path))
+        stop("cannot write the pictures");
+    p->out = output.f;
+}
+
+static void close_output(player *p)
+{
+    const int failed = output.f ? dec_output_close(&output, 1)
+                     : p->out ? fclose(p->out) : 0;
+
+    output.f = NULL;
+    if (failed)
         stop("cannot write the pictures");
 }
 
@@ -443,8 +461,8 @@ int main(int argc, char **argv)
     uint32_t n;
 
     read_command(&c, argc, argv);
-    if (c.seconds)
-        p.seconds = seconds_of(c.seconds);
+    if (c.seconds && !dec_parse_seconds(&p.seconds, c.seconds))
+        stop("give --seconds a number above 0");
     p.n_threads = number_of(c.words[1], 1);
     if (p.n_threads < 1 || p.n_threads > MAX_THREADS)
         stop(usage);
@@ -455,7 +473,6 @@ int main(int argc, char **argv)
         begin_y4m(&p);
     n = number_of(c.words[3], p.info.n_frames);
     play(&p, n < p.info.n_frames ? n : p.info.n_frames);
-    if (p.out && fclose(p.out))
-        stop("cannot write the pictures");
+    close_output(&p);
     return 0;
 }

@@ -7,6 +7,7 @@
               saga-dec's pixels by the formula of BT.601, of BT.709 above 576
               lines, to the bit
   ffmpeg      reads the stream, and has the colours again
+  failure     a file that ends too early leaves no output, nor a part of it
   words       what contradicts itself is told in one line"""
 
 import os
@@ -164,11 +165,29 @@ def check_words():
     verdict("words")
 
 
+def check_failure(tmp):
+    """A file that ends too early leaves no output, and an old one as it was."""
+    short, out = os.path.join(tmp, "short.saga"), os.path.join(tmp, "out.y4m")
+    with open(short, "wb") as to:
+        to.write(read(SCENE)[:-100])
+    for old in None, b"old":
+        if old:
+            with open(out, "wb") as to:
+                to.write(old)
+        checks.run(SAGA_PLAY, "--y4m", out, short, status=1,
+                   says="ends too early")
+        left = read(out) if os.path.exists(out) else None
+        if left != old or any("saga-part" in n for n in os.listdir(tmp)):
+            complain("a file cut short leaves a part of its output")
+    verdict("failure")
+
+
 def main():
     with tempfile.TemporaryDirectory() as tmp:
         check_rgb(tmp)
         check_y4m(tmp)
         check_ffmpeg(tmp)
+        check_failure(tmp)
     check_words()
     return 1 if checks.failed else 0
 
