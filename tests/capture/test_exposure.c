@@ -84,9 +84,23 @@ static void error_should_be_what_the_best_factor_leaves(void **state)
     saga_exposure_sums sums[3] = { { 0 } };
 
     (void)state;
-    saga_exposure_add(sums, made, truth, sizeof made);
+    assert_int_equal(saga_exposure_add(sums, made, truth, NULL, 2), 2);
     /* Green: f = 600 / 800, (15 - 20)^2 + (15 - 10)^2 = 50; blue: 9 + 9. */
     assert_true(fabs(saga_exposure_error(sums) - 68) < 1e-9);
+}
+
+static void masked_pixels_should_not_hold_the_factor(void **state)
+{
+    /* The first pixel is half as bright as it should be, which a factor of two
+     * mends; the second, which does not count, is right. */
+    static const uint8_t made[] = { 10, 20, 30, 90, 90, 90 };
+    static const uint8_t truth[] = { 20, 40, 60, 90, 90, 90 };
+    static const uint8_t mask[] = { 1, 0 };
+    saga_exposure_sums sums[3] = { { 0 } };
+
+    (void)state;
+    assert_int_equal(saga_exposure_add(sums, made, truth, mask, 2), 1);
+    assert_true(fabs(saga_exposure_error(sums)) < 1e-9);
 }
 
 int main(void)
@@ -95,6 +109,7 @@ int main(void)
         cmocka_unit_test(pairs_should_give_the_factors_back),
         cmocka_unit_test(places_should_tell_stops_unless_cut_off),
         cmocka_unit_test(error_should_be_what_the_best_factor_leaves),
+        cmocka_unit_test(masked_pixels_should_not_hold_the_factor),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

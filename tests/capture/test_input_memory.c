@@ -106,19 +106,33 @@ TEST_IN_FOLDER(exrs_should_be_refused_when_memory_ends)
 
 /* 3 cameras x 2 frames in RGB; a thread has 7 bytes a pixel, and three floats
  * of an EXR. */
-TEST_IN_FOLDER(exrs_should_count_in_the_forecast_of_memory)
+static void check_exr_budget(const char *path)
 {
-    const char *const path = folder_file(f, "scene");
     saga_capture_options o = saga_capture_defaults();
     saga_capture c;
 
-    write_synth(path, true);
     o.n_threads = 1;
     o.memory_nbytes = W * H * (3 * 3 * 2 + 7 + 12);
     c = load_with(path, &o);
     saga_capture_free(&c);
     o.memory_nbytes--;
     refused_with(path, &o, path, "--memory");
+}
+
+TEST_IN_FOLDER(exrs_should_count_in_the_forecast_of_memory)
+{
+    write_synth(folder_file(f, "scene"), true);
+    check_exr_budget(folder_file(f, "scene"));
+}
+
+/* Contents say what a file is, and the first may be another than the rest. */
+TEST_IN_FOLDER(exrs_behind_pngs_should_count_too)
+{
+    write_synth(folder_file(f, "scene"), true);
+    write_synth(folder_file(f, "other"), false);
+    folder_run(f, "for i in 0 1 2; do cp other/images/cam0$i/00000.png "
+               "scene/images/cam0$i/00000.exr || exit; done");
+    check_exr_budget(folder_file(f, "scene"));
 }
 
 /* --- COLMAP -------------------------------------------------------------- */

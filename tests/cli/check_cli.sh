@@ -763,7 +763,12 @@ grep -q '^nothing to mind' "$tmp/out" ||
 expect 0 check "$tmp/poses/fixed.json" --fix "$tmp/poses/again.json"
 grep -q 'nothing was found that --fix' "$tmp/err" && [ ! -e "$tmp/poses/again.json" ] ||
     complain "check --fix of what is right"
-for name in "$tmp/poses/transforms.json" "$tmp/fixed.json"; do
+# The folder counts, not how it is called.
+expect 0 check "$tmp/./poses" --fix "$tmp/poses/../poses/beside.json"
+cmp -s "$tmp/poses/beside.json" "$tmp/poses/fixed.json" ||
+    complain "check --fix beside the capture"
+for name in "$tmp/poses/transforms.json" "$tmp/./poses/transforms.json" \
+    "$tmp/fixed.json"; do
     expect 2 check "$tmp/poses" --fix "$name"
     says 'give --fix a new name there'
 done

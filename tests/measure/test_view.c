@@ -350,6 +350,23 @@ static void mismatch(const opened *o, const saga_capture *c, const char *says)
         fail_msg("no '%s' in: %s", says, error.message);
 }
 
+/* 43,000 frames and 100,000 pictures are more than 2^32 together. */
+TEST(orbit_should_go_through_the_longest_film)
+{
+    static const uint32_t frames[] = { 24, 43000, 1 << 24, UINT32_MAX };
+
+    for (size_t k = 0; k < sizeof frames / sizeof *frames; k++)
+        for (int i = 0; i < 100000; i += 9999) {
+            const double wanted = frames[k] * (i / 100000.0);
+            uint32_t num, den;
+
+            saga_orbit_time(&num, &den, frames[k], i, 100000);
+            assert_true(den > 0);
+            assert_true(fabs((double)num / den - wanted) <= 1.0 / den);
+            assert_true((double)num / den < frames[k]);
+        }
+}
+
 TEST(capture_should_be_refused_where_it_differs)
 {
     char says[64];

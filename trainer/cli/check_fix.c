@@ -10,6 +10,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 /* Keys of a lens that stand in an entry or, for all of them, at the top. */
 static const char *const lens_keys[] = {
@@ -141,31 +142,43 @@ static void exchange(json_t *frames, const saga_mistake *m,
 
 /* --- Files --------------------------------------------------------------- */
 
-/* A length of the folder of a path, 0: it is this one. */
-static size_t folder_length(const char *path)
+/* Returns the folder that a path names, as the path does, with the slash; to be
+ * freed. */
+static char *folder_of(const char *path, saga_error *error)
 {
     const char *const slash = strrchr(path, '/');
+    char *const folder = saga_string_copy(slash ? path : "./", error);
 
-    return slash ? (size_t)(slash - path) + 1 : 0;
+    if (folder && slash)
+        folder[slash - path + 1] = '\0';
+    return folder;
+}
+
+/* Tells whether two paths lead to one file or folder, whatever they call it. */
+static bool is_same(const char *a, const char *b)
+{
+    struct stat x, y;
+
+    return stat(a, &x) == 0 && stat(b, &y) == 0 && x.st_dev == y.st_dev &&
+           x.st_ino == y.st_ino;
 }
 
 /* Paths in the file begin at its folder, so that it has to stay there. */
 static bool check_place(const char *path, const char *json, saga_error *error)
 {
-    const size_t n = folder_length(json);
-    char *const folder = saga_string_copy(json, error);
-    bool ok = folder != NULL;
+    char *const folder = folder_of(json, error);
+    char *const there = folder_of(path, error);
+    bool ok = folder && there;
 
     if (ok) {
-        folder[n] = '\0';
-        ok = folder_length(path) == n && memcmp(path, folder, n) == 0 &&
-             strcmp(path, json) != 0;
+        ok = is_same(folder, there) && !is_same(path, json);
         if (!ok)
             saga_fail(error, path, NULL, "the pictures' paths begin at the "
                       "capture's folder: give --fix a new name there, such as "
                       "%s%s", folder, "transforms-fixed.json");
     }
     free(folder);
+    free(there);
     return ok;
 }
 

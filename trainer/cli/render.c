@@ -128,8 +128,7 @@ static void time_of(uint32_t *num, uint32_t *den, const session *s, int i)
         *den = info->n_frames < 65536 ? 65536 : 1;
         *num = (uint32_t)(path_time(s, i) * *den + 0.5);
     } else if ((o->orbit || o->path) && !o->frames.b) {
-        *den = (uint32_t)s->n;
-        *num = (uint32_t)((uint64_t)info->n_frames * (uint64_t)i);
+        saga_orbit_time(num, den, info->n_frames, i, s->n);
     }
 }
 

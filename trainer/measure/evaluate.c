@@ -32,6 +32,7 @@ typedef struct {
     double temporal_mse;    /* error of the change from frame to frame */
     int n_steps;            /* number of pairs of frames in temporal_mse */
     saga_exposure_sums exposure[3]; /* for each channel */
+    size_t n_exposed;       /* number of pixels in exposure */
 } sums;
 
 typedef struct {
@@ -144,11 +145,9 @@ static void compare_time(const comparison *c, int view, int frame)
  * channel. */
 static double exposed_mse(const comparison *c, int view)
 {
-    const double n =
-        (double)saga_view_frame_nbytes(&c->capture->views[view]) *
-        c->sum[view].each.n;
+    const sums *const s = &c->sum[view];
 
-    return saga_exposure_error(c->sum[view].exposure) / n;
+    return saga_exposure_error(s->exposure) / (3.0 * (double)s->n_exposed);
 }
 
 bool saga_eval_draw_film(void *state, uint8_t *rgb, const saga_eval *eval,
@@ -200,9 +199,10 @@ static bool compare_one(const comparison *c, int view, int frame)
     saga_score_add(&c->sum[view].each, &score);
     compare_change(c, view, frame);
     compare_time(c, view, frame);
-    saga_exposure_add(c->sum[view].exposure, c->rgb,
-                      saga_capture_frame(c->capture, view, frame),
-                      saga_view_frame_nbytes(&c->capture->views[view]));
+    c->sum[view].n_exposed += saga_exposure_add(
+        c->sum[view].exposure, pair.a, pair.b,
+        saga_capture_mask(c->capture, view, frame),
+        (size_t)v->width * (size_t)v->height);
     return write_picture(c, view, frame);
 }
 

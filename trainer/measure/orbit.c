@@ -270,6 +270,16 @@ bool saga_orbit_camera(saga_camera *camera, const saga_orbit *orbit,
                                metric->unit * orbit->lens.near_plane, error);
 }
 
+void saga_orbit_time(uint32_t *num, uint32_t *den, uint32_t n_frames, int i,
+                     int n)
+{
+    const uint32_t most = UINT32_MAX / n_frames, pictures = (uint32_t)n;
+
+    /* n_frames * den < 2^32, so that its product with i is below 2^63. */
+    *den = pictures < most ? pictures : most;
+    *num = (uint32_t)((uint64_t)n_frames * *den * (uint32_t)i / pictures);
+}
+
 void saga_camera_resize(saga_camera *camera, int width, int height)
 {
     const double sx = (double)width / camera->width;

@@ -32,6 +32,11 @@ bool saga_orbit_camera(saga_camera *camera, const saga_orbit *orbit,
                        const saga_metric *metric, double turn,
                        saga_error *error);
 
+/* Gives the time, num / den frames, of picture i of n that go once through a
+ * film: i / n of n_frames > 0, exactly where 32 bits hold it. */
+void saga_orbit_time(uint32_t *num, uint32_t *den, uint32_t n_frames, int i,
+                     int n);
+
 /* Changes a camera's picture size. Everything that was in the picture stays in
  * it, the aspect ratio of pixels is kept, and the principal point keeps its
  * offset from the middle, to scale. */

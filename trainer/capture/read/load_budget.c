@@ -45,14 +45,13 @@ static double picture_nbytes(const saga_load_job *job, int v, double scale)
     return n;
 }
 
-/* Tells whether the first of the wanted files is an EXR; the others of a source
- * are of its kind. */
+/* Tells whether any of the wanted files is an EXR. */
 static bool is_exr(const saga_load_job *job, char *const *files)
 {
     const int first = job->capture->first_frame;
     for (int k = 0; files && k < job->capture->n_frames; k++)
-        if (files[first + k])
-            return saga_picture_is_exr(files[first + k]);
+        if (files[first + k] && saga_picture_is_exr(files[first + k]))
+            return true;
     return false;
 }
 

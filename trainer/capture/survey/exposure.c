@@ -153,15 +153,24 @@ double saga_exposure_span(const double *log, const saga_exposure_pairs *pairs)
 
 /* ------------------------------------------------------- of the same pixels */
 
-void saga_exposure_add(saga_exposure_sums sums[3], const uint8_t *made,
-                       const uint8_t *truth, size_t n)
+size_t saga_exposure_add(saga_exposure_sums sums[3], const uint8_t *made,
+                         const uint8_t *truth, const uint8_t *mask, size_t n)
 {
-    for (size_t k = 0; k < 3; k++)
-        for (size_t i = k; i < n; i += 3) {
-            sums[k].made_made += (uint64_t)(made[i] * made[i]);
-            sums[k].made_true += (uint64_t)(made[i] * truth[i]);
-            sums[k].true_true += (uint64_t)(truth[i] * truth[i]);
+    size_t counting = 0;
+
+    for (size_t i = 0; i < n; i++) {
+        const uint8_t *const m = made + 3 * i, *const t = truth + 3 * i;
+
+        if (mask && !mask[i])
+            continue;
+        for (size_t k = 0; k < 3; k++) {
+            sums[k].made_made += (uint64_t)(m[k] * m[k]);
+            sums[k].made_true += (uint64_t)(m[k] * t[k]);
+            sums[k].true_true += (uint64_t)(t[k] * t[k]);
         }
+        counting++;
+    }
+    return counting;
 }
 
 double saga_exposure_error(const saga_exposure_sums sums[3])

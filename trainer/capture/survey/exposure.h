@@ -66,9 +66,10 @@ typedef struct saga_exposure_sums {
     uint64_t made_made, made_true, true_true;
 } saga_exposure_sums;
 
-/* Adds a picture of n bytes, R, G, B, to the sums of the three channels. */
-void saga_exposure_add(saga_exposure_sums sums[3], const uint8_t *made,
-                       const uint8_t *truth, size_t n);
+/* Adds a picture of n pixels, R, G, B, to the sums of the three channels; of
+ * those that count in mask, NULL: all. Returns their number. */
+size_t saga_exposure_add(saga_exposure_sums sums[3], const uint8_t *made,
+                         const uint8_t *truth, const uint8_t *mask, size_t n);
 /* Returns the sum of (f x made - truth)^2 with the best f of each channel. */
 double saga_exposure_error(const saga_exposure_sums sums[3]);
 
