@@ -299,8 +299,9 @@ $(SAGA_H) $(REFERENCE_H):
 # out.
 WASM_CC = clang
 WASM_LD = wasm-ld
-WASM_FLAGS = --target=wasm32 -std=c11 -O3 $(WARN) -ffreestanding -mbulk-memory \
-             -MMD -MP
+# -flto: browsers do not inline calls from one file into another.
+WASM_FLAGS = --target=wasm32 -std=c11 -O3 -flto $(WARN) -ffreestanding \
+             -mbulk-memory -MMD -MP
 WASM_LDFLAGS = --no-entry --stack-first -z stack-size=65536 --strip-all
 WASM_SRC := $(COMMON_SRC) $(DECODER_SRC) ports/web/saga_web.c
 HAS_WASM := $(and $(shell command -v $(WASM_CC)),$(shell command -v $(WASM_LD)))

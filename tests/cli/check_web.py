@@ -256,6 +256,8 @@ def check_bad(page, manifest):
         page.tab.wait(STATE + " === 'problem'")
         if path not in page.sentence():
             complain("path=" + path, "says", repr(page.sentence()))
+    # Without a picture the page is empty, not ready.
+    page.tab.wait("document.getElementById('player').viewer.drawn")
     press(page, "Escape")
     if page.tab.run(STATE) != "ready":
         complain("Escape does not close what is told")
