@@ -49,7 +49,7 @@ TEST(matches_should_follow_a_picture_that_is_turned)
             memcpy(to + 3 * (x * H + H - 1 - y), from + 3 * (y * W + x), 3);
     a = features_of(from, W, H);
     b = features_of(to, H, W);
-    n = saga_matches_find(m, &a, &b);
+    n = saga_matches_find(m, &a, &b, NULL);
     for (size_t i = 0; i < n; i++)
         /* Corners of the smallest size have pixels of 2.8. */
         n_right += fabs(m[i].b[0] - (H - m[i].a[1])) < 2 &&
@@ -92,8 +92,9 @@ static void see(saga_match *m, uint32_t *seed)
     const double u = (x - 1) * cos(0.1) + z * sin(0.1);
     const double w = z * cos(0.1) - (x - 1) * sin(0.1);
 
-    *m = (saga_match){ { 160 + 300 * x / z, 90 + 300 * y / z },
-                       { 160 + 300 * u / w, 90 + 300 * y / w }, 0.5 };
+    *m = (saga_match){ .a = { 160 + 300 * x / z, 90 + 300 * y / z },
+                       .b = { 160 + 300 * u / w, 90 + 300 * y / w },
+                       .doubt = 0.5 };
 }
 
 TEST(agreement_should_leave_wrong_matches_out)
@@ -131,8 +132,9 @@ TEST(chance_should_not_pass_for_agreement)
         uint32_t x = seed;
 
         for (int i = 0; i < 80; i++)
-            m[i] = (saga_match){ { 320 * unit(&x), 180 * unit(&x) },
-                                 { 320 * unit(&x), 180 * unit(&x) }, 0.5 };
+            m[i] = (saga_match){ .a = { 320 * unit(&x), 180 * unit(&x) },
+                                 .b = { 320 * unit(&x), 180 * unit(&x) },
+                                 .doubt = 0.5 };
         assert_int_equal(saga_matches_agree(m, 80, 1.0, seed), 0);
         assert_int_equal(saga_matches_agree(m, 15, 1.0, seed), 0);
     }

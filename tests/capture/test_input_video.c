@@ -185,6 +185,19 @@ TEST_IN_FOLDER(videos_should_be_refused_when_counts_differ)
     saga_capture_free(&c);
     o.end_frame = 5;
     refused_with(f->path, &o, "b.mp4", "unequal frame counts");
+    /* Who says how they are to be shifted may have them so: b's frame k goes
+     * with a's frame k + 1. */
+    o.end_frame = 0;
+    o.late = "a=1";
+    c = load_with(f->path, &o);
+    assert_int_equal(c.n_frames, 3);
+    assert_non_null(strstr(c.notes, "b has 4 frames, a has 6"));
+    saga_capture_free(&c);
+    o.late = NULL;
+    o.any_length = true;
+    c = load_with(f->path, &o);
+    assert_int_equal(c.n_frames, 4);
+    saga_capture_free(&c);
 }
 
 TEST_IN_FOLDER(videos_should_be_refused_when_rates_differ)

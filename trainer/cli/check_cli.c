@@ -168,6 +168,7 @@ static bool load(saga_capture *c, const char *name, const options *o,
     bool ok;
 
     with.no_overlap = no_overlap;
+    with.any_length = true;
     with.progress = saga_meter_progress;
     with.progress_user = &meter;
     ok = saga_capture_load(c, name, &with, error);

@@ -345,9 +345,18 @@ bool saga_listing_match_videos(saga_listing *listing,
     if (longest->info.n_frames == listing->n_frames ||
         (options->end_frame > 0 && options->end_frame <= listing->n_frames))
         return true;
-    char remedy[120];
-    (void)snprintf(remedy, sizeof remedy, "cut the videos alike, or use "
-                   "--frames 0:%d if they start together", listing->n_frames);
+    /* Or where somebody knows which frames belong together, or asks. */
+    if (options->late || options->any_length) {
+        saga_note(listing->notes, "lengths: %s has %d frames, %s has %d; what "
+                  "is behind the shortest is not taken", shortest->name,
+                  shortest->info.n_frames, longest->name,
+                  longest->info.n_frames);
+        return true;
+    }
+    char remedy[160];
+    (void)snprintf(remedy, sizeof remedy, "saga check tells whether they start "
+                   "together, then use --frames 0:%d; or use --late",
+                   listing->n_frames);
     return saga_fail(error, shortest->video, remedy, "unequal frame counts: "
                      "%s has %d frames, %s has %d", shortest->name,
                      shortest->info.n_frames, longest->name,

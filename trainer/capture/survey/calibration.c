@@ -4,19 +4,15 @@
 #include "alloc.h"
 #include "epipolar.h"
 #include "exposure.h"
-#include "matches.h"
 #include "order.h"
+#include "pairs.h"
 #include "pose.h"
-#include "threads.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 enum {
-    ALL_PAIRS = 24,          /* views of which every two are compared */
-    NEIGHBOURS = 4,          /* of each of more views: the nearest ones, and
-                              * the next ones in the list */
     FEW_PAIRS = 3,           /* or nothing is said of all cameras: one pair is
                               * made to fit by many a mistake */
     FEW_PLACES = 10,         /* in pairs, for an exposure */
@@ -25,11 +21,6 @@ enum {
     FOCAL_OCTAVES = 2
 };
 
-/* A match is right where it lies that near to its line, at 960 pixels' width;
- * corners are found to half a pixel, and poses that COLMAP finds are good to
- * half a pixel. A camera turned by 0.3 degrees moves what it sees by two of 480
- * pixels. */
-#define WITHIN 2.0
 /* Pairs that have to fit for all to be right: repeated windows and chairs match
  * wrongly in some. */
 #define MOST_FIT 0.8
@@ -40,147 +31,11 @@ enum {
                               * it is 0.3 to 0.5 pixels in right captures */
 #define IN_FRONT 0.5         /* of a pair's matches at least are so */
 
-/* Matches of views a and b that some two pinholes may have seen. */
-typedef struct pair {
-    int a, b;
-    size_t n;
-    saga_match *matches;     /* (n) */
-} pair;
-
 typedef struct search {
     const saga_capture *c;
-    saga_features *features; /* (n_views) */
-    pair *pairs;             /* (n_pairs) */
-    size_t n_pairs;
-    double within;
-    double *scratch;         /* (SAGA_FEATURES_MOST + n_pairs + n_views) */
+    saga_pairs pairs;
+    double *scratch;         /* (SAGA_FEATURES_MOST + 2 x the pairs) */
 } search;
-
-/* ------------------------------------------------------------------ matches */
-
-static int frame_of(const saga_capture *c, int v)
-{
-    return saga_capture_near(c, v, 0);
-}
-
-static bool find_features(search *s, saga_error *error)
-{
-    const saga_capture *const c = s->c;
-    s->features = saga_calloc((size_t)c->n_views, sizeof *s->features,
-                              "the features", error);
-    /* One thread's errors are told apart by their own place. */
-    saga_error *const errors = saga_calloc((size_t)c->n_views, sizeof *errors,
-                                           "the features", error);
-    bool ok = s->features && errors;
-#pragma omp parallel for schedule(dynamic) if (ok)
-    for (int v = 0; v < (ok ? c->n_views : 0); v++) {
-        const saga_shot *const shot = &c->views[v];
-        const int k = frame_of(c, v);
-        (void)saga_features_find(&s->features[v], saga_capture_frame(c, v, k),
-                                 saga_capture_mask(c, v, k), shot->width,
-                                 shot->height, &errors[v]);
-    }
-    for (int v = 0; ok && v < c->n_views; v++)
-        if (saga_failed(&errors[v]))
-            ok = saga_fail(error, NULL, NULL, "%s", errors[v].message);
-    free(errors);
-    return ok;
-}
-
-static double between(const saga_shot *a, const saga_shot *b)
-{
-    double x[3], y[3];
-    saga_pose_centre(a->rotation, a->translation, x);
-    saga_pose_centre(b->rotation, b->translation, y);
-    return hypot(hypot(x[0] - y[0], x[1] - y[1]), x[2] - y[2]);
-}
-
-/* Marks the pairs of a view among many: the next ones in the list, and the
- * nearest by poses that may be wrong. */
-static void mark_neighbours(int *shared, const saga_capture *c, int v)
-{
-    const int n = c->n_views;
-    int near[NEIGHBOURS], n_near = 0;
-    for (int w = 0; w < n; w++) {
-        const double own = between(&c->views[v], &c->views[w]);
-        int i = n_near;
-        /* The nearest so far, in order; of equal ones the first. */
-        while (i > 0 && own < between(&c->views[v], &c->views[near[i - 1]]))
-            i--;
-        if (w == v || i == NEIGHBOURS)
-            continue;
-        n_near += n_near < NEIGHBOURS;
-        for (int k = n_near - 1; k > i; k--)
-            near[k] = near[k - 1];
-        near[i] = w;
-    }
-    for (int i = 0; i < n_near; i++)
-        shared[v * n + near[i]] = shared[near[i] * n + v] = 0;
-    for (int w = v + 1; w < n && w <= v + NEIGHBOURS; w++)
-        shared[v * n + w] = shared[w * n + v] = 0;
-}
-
-/* Lists the pairs that are compared, whose `shared` is 0 then. */
-static bool list_pairs(search *s, int *shared, saga_error *error)
-{
-    const int n = s->c->n_views;
-    size_t most = 0;
-    for (int v = 0; v < n; v++)
-        if (n > ALL_PAIRS)
-            mark_neighbours(shared, s->c, v);
-    for (int v = 0; v < n; v++)
-        for (int w = v + 1; w < n; w++)
-            most += n <= ALL_PAIRS || shared[v * n + w] == 0;
-    s->pairs = saga_calloc(most, sizeof *s->pairs, "the matches", error);
-    for (int v = 0; s->pairs && v < n; v++)
-        for (int w = v + 1; w < n; w++)
-            if (n <= ALL_PAIRS || shared[v * n + w] == 0)
-                s->pairs[s->n_pairs++] = (pair){.a = v, .b = w};
-    return s->pairs != NULL;
-}
-
-static bool match_pair(pair *p, const search *s, saga_error *error)
-{
-    saga_match *const m = saga_alloc(SAGA_FEATURES_MOST, sizeof *m,
-                                     "the matches", error);
-    if (!m)
-        return false;
-    const size_t n = saga_matches_find(m, &s->features[p->a],
-                                       &s->features[p->b]);
-    /* A stream of its own: a pair's result does not depend on other pairs. */
-    p->n = saga_matches_agree(m, n, s->within,
-                              (uint64_t)p->a * SAGA_MAX_VIEWS +
-                              (uint64_t)p->b);
-    p->matches = p->n ? saga_realloc(m, p->n, sizeof *m, "the matches", error)
-                      : NULL;
-    if (!p->matches)
-        free(m);
-    return p->n == 0 || p->matches;
-}
-
-/* Matches all pairs; those without enough of them are dropped. */
-static bool match_all(search *s, int *shared, saga_error *error)
-{
-    const size_t n_views = (size_t)s->c->n_views;
-    bool ok = true;
-    size_t kept = 0;
-#pragma omp parallel for schedule(dynamic)
-    for (size_t i = 0; i < s->n_pairs; i++) {
-        saga_error own = {""};
-        if (!match_pair(&s->pairs[i], s, &own))
-#pragma omp critical
-            ok = saga_fail(error, NULL, NULL, "%s", own.message);
-    }
-    for (size_t i = 0; i < s->n_pairs; i++) {
-        const pair p = s->pairs[i];
-        const size_t a = (size_t)p.a, b = (size_t)p.b;
-        shared[a * n_views + b] = shared[b * n_views + a] = (int)p.n;
-        if (p.n)
-            s->pairs[kept++] = p;
-    }
-    s->n_pairs = kept;
-    return ok;
-}
 
 /* ----------------------------------------------------------------- mistakes */
 
@@ -236,7 +91,7 @@ void saga_mistake_undo(const saga_mistake *mistake, double rotation[9],
 /* -------------------------------------------------------------------- score */
 
 /* The median over a pair's matches; behind the cameras nothing fits. */
-static double off_pair(const pair *p, const saga_pinhole *a,
+static double off_pair(const saga_pair *p, const saga_pinhole *a,
                        const saga_pinhole *b, double within, double *scratch)
 {
     const saga_epipolar s = saga_epipolar_between(a, b);
@@ -254,9 +109,9 @@ static double off_pair(const pair *p, const saga_pinhole *a,
 static void off_pairs(double *off, const search *s,
                       const saga_pinhole *cameras)
 {
-    for (size_t i = 0; i < s->n_pairs; i++) {
-        const pair *const p = &s->pairs[i];
-        off[i] = off_pair(p, &cameras[p->a], &cameras[p->b], s->within,
+    for (size_t i = 0; i < s->pairs.n; i++) {
+        const saga_pair *const p = &s->pairs.list[i];
+        off[i] = off_pair(p, &cameras[p->a], &cameras[p->b], s->pairs.within,
                           s->scratch);
     }
 }
@@ -269,9 +124,9 @@ static score score_of(const search *s, const saga_pinhole *cameras, double *off)
 {
     score found = {0, (double)NAN};
     off_pairs(off, s, cameras);
-    for (size_t i = 0; i < s->n_pairs; i++)
-        found.n_fit += off[i] <= s->within;
-    found.typical = saga_median(off, s->n_pairs);
+    for (size_t i = 0; i < s->pairs.n; i++)
+        found.n_fit += off[i] <= s->pairs.within;
+    found.typical = saga_median(off, s->pairs.n);
     return found;
 }
 
@@ -328,7 +183,7 @@ static void try_lenses(best *to, const search *s, saga_mistake m,
             m.centre = centre;
             try_mistake(&other, s, &m, cameras);
         }
-    if (explains(&other.score, &as_is.score, (int)s->n_pairs))
+    if (explains(&other.score, &as_is.score, (int)s->pairs.n))
         as_is = other;
     if (is_better(&as_is.score, &to->score))
         *to = as_is;
@@ -369,8 +224,8 @@ static double off_view(const saga_calibration *cal, const search *s, int v,
                        const double *off)
 {
     size_t n = 0;
-    for (size_t i = 0; i < s->n_pairs && n < SAGA_FEATURES_MOST; i++) {
-        const pair *const p = &s->pairs[i];
+    for (size_t i = 0; i < s->pairs.n && n < SAGA_FEATURES_MOST; i++) {
+        const saga_pair *const p = &s->pairs.list[i];
         if ((p->a == v && !cal->odd[p->b]) || (p->b == v && !cal->odd[p->a]))
             s->scratch[n++] = off[i];
     }
@@ -383,13 +238,13 @@ static void find_odd(saga_calibration *cal, const search *s, const double *off)
 {
     const int n_views = s->c->n_views;
     double *const sorted = s->scratch + SAGA_FEATURES_MOST;
-    memcpy(sorted, off, s->n_pairs * sizeof *off);
-    qsort(sorted, s->n_pairs, sizeof *sorted, saga_by_value);
+    memcpy(sorted, off, s->pairs.n * sizeof *off);
+    qsort(sorted, s->pairs.n, sizeof *sorted, saga_by_value);
     /* Of four views one may be odd: half of the pairs have it. */
-    const double fits = sorted[s->n_pairs / 3];
-    const double limit = fmax(s->within / 2.0, ODD * fits);
+    const double fits = sorted[s->pairs.n / 3];
+    const double limit = fmax(s->pairs.within / 2.0, ODD * fits);
     int n_odd = 0, n_left = 0;
-    for (bool more = fits <= s->within; more; n_odd += more) {
+    for (bool more = fits <= s->pairs.within; more; n_odd += more) {
         int worst = 0;
         double most = limit;
         for (int v = 0; v < n_views; v++) {
@@ -401,16 +256,18 @@ static void find_odd(saga_calibration *cal, const search *s, const double *off)
         cal->odd[worst] = cal->odd[worst] || more;
     }
     /* The pairs that are left have to be enough to be believed. */
-    for (size_t i = 0; i < s->n_pairs; i++)
-        n_left += !cal->odd[s->pairs[i].a] && !cal->odd[s->pairs[i].b];
+    for (size_t i = 0; i < s->pairs.n; i++) {
+        const saga_pair *const p = &s->pairs.list[i];
+        n_left += !cal->odd[p->a] && !cal->odd[p->b];
+    }
     if (3 * n_odd > n_views || n_left < FEW_PAIRS)
         memset(cal->odd, 0, (size_t)n_views * sizeof *cal->odd);
 }
 
 static void judge(saga_calibration *cal, const search *s, saga_pinhole *cameras)
 {
-    const int n_views = s->c->n_views, n_pairs = (int)s->n_pairs;
-    double *const off = s->scratch + SAGA_FEATURES_MOST + s->n_pairs;
+    const int n_views = s->c->n_views, n_pairs = (int)s->pairs.n;
+    double *const off = s->scratch + SAGA_FEATURES_MOST + s->pairs.n;
     for (int v = 0; v < n_views; v++)
         cameras[v] = saga_pinhole_of(&s->c->views[v]);
     off_pairs(off, s, cameras);
@@ -425,7 +282,7 @@ static void judge(saga_calibration *cal, const search *s, saga_pinhole *cameras)
         return;
     const score now = found.score;
     /* Fewer changes first: an equal score does not replace them. */
-    if (n_views <= ALL_PAIRS)
+    if (n_views <= SAGA_ALL_PAIRS)
         try_swaps(&found, s, cameras);
     try_forms(&found, s, cameras);
     cal->found = explains(&found.score, &now, n_pairs);
@@ -444,7 +301,8 @@ static bool colour_at(double rgb[3], const saga_capture *c, int v,
                       const double p[2])
 {
     const saga_shot *const shot = &c->views[v];
-    const uint8_t *const all = saga_capture_frame(c, v, frame_of(c, v));
+    const int frame = saga_capture_near(c, v, 0);
+    const uint8_t *const all = saga_capture_frame(c, v, frame);
     const int x = (int)p[0], y = (int)p[1];
     if (x < PATCH || y < PATCH || x >= shot->width - PATCH ||
         y >= shot->height - PATCH)
@@ -468,8 +326,8 @@ static bool find_exposures(saga_calibration *cal, const search *s,
 {
     const int n_views = s->c->n_views;
     size_t most = 0;
-    for (size_t i = 0; i < s->n_pairs; i++)
-        most += s->pairs[i].n;
+    for (size_t i = 0; i < s->pairs.n; i++)
+        most += s->pairs.list[i].n;
     saga_exposure_pairs pairs = {.n_views = n_views, .n_train = n_views};
     int *const all = saga_alloc((size_t)n_views, sizeof *all, "the exposures",
                                 error);
@@ -481,8 +339,8 @@ static bool find_exposures(saga_calibration *cal, const search *s,
     bool ok = all && n_of && log_of && pairs.at;
     for (int v = 0; ok && v < n_views; v++)
         all[v] = v;
-    for (size_t i = 0; ok && i < s->n_pairs; i++) {
-        const pair *const p = &s->pairs[i];
+    for (size_t i = 0; ok && i < s->pairs.n; i++) {
+        const saga_pair *const p = &s->pairs.list[i];
         for (size_t k = 0; k < p->n; k++) {
             double a[3], b[3];
             if (!colour_at(a, s->c, p->a, p->matches[k].a) ||
@@ -532,40 +390,47 @@ static bool reserve(saga_calibration *cal, size_t n, saga_error *error)
     return true;
 }
 
-static void release(search *s)
+/* Notes which views share how many matches; 0 of those that were compared and
+ * have none. */
+static void count_shared(int *shared, const saga_pairs *pairs)
 {
-    for (int v = 0; s->features && v < s->c->n_views; v++)
-        free(s->features[v].list);
-    for (size_t i = 0; s->pairs && i < s->n_pairs; i++)
-        free(s->pairs[i].matches);
-    free(s->features);
-    free(s->pairs);
-    free(s->scratch);
+    const int n = pairs->capture->n_views;
+    for (size_t i = 0; i < pairs->n; i++) {
+        const saga_pair *const p = &pairs->list[i];
+        shared[p->a * n + p->b] = shared[p->b * n + p->a] = (int)p->n;
+    }
+}
+
+static bool compare(saga_calibration *cal, search *s, saga_error *error)
+{
+    if (!saga_pairs_find(&s->pairs, s->c, 0, error))
+        return false;
+    count_shared(cal->shared, &s->pairs);
+    if (!saga_pairs_match(&s->pairs, saga_pair_agree, error))
+        return false;
+    count_shared(cal->shared, &s->pairs);
+    cal->within = s->pairs.within;
+    for (int v = 0; v < s->c->n_views; v++)
+        cal->n_features[v] = (int)s->pairs.features[v].n;
+    s->scratch = saga_alloc(SAGA_FEATURES_MOST + 2 * s->pairs.n,
+                            sizeof *s->scratch, "the matches", error);
+    return s->scratch != NULL;
 }
 
 bool saga_calibration_find(saga_calibration *calibration,
                            const saga_capture *capture, saga_error *error)
 {
     const size_t n_views = (size_t)capture->n_views;
-    search s = {.c = capture, .within = WITHIN};
+    search s = {.c = capture};
     saga_pinhole *const cameras = saga_alloc(n_views, sizeof *cameras,
                                              "the views", error);
-    for (size_t v = 0; v < n_views; v++)
-        s.within = fmax(s.within, WITHIN * capture->views[v].width / 960.0);
     bool ok = reserve(calibration, n_views, error) && cameras &&
-              find_features(&s, error) &&
-              list_pairs(&s, calibration->shared, error) &&
-              match_all(&s, calibration->shared, error);
-    s.scratch = ok ? saga_alloc(SAGA_FEATURES_MOST + 2 * s.n_pairs,
-                                sizeof *s.scratch, "the matches", error)
-                   : NULL;
-    calibration->within = s.within;
-    for (size_t v = 0; ok && v < n_views; v++)
-        calibration->n_features[v] = (int)s.features[v].n;
-    if (s.scratch)
+              compare(calibration, &s, error);
+    if (ok)
         judge(calibration, &s, cameras);
-    ok = ok && s.scratch && find_exposures(calibration, &s, error);
-    release(&s);
+    ok = ok && find_exposures(calibration, &s, error);
+    saga_pairs_free(&s.pairs);
+    free(s.scratch);
     free(cameras);
     return ok;
 }

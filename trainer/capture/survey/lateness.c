@@ -160,9 +160,7 @@ static void set_others(const matcher *m, int view, int g, int n_groups)
     }
 }
 
-/* Returns the variance of a mean that n results, each without one group, tell.
- */
-static double jackknife(const double *x, int n)
+double saga_jackknife(const double *x, int n)
 {
     double mean = 0.0, sum = 0.0;
     for (int i = 0; i < n; i++)
@@ -182,14 +180,14 @@ static double standard_error(const matcher *m, int view)
     for (int g = 0; g < GROUPS; g++)
         x[g] = best_shift(m, row, g * m->n / GROUPS, (g + 1) * m->n / GROUPS,
                           NULL);
-    variance = jackknife(x, GROUPS);
+    variance = saga_jackknife(x, GROUPS);
     /* Then views left out of the sum. The two are taken for independent, and
      * their variances add up. */
     for (int g = 0; g < n; g++) {
         set_others(m, view, g, n);
         x[g] = best_shift(m, row, 0, 0, NULL);
     }
-    return sqrt(variance + jackknife(x, n));
+    return sqrt(variance + saga_jackknife(x, n));
 }
 
 /* Tells whether the best of the agreements is no chance, and alone. */

@@ -22,4 +22,8 @@ typedef struct saga_lateness {
 bool saga_lateness_find(saga_lateness *late, const saga_capture *capture,
                         saga_error *error);
 
+/* Returns the variance of a mean, estimated from n results, each without one of
+ * n groups. */
+double saga_jackknife(const double *x, int n);
+
 #endif

@@ -42,20 +42,28 @@ static float alike(const saga_feature *a, const saga_feature *b)
            ((sum[2] + sum[6]) + (sum[3] + sum[7]));
 }
 
+double saga_feature_likeness(const saga_feature *a, const saga_feature *b)
+{
+    return (double)alike(a, b);
+}
+
 static bool same_place(const saga_feature *a, const saga_feature *b)
 {
     return fabs(a->x - b->x) < SAME_PLACE && fabs(a->y - b->y) < SAME_PLACE;
 }
 
-/* Returns the feature nearest to one; *doubt is the distance to it, in parts of
- * that to the nearest at another place. */
+/* Returns the feature nearest to one, of those that are allowed; *doubt is the
+ * distance to it, in parts of that to the nearest at another place. */
 static size_t nearest(const saga_feature *f, const saga_features *to,
-                      double *doubt)
+                      const saga_match_rule *rule, bool back, double *doubt)
 {
     float cosine[SAGA_FEATURES_MOST], second = -1.0f;
     size_t best = 0;
     for (size_t i = 0; i < to->n; i++) {
-        cosine[i] = alike(f, &to->list[i]);
+        const saga_feature *const other = &to->list[i];
+        cosine[i] = rule && !rule->may(rule->user, back ? other : f,
+                                       back ? f : other)
+            ? -1.0f : alike(f, other);
         best = cosine[i] > cosine[best] ? i : best;
     }
     for (size_t i = 0; i < to->n; i++)
@@ -88,20 +96,25 @@ static void insert(saga_match *m, size_t n, const saga_match *one)
 }
 
 size_t saga_matches_find(saga_match *matches, const saga_features *a,
-                         const saga_features *b)
+                         const saga_features *b, const saga_match_rule *rule)
 {
+    const double alike_least = rule ? rule->alike : -1.0;
     size_t n = 0;
     for (size_t i = 0; i < a->n && b->n > 1; i++) {
         const saga_feature *const from = &a->list[i];
         double doubt, back;
-        const size_t k = nearest(from, b, &doubt);
+        const size_t k = nearest(from, b, rule, false, &doubt);
         const saga_feature *const to = &b->list[k];
         /* The way back has to end at the same place, if in another size. */
-        if (doubt > SECOND_BEST || is_known(matches, n, from, to) ||
-            !same_place(&a->list[nearest(to, a, &back)], from))
+        if (doubt > SECOND_BEST ||
+            saga_feature_likeness(from, to) < alike_least ||
+            is_known(matches, n, from, to) ||
+            !same_place(&a->list[nearest(to, a, rule, true, &back)], from))
             continue;
-        insert(matches, n++, &(saga_match){{from->x, from->y}, {to->x, to->y},
-                                           doubt});
+        insert(matches, n++, &(saga_match){.a = {from->x, from->y},
+                                           .b = {to->x, to->y},
+                                           .doubt = doubt, .of_a = (int)i,
+                                           .of_b = (int)k});
     }
     return n;
 }

@@ -15,12 +15,26 @@
 typedef struct saga_match {
     double a[2], b[2];       /* pixels of the two pictures */
     double doubt;            /* how near the second best was: 0 sure, 1 not */
+    int of_a, of_b;          /* which of the features they are */
 } saga_match;
 
+/* Returns how alike two features look: the cosine of their descriptions. */
+double saga_feature_likeness(const saga_feature *a, const saga_feature *b);
+
+/* Only such features may match. */
+typedef struct saga_match_rule {
+    bool (*may)(const void *user, const saga_feature *a,
+                const saga_feature *b);
+    const void *user;
+    double alike;            /* cosine of their descriptions at least: where
+                              * few may match, the best has few rivals */
+} saga_match_rule;
+
 /* Finds features that are each other's nearest, by far; matches has room for
- * SAGA_FEATURES_MOST. Returns how many, the surest first. */
+ * SAGA_FEATURES_MOST; rule NULL: all may match. Returns how many, the surest
+ * first. */
 size_t saga_matches_find(saga_match *matches, const saga_features *a,
-                         const saga_features *b);
+                         const saga_features *b, const saga_match_rule *rule);
 
 /* Moves the matches to the front that obey one fundamental matrix within
  * `within` pixels, and returns how many: 0 where chance may have done it. The

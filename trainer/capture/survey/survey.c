@@ -3,6 +3,7 @@
 
 #include "alloc.h"
 #include "exposure.h"
+#include "late_matches.h"
 #include "order.h"
 #include "pose.h"
 
@@ -459,13 +460,21 @@ static void judge_view(saga_survey *s, const saga_capture *c, int v)
              c->n_frames);
 }
 
+/* How late views are is told by how much changes in them, and by matches where
+ * cameras fit the pictures; of both the surer one counts. */
 static bool take_late(saga_survey *s, const saga_capture *c, saga_error *error)
 {
+    const bool fits = !s->calibration.found && !s->calibration.bad;
     saga_lateness *const late = saga_alloc((size_t)c->n_views, sizeof *late,
                                            "the motion", error);
-    const bool ok = late && saga_lateness_find(late, c, error);
+    bool ok = late && saga_lateness_find(late, c, error);
     for (int v = 0; ok && v < c->n_views; v++)
         s->views[v].late = late[v];
+    ok = ok && (!fits || saga_late_matches_find(late, c, error));
+    for (int v = 0; ok && fits && v < c->n_views; v++)
+        if (isnan(s->views[v].late.frames) ||
+            late[v].tolerance < s->views[v].late.tolerance)
+            s->views[v].late = late[v];
     free(late);
     return ok;
 }
@@ -496,8 +505,7 @@ static bool measure(saga_survey *s, const saga_capture *c, places *p,
     free(seen);
     free(angle);
     return ok && (c->n_points < FEW_PLACES ||
-                  compare_colours(s, c, p, error)) &&
-           take_late(s, c, error);
+                  compare_colours(s, c, p, error));
 }
 
 bool saga_survey_make(saga_survey *survey, const saga_capture *capture,
@@ -511,7 +519,8 @@ bool saga_survey_make(saga_survey *survey, const saga_capture *capture,
         survey->views[v].stops = survey->views[v].colour = (double)NAN;
     const bool ok = survey->views && measure(survey, capture, &p, error) &&
                     saga_calibration_find(&survey->calibration, capture,
-                                          error);
+                                          error) &&
+                    take_late(survey, capture, error);
     free(p.at);
     if (!ok)
         return false;

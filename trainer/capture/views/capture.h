@@ -55,6 +55,8 @@ typedef struct saga_capture_options {
                               * number of frames, also parts of one, behind the
                               * others;
                               * NULL: none */
+    bool any_length;         /* videos of unequal lengths are cut to the
+                              * shortest also where late is NULL */
     uint64_t memory_nbytes;  /* budget for pictures and depth */
     int n_threads;           /* 0: as many as OpenMP gives */
     double fps;              /* used where the capture does not say; 0: 30 */
