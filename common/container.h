@@ -4,12 +4,12 @@
  * Each field is written once, in a traversal that reads or writes.
  * docs/bitstream.md has the tables.
  *
- *     header | INDX | NETS | base: COAR FINE PRIM | NAME
+ *     header | INDX | NETS | base: COAR FINE PRIM | NAME | OPUS
  *                          | per segment: SEGM, per layer: COAR FINE PRIM
  *
  * The header is its fixed part, the bank's networks and the base's sizes (each
  * only with their tool), the cameras of the rig, a CRC. The head is all up to
- * the base's last chunk. NAME may be missing; no pixel needs it.
+ * the base's last chunk. NAME and OPUS may be missing; no pixel needs them.
  */
 #ifndef SAGA_CONTAINER_H
 #define SAGA_CONTAINER_H
@@ -30,6 +30,7 @@ enum {
     SAGA_SEGMENT_NBYTES = 24,    /* payload of SEGM with one layer */
     SAGA_MAX_LAYERS = 8,         /* of a segment */
     SAGA_CAMERA_NBYTES = 82,
+    SAGA_SOUND_NBYTES = 4,       /* of OPUS before its Ogg stream */
     SAGA_MAX_SEGMENTS = 1 << 20,
     SAGA_MAX_CAMERAS = 1024
 };
@@ -45,6 +46,7 @@ enum {
 #define SAGA_CHUNK_FINE SAGA_FOURCC('F', 'I', 'N', 'E')
 #define SAGA_CHUNK_PRIM SAGA_FOURCC('P', 'R', 'I', 'M')
 #define SAGA_CHUNK_NAMES SAGA_FOURCC('N', 'A', 'M', 'E')
+#define SAGA_CHUNK_SOUND SAGA_FOURCC('O', 'P', 'U', 'S')
 
 /* The header without its rig. */
 typedef struct saga_header {
@@ -153,7 +155,8 @@ extern const uint8_t saga_magic[SAGA_MAGIC_NBYTES];
 /* CRC-32C of a chunk: its type and length as written, then its payload. It goes
  * on from that of what the chunk belongs to, so that it fits nothing else: the
  * header's for INDX and NETS, that of the chunk before for the base's, that of
- * NETS for NAME, that of the head's last chunk for all of a segment's. */
+ * NETS for NAME and OPUS, that of the head's last chunk for all of a
+ * segment's. */
 uint32_t saga_chunk_crc(uint32_t owner, const saga_chunk *c,
                         const uint8_t *payload);
 

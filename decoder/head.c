@@ -64,6 +64,13 @@ uint32_t saga_head_crc(const saga_header *h, const uint8_t *bytes)
     return fx_load32_le(bytes + saga_rig_end(h));
 }
 
+uint32_t saga_head_networks_crc(const saga_header *h, const uint8_t *bytes)
+{
+    /* It is the last field before the payload. */
+    return fx_load32_le(bytes + (size_t)saga_head_base(h) - h->nets_nbytes -
+                        4);
+}
+
 saga_status saga_head_chunk(saga_chunk *chunk, uint32_t type, uint32_t owner,
                             const uint8_t *bytes, size_t n)
 {

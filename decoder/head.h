@@ -22,6 +22,10 @@ uint64_t saga_head_base(const saga_header *h);
 /* CRC of the header at the start of bytes, which was read into *h. */
 uint32_t saga_head_crc(const saga_header *h, const uint8_t *bytes);
 
+/* CRC of the networks chunk, from which those of names and sound go on. The
+ * whole head is at bytes. */
+uint32_t saga_head_networks_crc(const saga_header *h, const uint8_t *bytes);
+
 /* A chunk at bytes[0..n): OK with its payload's place in *chunk and
  * bytes + SAGA_CHUNK_NBYTES; TRUNCATED, or DATA for another type or a CRC that
  * does not go on from the owner's. */

@@ -103,9 +103,7 @@ saga_status saga_name_camera(saga_naming *naming, const uint8_t *bytes,
         return SAGA_ERR_ARG;
     if (n < info.head_nbytes || n - info.head_nbytes < 4)
         return SAGA_ERR_TRUNCATED;
-    /* The CRC goes on from that of the networks, right before their payload. */
-    networks = fx_load32_le(bytes + (size_t)saga_head_base(&h) -
-                            h.nets_nbytes - 4);
+    networks = saga_head_networks_crc(&h, bytes);
     bytes += info.head_nbytes;
     n -= info.head_nbytes;
     if (fx_load32_le(bytes) != SAGA_CHUNK_NAMES)

@@ -255,11 +255,27 @@ typedef struct saga_naming {
 
 /* Gets the name of camera `index` in the capture, and the capture's unit of
  * length. bytes[0..n): the start of the file. The chunk of names, if there is
- * one, follows the head directly, and is followed by the first segment.
+ * one, follows the head directly.
  * Returns SAGA_OK; ARG if there is no such camera or the file has no names;
  * TRUNCATED if more bytes are needed; DATA; else as saga_probe. */
 saga_status saga_name_camera(saga_naming *naming, const uint8_t *bytes,
                              size_t n, uint32_t index);
+
+typedef struct saga_sound {
+    uint64_t offset;         /* of its bytes, from the start of the file */
+    uint32_t nbytes;
+    int32_t start;           /* time of the file at which it begins, in 1/48000
+                              * of a second; negative if it began before */
+} saga_sound;
+
+/* Finds the sound of a film, which is one Ogg stream of Opus for a player of
+ * sound. Nothing of it is checked but its first four bytes. bytes[0..n): the
+ * start of the file. The chunk of sound, if there is one, follows the names, or
+ * the head.
+ * Returns SAGA_OK; ARG if the film is silent; TRUNCATED if more bytes are
+ * needed, at most 4 behind the sound; DATA if the chunk is damaged or a second
+ * one follows; else as saga_probe. */
+saga_status saga_find_sound(saga_sound *sound, const uint8_t *bytes, size_t n);
 
 /* Decodes the bytes[0..n) of a segment into primitives, which replace those of
  * an earlier segment. segment: as from saga_find. Its number and frames must

@@ -309,15 +309,21 @@ export class SagaFile {
     // Names of the rig's cameras may lie between the head and the segments; no
     // pixel needs them.
     async readNames(bytes) {
-        const at = this.info.headNbytes;
-        const end = Math.min(...this.segments.map(({ offset }) => offset));
+        const at = this.info.headNbytes, begin = at + CHUNK_NBYTES;
 
-        if (end < at + CHUNK_NBYTES + 8 || end > at + MOST_NAMES)
+        if (begin + 8 > Math.min(...this.segments.map((s) => s.offset)))
             return;
-        if (bytes.length < end)
-            bytes = await this.readOn(bytes, end);
+        if (bytes.length < begin)
+            bytes = await this.readOn(bytes, begin);
         if (String.fromCharCode(...bytes.subarray(at, at + 4)) !== 'NAME')
             return;
+        const nbytes = new DataView(bytes.buffer, bytes.byteOffset)
+            .getUint32(at + 4, true);
+
+        if (nbytes > MOST_NAMES)
+            return;
+        if (bytes.length < begin + nbytes)
+            bytes = await this.readOn(bytes, begin + nbytes);
         let from = at + CHUNK_NBYTES + 8;
         let name = new Uint8Array();
 

@@ -14,6 +14,9 @@ files that are cut and joined,
   base        a base and names are in every part; parts of two bases are refused
   layers      a file of the first layers draws what the file draws that ends
               where they do; info tells bytes and counts of each
+  sound       a film gets the sound that it is given, tells it, loses it again,
+              keeps it with all frames alone; its film as MP4 sounds as long as
+              it is seen, from when it should, unless time passes otherwise
   refused     ranges inside a segment or beyond the file, and files of other
               networks, cameras, rates or cubes, in one line that says why"""
 
@@ -62,11 +65,11 @@ def signed(data):
     struct.pack_into("<I", data, at - 4, owner)
     while at < len(data):
         kind, n = struct.unpack_from("<4sI", data, at)
-        crc = crc32c(crc32c(nets if kind == b"NAME" else owner,
+        crc = crc32c(crc32c(nets if kind in (b"NAME", b"OPUS") else owner,
                             data[at:at + 8]), data[at + 12:at + 12 + n])
         struct.pack_into("<I", data, at + 8, crc)
         nets = crc if kind == b"NETS" else nets
-        in_head = in_head and kind not in (b"NAME", b"SEGM")
+        in_head = in_head and kind not in (b"NAME", b"OPUS", b"SEGM")
         if in_head and kind != b"INDX":
             owner = crc
         at += 12 + n
@@ -156,6 +159,74 @@ def check_base(tmp):
     saga("join", parts[0], write(tmp + "/other.saga", other), "-o",
          tmp + "/none.saga", status=1, says="its base")
     verdict("base")
+
+
+def loud_from(path):
+    """Seconds until the first sample of a file's sound that is loud."""
+    pcm = subprocess.check_output(
+        ["ffmpeg", "-v", "error", "-i", path, "-f", "s16le", "-ac", "1",
+         "-ar", "48000", "-"])
+    samples = struct.unpack("<%dh" % (len(pcm) // 2), pcm)
+    return next((i / 48000 for i, x in enumerate(samples) if abs(x) > 2000),
+                None), len(samples) / 48000
+
+
+def check_film_sound(film, tmp):
+    """Of docs/demo.saga: 24 frames, one second; the sound begins at 0.25 s."""
+    out = tmp + "/film.mp4"
+    for frames, begins, lasts in (("0:24", 0.25, 1), ("12:24", 0, 0.5)):
+        saga("render", film, "--frames", frames, "-o", out)
+        first, seconds = loud_from(out)
+        if first is None or abs(first - begins) > 0.03 or \
+                abs(seconds - lasts) > 0.05:
+            complain("frames", frames, "sound from", first, "for", seconds)
+    saga("render", film, "--orbit", "8", "-o", out)
+    told = subprocess.check_output(["ffprobe", "-v", "error", "-show_entries",
+                                    "stream=codec_type", out])
+    if b"audio" in told:
+        complain("a film with a time of its own has sound")
+
+
+def check_sound(tmp):
+    take, wav, film, out = (tmp + "/" + name for name in
+                            ("take.opus", "take.wav", "sound.saga", "o.saga"))
+    tone = ["-f", "lavfi", "-i", "sine=440:d=2", "-af", "volume=8"]
+    subprocess.run(["ffmpeg", "-v", "error", *tone, "-c:a", "libopus", take],
+                   check=True)
+    subprocess.run(["ffmpeg", "-v", "error", *tone, wav], check=True)
+    saga("mux", DEMO, "--audio", take, "--start", "0.25", "-o", film)
+    if read(take) not in read(film) or read(film) != signed(read(film)):
+        complain("the film has not the stream that it was given")
+    told = json.loads(saga("info", film, "--json"))["sound"]
+    if told["start_seconds"] != 0.25 or told["n_channels"] != 1 or \
+            abs(told["seconds"] - 2) > 0.03:
+        complain("info tells of the sound", told)
+    if "from 0.250 s on" not in saga("info", film) or \
+            "sound  " in saga("info", DEMO):
+        complain("info does not say whether there is sound")
+    same_pictures(film, 0, DEMO, 0, 3)
+    saga("mux", film, "--audio", "none", "-o", out)
+    if read(out) != read(DEMO):
+        complain("a film without its sound is not what it was")
+    saga("mux", film, "--audio", wav, "--start", "-0.5", "-o", out)
+    told = json.loads(saga("info", out, "--json"))["sound"]
+    if told["start_seconds"] != -0.5 or abs(told["seconds"] - 2) > 0.03:
+        complain("a sound that ffmpeg coded is told as", told)
+    saga("cut", film, ":", "-o", out)
+    if read(out) != read(film):
+        complain("all frames of a film are not the film")
+    if "sound is left out" not in saga("join", film, film, "-o", out):
+        complain("join does not say that it leaves the sound out")
+    check_film_sound(film, tmp)
+    hurt = bytearray(read(take))
+    hurt[-1] ^= 1
+    for name, says in ((write(tmp + "/hurt.opus", hurt), "wrong checksum"),
+                       (DEMO, "finds no sound")):
+        saga("mux", DEMO, "--audio", name, "-o", tmp + "/none.saga",
+             status=1 if "hurt" in name else 2, says=says)
+    if os.path.exists(tmp + "/none.saga"):
+        complain("a film was written with a sound that is none")
+    verdict("sound")
 
 
 def check_refused(tmp, part):
@@ -425,4 +496,5 @@ with tempfile.TemporaryDirectory() as folder:
     check_join(folder, [folder + "/part%d.saga" % i for i in range(3)])
     check_base(folder)
     check_layers(folder)
+    check_sound(folder)
 sys.exit(checks.failed)

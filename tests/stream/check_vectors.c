@@ -146,6 +146,19 @@ static int check_bad(const char *name, const uint8_t *bytes, size_t n,
     return 0;
 }
 
+static int check_sound(const char *name, const uint8_t *bytes, size_t n,
+                       int want)
+{
+    saga_sound sound;
+    const saga_status s = saga_find_sound(&sound, bytes, n);
+
+    if ((int)s == want)
+        return 1;
+    printf("FAIL %s: finding its sound has status %d, not %d\n", name, (int)s,
+           want);
+    return 0;
+}
+
 static int check_line(const char *dir, const char *line)
 {
     char name[256];
@@ -155,14 +168,16 @@ static int check_line(const char *dir, const char *line)
     uint8_t *bytes;
     size_t n = 0;
     const int is_bad = sscanf(line, "%255s status %d", name, &status) == 2;
-    const int is_good = !is_bad &&
+    const int is_sound = !is_bad &&
+        sscanf(line, "%255s sound %d", name, &status) == 2;
+    const int is_good = !is_bad && !is_sound &&
         sscanf(line, "%255s %u %" SCNx32 " %" SCNx32 " %" SCNx32 " %" SCNx32
                " %d %u %" SCNx32 " %" SCNx32 " %" SCNx32, name, &number,
                &w.symbols, &w.final_range[0], &w.final_range[1],
                &w.final_range[2], &t, &camera, &w.primitives, &w.splats,
                &w.frame) == 11;
 
-    if (!is_bad && !is_good) {
+    if (!is_bad && !is_sound && !is_good) {
         printf("FAIL MANIFEST: cannot read the line: %s", line);
         return 0;
     }
@@ -171,6 +186,7 @@ static int check_line(const char *dir, const char *line)
         printf("FAIL %s: missing\n", name);
     else
         ok = is_bad ? check_bad(name, bytes, n, status)
+           : is_sound ? check_sound(name, bytes, n, status)
                     : check_good(name, bytes, n, number, t, camera, &w);
     free(bytes);
     return ok;

@@ -4,6 +4,7 @@
  * come from gen_stream.h, what they decode to from this build's decoder:
  * run it only when the format changes (`make vectors`), and look at why.
  */
+#include "encode.h"
 #include "file.h"
 #include "fx.h"
 #include "gen_mutate.h"
@@ -146,6 +147,118 @@ static void good_full(void)
     }
     o.seed--;
     good("level0_full", o);
+}
+
+/* Streams of given tools, whose pictures show something; and their bank. */
+#define ALL (uint32_t)SAGA_TOOLS_PICTURE
+#define DRAWN(given) .picture = 1, .tools_fixed = 1, .tools = given
+#define BANK(write, slots, width, blocks) .bank = write, \
+    .bank_slots = slots, .bank_width = width, .bank_blocks = blocks
+
+/* --- Sound --------------------------------------------------------------- */
+
+static void sound(const char *stem, const uint8_t *bytes, size_t n,
+                  saga_status status)
+{
+    char name[64];
+
+    snprintf(name, sizeof name, "sound/%s.saga", stem);
+    write_file(name, bytes, n);
+    fprintf(manifest, "%s sound %d\n", name, (int)status);
+}
+
+/* A film whose chunk of sound has `more` bytes more or fewer than it says. */
+static void sound_length(const char *stem, const uint8_t *bytes, size_t n,
+                         size_t at, int more)
+{
+    uint8_t *const copy = malloc(n);
+
+    memcpy(copy, bytes, n);
+    fx_store32_le(copy + at + 4, fx_load32_le(copy + at + 4) + (uint32_t)more);
+    sound(stem, copy, n, more > 1000 ? SAGA_ERR_TRUNCATED : SAGA_ERR_DATA);
+    free(copy);
+}
+
+/* A film with a byte changed; signed anew, the sound is no Ogg stream. */
+static void sound_byte(const char *stem, const uint8_t *bytes, size_t n,
+                       size_t at, int is_signed)
+{
+    uint8_t *const copy = malloc(n);
+
+    memcpy(copy, bytes, n);
+    copy[at] ^= 0x55;
+    if (is_signed)
+        saga_file_sign(copy, n, fx_load32_le(copy + SAGA_MAGIC_NBYTES));
+    sound(stem, copy, n, SAGA_ERR_DATA);
+    free(copy);
+}
+
+/* A film whose sound, at bytes[at..end), comes twice: segments stand where the
+ * index has them no longer. */
+static void sound_twice(const uint8_t *bytes, size_t n, size_t at, size_t end)
+{
+    uint8_t *const copy = malloc(2 * n);
+    const size_t twice = end - at;
+
+    memcpy(copy, bytes, end);
+    memcpy(copy + end, bytes + at, twice);
+    memcpy(copy + end + twice, bytes + end, n - end);
+    sound("twice", copy, n + twice, SAGA_ERR_DATA);
+    free(copy);
+}
+
+/* A chunk of sound that has no more than its first field. */
+static void sound_short(const uint8_t *bytes, size_t n, size_t at, size_t end)
+{
+    const size_t kept = SAGA_CHUNK_NBYTES + SAGA_SOUND_NBYTES;
+    uint8_t *const copy = malloc(n);
+
+    memcpy(copy, bytes, at + kept);
+    memcpy(copy + at + kept, bytes + end, n - end);
+    fx_store32_le(copy + at + 4, SAGA_SOUND_NBYTES);
+    n -= end - at - kept;
+    saga_file_sign(copy, n, fx_load32_le(copy + SAGA_MAGIC_NBYTES));
+    sound("short", copy, n, SAGA_ERR_DATA);
+    free(copy);
+}
+
+static void sounds(void)
+{
+    const gen_options o = { .seed = 42, .level = 0, .n_coarse = 2, DRAWN(0),
+                            .no_fuse = 3, .named = 1, .sounds = 1 };
+    gen_stream g;
+    saga_sound found;
+    uint8_t *bytes;
+    size_t n, at, end;
+
+    gen_stream_make(&g, &o);
+    gen_stream_encode(&g, &bytes, &n);
+    if (saga_find_sound(&found, bytes, n)) {
+        fprintf(stderr, "make_vectors: there is no sound\n");
+        exit(2);
+    }
+    at = (size_t)found.offset - SAGA_SOUND_NBYTES - SAGA_CHUNK_NBYTES;
+    end = (size_t)found.offset + found.nbytes;
+    sound("sound", bytes, n, SAGA_OK);
+    sound("cut", bytes, end - 1, SAGA_ERR_TRUNCATED);
+    sound("cut_behind", bytes, end + 3, SAGA_ERR_TRUNCATED);
+    sound("enough", bytes, end + 4, SAGA_OK);
+    sound_length("longer", bytes, n, at, 1);
+    sound_length("shorter", bytes, n, at, -1);
+    sound_length("beyond_the_end", bytes, n, at, 1 << 24);
+    sound_byte("crc", bytes, n, end - 2, 0);
+    sound_byte("names_crc", bytes, n, at - 2, 0);
+    sound_byte("not_ogg", bytes, n, at + SAGA_CHUNK_NBYTES +
+               SAGA_SOUND_NBYTES, 1);
+    sound_twice(bytes, n, at, end);
+    sound_short(bytes, n, at, end);
+    free(bytes);
+    bytes = NULL;
+    g.sounds = 0;
+    gen_stream_encode(&g, &bytes, &n);
+    sound("silent", bytes, n, SAGA_ERR_ARG);
+    free(bytes);
+    gen_stream_free(&g);
 }
 
 /* --- Bad ----------------------------------------------------------------- */
@@ -784,12 +897,6 @@ static void bad_all(void)
     gen_stream_free(&g);
 }
 
-/* Streams of given tools, whose pictures show something; and their bank. */
-#define ALL (uint32_t)SAGA_TOOLS_PICTURE
-#define DRAWN(given) .picture = 1, .tools_fixed = 1, .tools = given
-#define BANK(write, slots, width, blocks) .bank = write, \
-    .bank_slots = slots, .bank_width = width, .bank_blocks = blocks
-
 int main(int argc, char **argv)
 {
     static const struct { const char *stem; gen_options o; } row[] = {
@@ -830,6 +937,8 @@ int main(int argc, char **argv)
             .n_segments = 2, .base = 1 } },
         { "base_names", { .seed = 34, .level = 0, .n_coarse = 6, DRAWN(0),
             .no_fuse = 3, .n_segments = 2, .base = 1, .named = 1 } },
+        { "sound", { .seed = 41, .level = 0, .n_coarse = 6, DRAWN(0),
+            .no_fuse = 3, .n_segments = 2, .named = 1, .sounds = 1 } },
         { "layers", { .seed = 35, .level = 1, .n_coarse = 12, DRAWN(ALL),
             .no_fuse = 3, .linear = 1, .n_segments = 2, .n_layers = 2 } },
         { "layers_base", { .seed = 36, .level = 1, .n_coarse = 6, DRAWN(ALL),
@@ -862,11 +971,13 @@ int main(int argc, char **argv)
     }
     fputs("# Made by tests/make_vectors. Good: file, segment, CRC of the\n"
           "# symbols, final ranges of the three chunks, time, camera, CRCs of\n"
-          "# primitives, splats, frame. Bad: file, `status`, the exact one.\n",
+          "# primitives, splats, frame. Bad: file, `status`, the exact one.\n"
+          "# Of sound: file, `sound`, the status of finding it.\n",
           manifest);
     for (size_t i = 0; i < sizeof row / sizeof *row; i++)
         good(row[i].stem, row[i].o);
     good_full();
+    sounds();
     cut_layers(three_layers);
     bad_all();
     bad_scale();

@@ -6,7 +6,7 @@
 #include "bitstream_page.h"
 #include "testing.h"
 
-static int n_named, n_layered;
+static int n_named, n_layered, n_sounds;
 
 /* --- The page by itself -------------------------------------------------- */
 
@@ -178,6 +178,21 @@ static void check_names(file *f, size_t *at)
     assert_int_equal(done, nbytes);
 }
 
+/* The chunk of sound, where there is one. */
+static void check_sound(file *f, size_t *at)
+{
+    uint32_t nbytes;
+    uint8_t *p;
+
+    if (f->n - *at < 4 || memcmp(f->p + *at, "OPUS", 4) != 0)
+        return;
+    p = chunk(f, at, "OPUS", &nbytes);
+    n_sounds++;
+    check_values(SOUND, p, f);
+    assert_true(nbytes >= tables[SOUND].nbytes + 4);
+    assert_memory_equal(p + tables[SOUND].nbytes, "OggS", 4);
+}
+
 TEST(chunks_should_tile_every_file)
 {
     for (int i = 0; i < n_files; i++) {
@@ -192,6 +207,7 @@ TEST(chunks_should_tile_every_file)
         assert_int_equal(nbytes, get(HEADER, f->p, "nets_nbytes", 0));
         check_base(f, &at);
         check_names(f, &at);
+        check_sound(f, &at);
         for (uint32_t s = 0; s < n; s++) {
             uint8_t *const entry = index + s * tables[ENTRY].nbytes;
 
@@ -202,5 +218,5 @@ TEST(chunks_should_tile_every_file)
         assert_int_equal(first_frame, get(HEADER, f->p, "n_frames", 0));
         assert_int_equal(at, f->n);
     }
-    assert_true(n_named > 0 && n_layered > 0);
+    assert_true(n_named > 0 && n_layered > 0 && n_sounds > 0);
 }

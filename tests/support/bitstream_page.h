@@ -34,11 +34,11 @@ static table tables[] = {
     { .name = "Camera" }, { .name = "Chunk header" },
     { .name = "Index entry" }, { .name = "Segment header" },
     { .name = "Bank networks" }, { .name = "Base" }, { .name = "Names" },
-    { .name = "Name" }, { .name = "Layer" }
+    { .name = "Name" }, { .name = "Layer" }, { .name = "Sound" }
 };
 enum {
     HEADER, TIER, NETWORK, CAMERA, CHUNK, ENTRY, SEGMENT, BANK, BASE, NAMES,
-    NAME, LAYER, N_TABLES
+    NAME, LAYER, SOUND, N_TABLES
 };
 
 typedef struct {
@@ -443,8 +443,8 @@ static inline void check_values(int t, uint8_t *p, file *where)
 /* --- Chunks and segments ------------------------------------------------- */
 
 /* The CRC that the one of a chunk goes on from: the header's for INDX and NETS,
- * that of the chunk before for the base's, that of NETS for NAME, that of the
- * head's last chunk for a segment's. */
+ * that of the chunk before for the base's, that of NETS for NAME and OPUS, that
+ * of the head's last chunk for a segment's. */
 static inline uint32_t owner_of(const file *f, size_t at)
 {
     const size_t index = (size_t)get(HEADER, f->p, "header_nbytes", 0);
@@ -457,7 +457,8 @@ static inline uint32_t owner_of(const file *f, size_t at)
 
     if (at <= nets)
         return (uint32_t)load(f->p + index - 4, 4);
-    while (next < at && next < end && memcmp(f->p + at, "NAME", 4) != 0) {
+    while (next < at && next < end && memcmp(f->p + at, "NAME", 4) != 0 &&
+           memcmp(f->p + at, "OPUS", 4) != 0) {
         k = next;
         next += tables[CHUNK].nbytes + (size_t)get(CHUNK, f->p + k, "nbytes",
                                                    0);

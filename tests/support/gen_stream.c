@@ -3,7 +3,9 @@
 
 #include "crc32c.h"
 #include "encode.h"
+#include "film_sound.h"
 #include "fx.h"
+#include "gen_sound.h"
 #include "morton.h"
 #include "ref_recorder.h"
 #include "scaffold.h"
@@ -583,6 +585,7 @@ void gen_stream_make(gen_stream *g, const gen_options *o)
     make_nets(g, &r, o->picture);
     g->n_segments = o->n_segments ? o->n_segments : 1;
     g->named = o->named;
+    g->sounds = o->sounds;
     for (uint32_t i = 0; i < g->n_segments; i++) {
         for (uint32_t k = 0; k < n_layers; k++)
             make_scaffold(&g->segment[i * n_layers + k], &g->header.model, &r,
@@ -621,6 +624,21 @@ static int add_names(saga_encoder *e, const gen_stream *g, saga_error *error)
     return saga_encoder_names(e, names, error);
 }
 
+static int add_sound(uint8_t **bytes, size_t *n, saga_error *error)
+{
+    uint8_t ogg[GEN_SOUND_NBYTES];
+    const saga_recording sound = { ogg, sizeof ogg, -4800 };
+    saga_bytes silent = { *bytes, *n }, whole;
+
+    gen_sound(ogg);
+    if (!saga_sound_put(&whole, "the stream", &silent, &sound, error))
+        return 0;
+    saga_bytes_free(&silent);
+    *bytes = whole.data;
+    *n = whole.nbytes;
+    return 1;
+}
+
 void gen_stream_encode(gen_stream *g, uint8_t **bytes, size_t *n)
 {
     saga_encode_sizes sizes;
@@ -633,7 +651,8 @@ void gen_stream_encode(gen_stream *g, uint8_t **bytes, size_t *n)
     for (uint32_t i = 0; ok && i < g->n_segments; i++)
         ok = saga_encoder_segment(e, &g->segment[i * saga_n_layers(&g->header)],
                                   g->n_frames[i], &error);
-    ok = ok && saga_encoder_finish(e, bytes, n, &sizes, &error);
+    ok = ok && saga_encoder_finish(e, bytes, n, &sizes, &error) &&
+         (!g->sounds || add_sound(bytes, n, &error));
     saga_encoder_free(e);
     if (!ok) {
         fprintf(stderr, "gen_stream: %s\n", error.message);

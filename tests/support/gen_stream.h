@@ -39,6 +39,7 @@ typedef struct gen_options {
                               * picture */
     int linear;            /* F_fine and F_geo have one layer */
     int named;             /* names of the cameras, and a unit of length */
+    int sounds;            /* gen_sound's sound, from -1/10 s on */
     int base;              /* a base beside the segments */
     uint32_t n_layers;     /* of each segment, up to GEN_MAX_LAYERS; 0: 1 */
 } gen_options;
@@ -55,7 +56,7 @@ typedef struct gen_stream {
     saga_symbols segment[GEN_MAX_SEGMENTS * GEN_MAX_LAYERS]; /* layer k of
                               * segment i is i * layers + k */
     uint32_t n_frames[GEN_MAX_SEGMENTS];
-    int named;
+    int named, sounds;
 } gen_stream;
 
 /* splitmix64; the state is the seed. */

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "bytes_table.h"
 
-enum { N_ROWS = 11 };
+enum { N_ROWS = 12 };
 
 typedef struct {
     const char *name, *key;
@@ -17,13 +17,14 @@ static void fill(row rows[N_ROWS], const saga_layout *l)
         { "base", "base", (uint64_t)l->base_nbytes[SAGA_PART_COARSE] +
           l->base_nbytes[SAGA_PART_FINE] + l->base_nbytes[SAGA_PART_PRIM] },
         { "names", "names", l->names_nbytes },
+        { "sound", "sound", l->sound_nbytes },
         { "coarse anchors", "coarse", l->part_nbytes[SAGA_PART_COARSE] },
         { "fine anchors", "fine", l->part_nbytes[SAGA_PART_FINE] },
         { "primitives", "primitives", l->part_nbytes[SAGA_PART_PRIM] },
         { "segment headers", "segment_headers",
           l->part_nbytes[SAGA_PART_SEGMENT] },
         { "chunk headers", "chunk_headers", l->framing_nbytes },
-        { "in no sound chunk", "other", l->other_nbytes }
+        { "in no whole chunk", "other", l->other_nbytes }
     };
 
     for (int i = 0; i < N_ROWS; i++)

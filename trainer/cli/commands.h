@@ -17,6 +17,7 @@ extern const saga_command saga_command_export;
 extern const saga_command saga_command_import;
 extern const saga_command saga_command_info;
 extern const saga_command saga_command_join;
+extern const saga_command saga_command_mux;
 extern const saga_command saga_command_render;
 extern const saga_command saga_command_report;
 extern const saga_command saga_command_synth;

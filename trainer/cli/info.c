@@ -12,6 +12,7 @@
 #include "json_cli.h"
 #include "layout.h"
 #include "model.h"
+#include "ogg_opus.h"
 #include "saga.h"
 #include "utf8.h"
 
@@ -292,6 +293,26 @@ static json_t *rig_of(const subject *s)
     return list;
 }
 
+/* What the sound's own headers say; empty of a silent film, and of one whose
+ * sound is no stream of Opus. */
+static json_t *sound_of(const subject *s)
+{
+    json_t *const o = json_object();
+    saga_error error = { "" };
+    saga_sound sound;
+    saga_ogg_opus opus;
+
+    if (saga_find_sound(&sound, s->bytes, s->nbytes) ||
+        !saga_ogg_opus_read(&opus, s->name, s->bytes + sound.offset,
+                            sound.nbytes, &error))
+        return o;
+    put(o, "nbytes", sound.nbytes);
+    put(o, "n_channels", opus.n_channels);
+    saga_put_real(o, "start_seconds", (double)sound.start / SAGA_OPUS_RATE);
+    saga_put_real(o, "seconds", (double)opus.n_samples / SAGA_OPUS_RATE);
+    return o;
+}
+
 static json_t *crc_of(const saga_layout *l)
 {
     json_t *const o = json_object();
@@ -313,6 +334,7 @@ static json_t *report_of(const subject *s)
     saga_put(o, "/tools", line);
     saga_put(o, "decoding", decoding_of(&s->info));
     saga_put(o, "metric", metric_of(s));
+    saga_put(o, "sound", sound_of(s));
     saga_put_bytes(o, &s->layout);
     saga_put(o, "segments", segments_of(s));
     saga_put(o, "/cuts", cuts_of(s));
@@ -359,6 +381,9 @@ static const saga_line text[] = {
       "{metric.centre_metres.2:%.6g}), in units of the capture\n" },
     { "metric.metres_in_capture_unit", NULL, "unit        of the capture: "
       "{metric.metres_in_capture_unit:%.6g} m\n" },
+    { "sound", NULL, "sound       Opus, {sound.n_channels} "
+      "channel{sound.n_channels+s}, {sound.seconds:%.3f} s from "
+      "{sound.start_seconds:%.3f} s on\n" },
     SAGA_BYTES_LINES,
     { "", NULL, "\n  seg   first  frames      bytes      bit/s  coarse    fine"
       "    prims\n" },

@@ -30,7 +30,8 @@ static const saga_command *const commands[] = {
     &saga_command_export,
     &saga_command_import,
     &saga_command_cut,
-    &saga_command_join
+    &saga_command_join,
+    &saga_command_mux
 };
 
 enum { N_COMMANDS = (int)(sizeof commands / sizeof commands[0]) };

@@ -298,18 +298,63 @@ static bool turn(session *s)
                                metric->unit * s->camera.near_plane, &s->error);
 }
 
+/* Whether pictures pass as time does, from that of the first, in seconds. */
+static bool runs_at_speed(double *from, const session *s, double fps)
+{
+    const saga_info *const info = &s->film.info;
+    const double rate = (double)info->fps_num / info->fps_den;
+
+    for (int i = 0; i < s->n; i++) {
+        uint32_t num, den;
+        double seconds;
+
+        time_of(&num, &den, s, i);
+        seconds = num / (double)den / rate;
+        if (i == 0)
+            *from = seconds;
+        /* Nobody hears half a frame. */
+        if (fabs(seconds - *from - i / fps) > 0.5 / rate)
+            return false;
+    }
+    return true;
+}
+
+/* Finds the sound that goes with the pictures, if there is any. */
+static saga_film_sound sound_of(const session *s, double fps)
+{
+    const saga_film *const film = &s->film;
+    saga_film_sound to = { .file = NULL };
+    saga_sound sound;
+    double from;
+
+    if (saga_find_sound(&sound, film->bytes, film->nbytes) || s->n < 2)
+        return to;
+    if (!runs_at_speed(&from, s, fps)) {
+        fputs("The film has no sound, since time passes otherwise than in the "
+              "file.\n", stderr);
+        return to;
+    }
+    /* Opus counts in 48000ths of a second. */
+    return (saga_film_sound){ film->name, sound.offset, sound.nbytes,
+                              sound.start / 48000.0 - from };
+}
+
 static bool open_video(session *s)
 {
     const saga_info *const info = &s->film.info;
     double fps = info->fps_num && info->fps_den
         ? (double)info->fps_num / info->fps_den : 25.0;
+    saga_film_plan film;
 
     /* The path goes before the file; 25 is for a file without a rate. */
     if (s->path.fps > 0.0)
         fps = s->path.fps;
-    return saga_film_writer_open(&s->video, s->o->out,
-                                 s->camera.width * saga_sight_eyes(&s->sight),
-                                 s->camera.height, fps, &s->error);
+    film.width = s->camera.width * saga_sight_eyes(&s->sight);
+    film.height = s->camera.height;
+    film.n_pictures = s->n;
+    film.fps = fps;
+    film.sound = sound_of(s, fps);
+    return saga_film_writer_open(&s->video, s->o->out, &film, &s->error);
 }
 
 /* Finds the camera that has a name, or else that number, in the rig. */

@@ -9,6 +9,7 @@
 #include "error.h"
 #include "file.h"
 #include "output.h"
+#include "saga.h"
 #include "splice.h"
 
 #include <inttypes.h>
@@ -32,6 +33,26 @@ static bool write_file(const char *path, const uint8_t *bytes, size_t n,
     return saga_output_close(&out, fwrite(bytes, 1, n, out.file) == n, error);
 }
 
+static bool has_sound(const uint8_t *bytes, size_t n)
+{
+    saga_sound sound;
+
+    return saga_find_sound(&sound, bytes, n) == SAGA_OK;
+}
+
+/* Says so where a part has sound and the whole has not. */
+static void tell_sound(const uint8_t *bytes, size_t n,
+                       const saga_splice_part *part, int n_parts)
+{
+    bool lost = false;
+
+    for (int i = 0; i < n_parts && !lost; i++)
+        lost = has_sound(part[i].bytes, part[i].nbytes) &&
+               !has_sound(bytes, n);
+    if (lost)
+        printf("The sound is left out; `saga mux` gives the film another.\n");
+}
+
 static int write_splice(const char *command, const char *path,
                         const saga_splice_part *part, int n_parts)
 {
@@ -44,10 +65,13 @@ static int write_splice(const char *command, const char *path,
         status = SAGA_EXIT_DATA;
     else if (!write_file(path, bytes, n, &error))
         status = SAGA_EXIT_USAGE;
+    if (status) {
+        saga_cli_error(status, "%s: %s", command, error.message);
+    } else {
+        printf("%s: %zu bytes\n", path, n);
+        tell_sound(bytes, n, part, n_parts);
+    }
     free(bytes);
-    if (status)
-        return saga_cli_error(status, "%s: %s", command, error.message);
-    printf("%s: %zu bytes\n", path, n);
     return status;
 }
 
@@ -130,7 +154,7 @@ const saga_command saga_command_cut = {
     "the range must begin and end where segments do; `saga info` lists them.\n"
     "Layers may be left out of a file that has them: fewer bytes, a coarser\n"
     "picture. `saga cut FILE : --layers 1` keeps all frames, and of each what\n"
-    "the first layer has.\n",
+    "the first layer has. Sound is kept with all frames, else left out.\n",
     option_list, 2, run_cut, NULL
 };
 
@@ -141,6 +165,7 @@ const saga_command saga_command_join = {
     "They must have the same networks, model, cameras and frame rate: files\n"
     "that `saga cut` took out of one encoding, or `saga encode --only` made,\n"
     "in any order, or twice the same. Files of two encodings have networks of\n"
-    "their own, and are refused. More than 1,024 are joined in steps.\n",
+    "their own, and are refused. More than 1,024 are joined in steps.\n"
+    "Sound is left out.\n",
     option_list, 1, run_join, NULL
 };

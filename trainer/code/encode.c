@@ -328,6 +328,12 @@ static bool write_segments(const saga_encoder *e, saga_buffer *out,
     return true;
 }
 
+/* Whether it stands between head and segments: no picture needs it. */
+static bool is_aside(const saga_chunk *chunk)
+{
+    return chunk->type == SAGA_CHUNK_NAMES || chunk->type == SAGA_CHUNK_SOUND;
+}
+
 void saga_file_sign(uint8_t *file, size_t n, size_t header_nbytes)
 {
     uint32_t owner = saga_crc32c(0, file, header_nbytes - 4), nets = owner;
@@ -343,14 +349,14 @@ void saga_file_sign(uint8_t *file, size_t n, size_t header_nbytes)
         saga_chunk_io(&in, &chunk);
         /* The CRC of a chunk continues from another one's, so that a chunk of a
          * different file does not match: INDX and NETS from the header's, NAME
-         * from that of NETS, each of the base's from the previous one, and all
-         * of the segments' from the last one in the head. */
-        chunk.crc = saga_chunk_crc(chunk.type == SAGA_CHUNK_NAMES ? nets
-                                   : owner, &chunk, p + SAGA_CHUNK_NBYTES);
+         * and OPUS from that of NETS, each of the base's from the previous one,
+         * and all of the segments' from the last one in the head. */
+        chunk.crc = saga_chunk_crc(is_aside(&chunk) ? nets : owner, &chunk,
+                                   p + SAGA_CHUNK_NBYTES);
         saga_chunk_io(&out, &chunk);
         if (chunk.type == SAGA_CHUNK_NETS)
             nets = chunk.crc;
-        in_head = in_head && chunk.type != SAGA_CHUNK_NAMES &&
+        in_head = in_head && !is_aside(&chunk) &&
                   chunk.type != SAGA_CHUNK_SEGMENT;
         if (in_head && chunk.type != SAGA_CHUNK_INDEX)
             owner = chunk.crc;

@@ -136,6 +136,19 @@ static span names_of(const piece *p)
                    p->header.base_nbytes, n ? SAGA_CHUNK_NBYTES + n : 0 };
 }
 
+/* Finds the chunk of sound behind that; it is taken with all of a film, since
+ * a part of it has other moments. Empty else, or where there is none. */
+static span sound_of(const piece *p, int n_pieces)
+{
+    const span names = names_of(p);
+    const uint32_t n = p->layout.sound_nbytes;
+    const bool whole = n_pieces == 1 && p->first == 0 &&
+                       p->end == p->layout.n_segments;
+
+    return (span){ names.bytes + names.n,
+                   n && whole ? SAGA_CHUNK_NBYTES + n : 0 };
+}
+
 enum {
     MODEL_NBYTES = SAGA_HEADER_NBYTES + SAGA_BANK_NBYTES + SAGA_BASE_NBYTES
 };
@@ -308,10 +321,11 @@ static void write_header(splice *s, const piece *p)
 static void write_index(splice *s, const piece *p, int n_pieces)
 {
     const uint32_t nbytes = s->header.n_segments * SAGA_INDEX_ENTRY_NBYTES;
-    /* Where the first segment stands: behind this chunk, networks, base and
-     * names. */
+    /* Where the first segment stands: behind this chunk, networks, base, names
+     * and sound. */
     uint64_t at = s->at + 2u * SAGA_CHUNK_NBYTES + nbytes +
-                  s->header.nets_nbytes + s->header.base_nbytes + names_of(p).n;
+                  s->header.nets_nbytes + s->header.base_nbytes +
+                  names_of(p).n + sound_of(p, n_pieces).n;
 
     write_chunk_head(s, SAGA_CHUNK_INDEX, nbytes);
     for (int k = 0; k < n_pieces; k++)
@@ -364,6 +378,7 @@ static void write_all(splice *s, const piece *p, int n_pieces)
     write_bytes(s, networks_of(p), s->header.nets_nbytes +
                                    s->header.base_nbytes);
     write_bytes(s, names_of(p).bytes, names_of(p).n);
+    write_bytes(s, sound_of(p, n_pieces).bytes, sound_of(p, n_pieces).n);
     for (int k = 0; k < n_pieces; k++)
         for (uint32_t i = p[k].first; i < p[k].end; i++)
             write_segment(s, &p[k], i);
@@ -399,7 +414,7 @@ static bool splice_pieces(splice *s, const piece *p, int n_pieces,
             return false;
     /* The size is exact: writing never asks for more room. */
     nbytes += h->header_nbytes + 2u * SAGA_CHUNK_NBYTES + h->nets_nbytes +
-              h->base_nbytes + names_of(p).n +
+              h->base_nbytes + names_of(p).n + sound_of(p, n_pieces).n +
               (size_t)h->n_segments * SAGA_INDEX_ENTRY_NBYTES;
     s->bytes = saga_alloc(nbytes, 1, "the file to be written", error);
     if (!s->bytes)

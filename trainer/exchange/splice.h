@@ -25,6 +25,7 @@ typedef struct saga_splice_part {
 /* Gives the file that shows n_parts >= 1 parts one after another: *bytes
  * belongs to the caller (free). Its maxima are those of its segments; so all
  * parts of a file, joined, give its bytes again where `saga encode` made it.
+ * Sound is kept where one part is all of its film, and else left out.
  * Fails where a part is damaged, where frames do not begin or end with a
  * segment, where there are fewer layers, and where heads or networks differ:
  * the error says which, and *bytes is NULL. */

@@ -103,18 +103,27 @@ static bool take_chunk(saga_chunk *c, walk *w, uint32_t type, uint64_t at)
     return true;
 }
 
-/* Takes the NAME chunk at byte `at`, if there is one. */
-static bool take_names(walk *w, uint64_t at)
+/* Takes the chunk of a type at byte *at, if there is one, and moves past it. */
+static bool take_if_there(uint32_t *nbytes, walk *w, uint32_t type,
+                          uint64_t *at)
 {
     saga_chunk c;
 
-    if (at > w->n || w->n - at < 4 ||
-        saga_load_le(w->bytes + at, 4) != SAGA_CHUNK_NAMES)
+    if (*at > w->n || w->n - *at < 4 ||
+        saga_load_le(w->bytes + *at, 4) != type)
         return true;
-    if (!take_chunk(&c, w, SAGA_CHUNK_NAMES, at))
+    if (!take_chunk(&c, w, type, *at))
         return false;
-    w->to->names_nbytes = c.nbytes;
+    *nbytes = c.nbytes;
+    *at += SAGA_CHUNK_NBYTES + (uint64_t)c.nbytes;
     return true;
+}
+
+/* Takes names and sound, which stand at byte `at` where there are any. */
+static bool take_aside(walk *w, uint64_t at)
+{
+    return take_if_there(&w->to->names_nbytes, w, SAGA_CHUNK_NAMES, &at) &&
+           take_if_there(&w->to->sound_nbytes, w, SAGA_CHUNK_SOUND, &at);
 }
 
 static const uint32_t part_type[SAGA_N_PARTS] = {
@@ -162,9 +171,9 @@ static bool take_head(walk *w, const saga_header *h)
     to->nets_nbytes = c.nbytes;
     w->owner = c.crc;
     at += SAGA_CHUNK_NBYTES + (uint64_t)c.nbytes;
-    /* Names are stored after the base, but their CRC continues from that of
-     * NETS. */
-    return take_names(w, at + h->base_nbytes) &&
+    /* Names and sound are stored after the base, but their CRCs continue from
+     * that of NETS. */
+    return take_aside(w, at + h->base_nbytes) &&
            (!(h->model.tools & SAGA_TOOL_BASE) || take_base(w, h, at));
 }
 
@@ -264,7 +273,8 @@ static void take_entry(walk *w, uint32_t i, uint32_t first_frame)
 static void count_other(saga_layout *to)
 {
     uint64_t known = (uint64_t)to->header_nbytes + to->index_nbytes +
-                     to->nets_nbytes + to->names_nbytes + to->framing_nbytes;
+                     to->nets_nbytes + to->names_nbytes + to->sound_nbytes +
+                     to->framing_nbytes;
 
     for (int p = 0; p < SAGA_N_PARTS; p++)
         known += to->part_nbytes[p] + to->base_nbytes[p];

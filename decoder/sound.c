@@ -1,0 +1,82 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Where the sound of a film is. Nothing here listens to it.
+ */
+#include "fx.h"
+#include "head.h"
+#include "saga.h"
+#include "work_block.h"
+
+/* Reads the type of the chunk at byte `at`, which is at most n. */
+static saga_status type_at(uint32_t *type, const uint8_t *bytes, size_t n,
+                           size_t at)
+{
+    if (n - at < 4)
+        return SAGA_ERR_TRUNCATED;
+    *type = fx_load32_le(bytes + at);
+    return SAGA_OK;
+}
+
+/* Moves *at, behind the head, past the names, which a file may do without. */
+static saga_status skip_names(size_t *at, uint32_t networks,
+                              const uint8_t *bytes, size_t n)
+{
+    saga_chunk c;
+    uint32_t type;
+    saga_status s = type_at(&type, bytes, n, *at);
+
+    if (s || type != SAGA_CHUNK_NAMES)
+        return s;
+    s = saga_head_chunk(&c, SAGA_CHUNK_NAMES, networks, bytes + *at, n - *at);
+    if (s == SAGA_OK)
+        *at += SAGA_CHUNK_NBYTES + (size_t)c.nbytes;
+    return s;
+}
+
+/* Looks at what the chunk at byte `at` holds, and that it is the only one. */
+static saga_status check_payload(const saga_chunk *c, const uint8_t *bytes,
+                                 size_t n, size_t at)
+{
+    static const uint32_t ogg = SAGA_FOURCC('O', 'g', 'g', 'S');
+    const size_t begin = at + SAGA_CHUNK_NBYTES;
+    uint32_t next;
+    saga_status s;
+
+    if (c->nbytes < SAGA_SOUND_NBYTES + 4 ||
+        fx_load32_le(bytes + begin + SAGA_SOUND_NBYTES) != ogg)
+        return SAGA_ERR_DATA;
+    s = type_at(&next, bytes, n, begin + c->nbytes);
+    return s == SAGA_OK && next == SAGA_CHUNK_SOUND ? SAGA_ERR_DATA : s;
+}
+
+saga_status saga_find_sound(saga_sound *sound, const uint8_t *bytes, size_t n)
+{
+    saga_chunk c;
+    saga_header h;
+    saga_plan plan;
+    uint32_t networks, type;
+    size_t at;
+    saga_status s = saga_block_plan(&h, &plan, bytes, n, 1);
+
+    if (s)
+        return s;
+    at = (size_t)saga_head_nbytes(&h);
+    networks = saga_head_networks_crc(&h, bytes);
+    s = skip_names(&at, networks, bytes, n);
+    if (!s)
+        s = type_at(&type, bytes, n, at);
+    if (s)
+        return s;
+    if (type != SAGA_CHUNK_SOUND)
+        return SAGA_ERR_ARG;
+    s = saga_head_chunk(&c, SAGA_CHUNK_SOUND, networks, bytes + at, n - at);
+    if (!s)
+        s = check_payload(&c, bytes, n, at);
+    if (s)
+        return s;
+    at += SAGA_CHUNK_NBYTES;
+    sound->start = (int32_t)fx_load32_le(bytes + at);
+    sound->offset = at + SAGA_SOUND_NBYTES;
+    sound->nbytes = c.nbytes - SAGA_SOUND_NBYTES;
+    return SAGA_OK;
+}

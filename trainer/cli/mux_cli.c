@@ -1,0 +1,176 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * saga mux gives a file its sound, or takes it away. Nothing is decoded.
+ */
+#include "alloc.h"
+#include "child.h"
+#include "cli.h"
+#include "commands.h"
+#include "error.h"
+#include "file.h"
+#include "film_sound.h"
+#include "ogg_opus.h"
+#include "output.h"
+#include "saga.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+typedef struct {
+    const char *out, *audio;
+    double start;           /* seconds */
+} options;
+
+/* Reads all that a child writes. */
+static bool read_child(saga_bytes *to, saga_child *child, saga_error *error)
+{
+    size_t capacity = 0;
+
+    *to = (saga_bytes){ NULL, 0 };
+    while (to->nbytes == capacity) {
+        uint8_t *more;
+
+        capacity = capacity ? 2 * capacity : 1 << 16;
+        more = saga_realloc(to->data, capacity, 1, "the sound", error);
+        if (!more)
+            return false;
+        to->data = more;
+        to->nbytes += saga_child_read(child, more + to->nbytes,
+                                      capacity - to->nbytes);
+    }
+    return true;
+}
+
+/* Has ffmpeg code the sound of a file of any kind, a video's as well. */
+static bool code_sound(saga_bytes *to, const char *path, saga_error *error)
+{
+    char name[FILENAME_MAX];
+    const char *const argv[] = {
+        "ffmpeg", "-v", "error", "-i", name, "-vn", "-map", "0:a:0", "-c:a",
+        "libopus", "-map_metadata", "-1", "-fflags", "+bitexact", "-f", "ogg",
+        "-", NULL
+    };
+    saga_child child;
+    bool ok;
+
+    /* Without "file:", a name might look like an option or an address. */
+    (void)snprintf(name, sizeof name, "file:%s", path);
+    if (!saga_child_start(&child, argv, error))
+        return false;
+    ok = read_child(to, &child, error);
+    if (saga_child_end(&child, !ok) == 0 && ok)
+        return true;
+    saga_bytes_free(to);
+    return saga_fail(error, path, "give a file with sound that ffmpeg reads",
+                     "ffmpeg finds no sound: %s", child.tail);
+}
+
+/* Reads an Ogg stream of Opus as it is, and has anything else coded. */
+static bool read_sound(saga_bytes *to, const char *path, saga_error *error)
+{
+    if (!saga_read_file(to, path, error))
+        return false;
+    if (saga_is_ogg_opus(to->data, to->nbytes))
+        return true;
+    saga_bytes_free(to);
+    return code_sound(to, path, error);
+}
+
+static bool write_film(const char *path, const saga_bytes *film,
+                       saga_error *error)
+{
+    saga_output out;
+
+    if (!saga_output_open(&out, path, error))
+        return false;
+    return saga_output_close(&out, fwrite(film->data, 1, film->nbytes,
+                                          out.file) == film->nbytes, error);
+}
+
+/* Returns 0 or the exit status, with an error. */
+static int mux(const options *o, const char *name, const saga_bytes *film,
+               saga_error *error)
+{
+    const bool silent = strcmp(o->audio, "none") == 0;
+    saga_bytes sound = { NULL, 0 }, whole;
+    const long start = lround(o->start * SAGA_OPUS_RATE);
+    saga_recording take = { .start = (int32_t)start };
+    int status = SAGA_EXIT_OK;
+
+    if (!silent && !read_sound(&sound, o->audio, error))
+        return SAGA_EXIT_USAGE;
+    take.ogg = sound.data;
+    take.nbytes = sound.nbytes;
+    if (!saga_sound_put(&whole, name, film, &take, error))
+        status = SAGA_EXIT_DATA;
+    else if (!write_film(o->out, &whole, error))
+        status = SAGA_EXIT_USAGE;
+    else
+        printf("%s: %zu bytes, %zu of sound\n", o->out, whole.nbytes,
+               sound.nbytes);
+    saga_bytes_free(&sound);
+    saga_bytes_free(&whole);
+    return status;
+}
+
+static int check_options(const options *o)
+{
+    /* A start is counted in 31 bits of 1/48000 of a second. */
+    static const double most = 43200.0;
+
+    if (!o->out || !o->audio)
+        return saga_cli_error(SAGA_EXIT_USAGE, "mux: %s is missing; `saga help "
+                              "mux` explains", o->audio ? "-o OUT"
+                                                        : "--audio FILE");
+    if (fabs(o->start) > most)
+        return saga_cli_error(SAGA_EXIT_USAGE, "mux: --start %g is more than "
+                              "twelve hours away", o->start);
+    return SAGA_EXIT_OK;
+}
+
+static int run(int argc, char **argv)
+{
+    options o = { NULL, NULL, 0.0 };
+    const char *name;
+    saga_bytes film;
+    saga_error error = { "" };
+    int status = saga_cli_parse(&saga_command_mux, &o, &name, argc, argv);
+
+    if (status != SAGA_CLI_GO_ON)
+        return status;
+    status = check_options(&o);
+    if (status)
+        return status;
+    if (!saga_read_file(&film, name, &error))
+        return saga_cli_error(SAGA_EXIT_USAGE, "mux: %s", error.message);
+    status = mux(&o, name, &film, &error);
+    saga_bytes_free(&film);
+    return status ? saga_cli_error(status, "mux: %s", error.message) : status;
+}
+
+static const saga_cli_option option_list[] = {
+    { "--audio", "FILE|none", "its sound: Ogg Opus is taken as it is, the "
+      "sound of\nanything else, also of a video, is coded by ffmpeg;\n"
+      "none: silence", saga_cli_text, offsetof(options, audio), 0, 0 },
+    { "--start", "SECONDS", "when in the film it begins (default 0); below 0, "
+      "it began\nbefore the film", saga_cli_real, offsetof(options, start), 0,
+      0 },
+    { "-o", "OUT", "the file to be written", saga_cli_text,
+      offsetof(options, out), 0, 0 }
+};
+
+const saga_command saga_command_mux = {
+    "mux", "FILE", 1,
+    "a file with sound, or without",
+    "Writes FILE with the sound of another file in the place of any that it\n"
+    "had, or with none. Pictures and segments keep their bytes.\n"
+    "\n"
+    "  saga mux scene.saga --audio take.opus -o film.saga\n"
+    "  saga mux scene.saga --audio cam01.mp4 --start -0.2 -o film.saga\n"
+    "  saga mux film.saga --audio none -o silent.saga\n"
+    "\n"
+    "Players that know nothing of sound show such a file as before.\n",
+    option_list, (int)(sizeof option_list / sizeof option_list[0]), run, NULL
+};
