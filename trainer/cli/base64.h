@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Pages have their pictures inside, as base64 (RFC 4648).
+ * Encodes the pictures that a page contains as base64 (RFC 4648).
  */
 #ifndef SAGA_BASE64_H
 #define SAGA_BASE64_H
@@ -10,8 +10,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* Returns `prefix` with n bytes behind it, for the caller to free; NULL: no
- * memory. */
+/* Returns `prefix` followed by the n bytes in base64, a string that the caller
+ * frees; NULL if memory is short. */
 char *saga_base64(const char *prefix, const uint8_t *bytes, size_t n,
                   saga_error *error);
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Commands that load a capture have these options in common.
+ * Options that all commands share that load a capture.
  */
 #ifndef SAGA_CAPTURE_CLI_H
 #define SAGA_CAPTURE_CLI_H
@@ -9,18 +9,18 @@
 #include "cli.h"
 
 typedef struct saga_capture_choice {
-    saga_cli_pair frames;    /* b is 0: to the last */
+    saga_cli_pair frames;    /* frames a to b - 1; b = 0: to the last */
     const char *hold_out, *late;
-    int scale;               /* 0: not given */
+    int scale;               /* 1/scale of the size; 0: not given */
     int memory, threads;
     bool alpha_masks, follow_paths;
 } saga_capture_choice;
 
-/* The choice where nothing is said. */
+/* The choice if no option is given. */
 #define SAGA_CAPTURE_CHOICE { .memory = 4 }
 
-/* Rows of a command's table, whose structure `type` has the choice in its
- * `member`. */
+/* Rows for a command's table of options, whose structure `type` holds the
+ * choice in its `member`. */
 #define SAGA_CAPTURE_OPTIONS(type, member) \
     { "--frames", "A:B", "frames A to B - 1 of the capture (default all)", \
       saga_cli_range, offsetof(type, member.frames), 0, SAGA_MAX_FRAMES }, \
@@ -43,7 +43,7 @@ typedef struct saga_capture_choice {
     { "--threads", "N", "threads (default: all cores); no effect on what " \
       "comes out", saga_cli_int, offsetof(type, member.threads), 1, 1024 }
 
-/* Returns the options of loading; progress is not set. */
+/* Returns the options for loading; `progress` is not set. */
 saga_capture_options saga_capture_chosen(const saga_capture_choice *choice);
 
 #endif

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * A transforms.json whose cameras do not fit its pictures is written again
- * without the mistake that the survey has found.
+ * Rewrites a transforms.json whose cameras do not fit its pictures, without the
+ * mistake that the survey has found.
  */
 #ifndef SAGA_CHECK_FIX_H
 #define SAGA_CHECK_FIX_H
@@ -9,9 +9,10 @@
 #include "capture.h"
 #include "survey.h"
 
-/* Writes the file, whole or not at all; without a mistake it says so on stderr
- * and writes none. name is the capture's: a folder with transforms.json, or
- * such a file. What stands there that is not the cameras' stays. */
+/* Writes the corrected file to `path`, completely or not at all; if no mistake
+ * was found, says so on stderr and writes nothing. `name` is the capture: a
+ * folder with transforms.json, or such a file. Everything in the file that does
+ * not describe cameras is kept. Returns false on an error. */
 bool saga_check_fix(const char *path, const char *name,
                     const saga_survey *survey, const saga_capture *capture,
                     saga_error *error);

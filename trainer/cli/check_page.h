@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The findings of saga check, as one page without other files; and the
- * forecast, which it tells in text as well.
+ * Writes the findings of `saga check` as one self-contained page, and computes
+ * its forecast, which is also printed as text.
  */
 #ifndef SAGA_CHECK_PAGE_H
 #define SAGA_CHECK_PAGE_H
@@ -12,19 +12,20 @@
 typedef struct saga_forecast {
     const char *preset;
     int n_segments;
-    int scale;                /* N of 1/N that pictures of a still are at */
-    int n_primitives, n_iterations; /* of each */
-    int n_teachers;           /* before the warm-up, counted in minutes alone */
-    double minutes;           /* of CPU, for all of them */
+    int scale; /* a still's pictures are used at 1/scale of their size */
+    int n_primitives, n_iterations; /* of each segment */
+    int n_teachers; /* trained before the warm-up; counted in `minutes` only */
+    double minutes;           /* CPU time for all segments */
     double least_kb, most_kb;
 } saga_forecast;
 
-/* Tells what encoding with the index-th preset takes, with a base that saves
- * nothing; false past the last, and where memory ends. */
+/* Estimates what encoding with preset number `index` takes, on the assumption
+ * that a base saves nothing. Returns false past the last preset, or if memory
+ * is short. */
 bool saga_forecast_of(saga_forecast *forecast, const saga_capture *capture,
                       int index);
 
-/* Writes the page; it appears whole or not at all. name is the capture's. */
+/* Writes the page, completely or not at all. `name` is the capture. */
 bool saga_check_page(const char *path, const char *name,
                      const saga_survey *survey, const saga_capture *capture,
                      saga_error *error);

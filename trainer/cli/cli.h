@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: MIT
  *
- * The subcommands of `saga` share this: their description, the command line,
+ * Shared by the subcommands of `saga`: their description, the command line,
  * messages, progress.
  *
- * Messages go to stderr, as one sentence each: the file or the option, the
- * value that is wrong, and what to do about it. Results go to stdout.
+ * Messages go to stderr, one sentence each: the file or the option, the value
+ * that is wrong, and what to do about it. Results go to stdout.
  */
 #ifndef SAGA_CLI_H
 #define SAGA_CLI_H
@@ -19,48 +19,52 @@
 #define SAGA_CLI_PRINTF(f, a)
 #endif
 
-/* Every subcommand has these exit statuses. */
+/* The exit statuses of every subcommand. */
 enum {
     SAGA_EXIT_OK = 0,
-    SAGA_EXIT_DATA = 1,     /* what a file holds is refused */
-    SAGA_EXIT_USAGE = 2,    /* the command line, or reading or writing */
-    SAGA_CLI_GO_ON = -1     /* of saga_cli_parse: nothing to exit for */
+    SAGA_EXIT_DATA = 1,     /* the contents of a file are invalid */
+    SAGA_EXIT_USAGE = 2,    /* a mistake in the command line, or a file cannot
+                             * be read or written */
+    SAGA_CLI_GO_ON = -1 /* from saga_cli_parse: do not exit, run the command */
 };
 
 /* --- Commands and options ------------------------------------------------ */
 
 typedef struct saga_cli_option saga_cli_option;
 
-/* Reads a whole text into the value at `to`; false if it is not one. */
+/* Parses a whole text into the value at `to`; returns false if it is
+ * invalid. */
 typedef bool saga_cli_read_fn(void *to, const char *text,
                               const saga_cli_option *option);
 
 struct saga_cli_option {
     const char *name;       /* "--json", "-o" */
-    const char *value;      /* the value's name in the help; NULL: a flag */
+    const char *value;      /* name of the value in the help; NULL: a flag has
+                             * none */
     const char *help;       /* lines, separated by \n */
-    saga_cli_read_fn *read; /* a flag's is saga_cli_flag */
-    size_t offset;          /* of its value in the command's structure */
-    long min, max;          /* of saga_cli_int */
+    saga_cli_read_fn *read; /* saga_cli_flag for a flag */
+    size_t offset;          /* offset of its value in the command's structure */
+    long min, max;          /* the range, for readers that have one */
 };
 
-/* The most arguments of a command whose last one may be repeated. */
+/* The largest number of arguments if the last may be repeated. */
 enum { SAGA_CLI_MOST_ARGUMENTS = 1024 };
 
 typedef struct saga_command {
     const char *name;
-    const char *arguments;  /* "FILE CAPTURE", for the usage line; "..." at
-                             * the end: the last may be repeated */
-    int n_arguments;        /* number that must be given */
-    const char *summary;    /* one line, for the table */
-    const char *text;       /* what it does; lines */
+    const char *arguments;  /* "FILE CAPTURE", for the usage line; "..." at the
+                             * end: the last argument may be repeated */
+    int n_arguments;        /* number of arguments that must be given */
+    const char *summary;    /* one line, for the list of commands */
+    const char *text;       /* describes the command; lines */
     const saga_cli_option *options;
     int n_options;
     int (*run)(int argc, char **argv); /* argv[0] is the command's name */
-    void (*print_list)(void); /* prints a list behind the text; NULL: none */
+    void (*print_list)(void); /* prints a list after the text; NULL: no list */
 } saga_command;
 
-/* These read values; behind each is what lies at the option's offset. */
+/* Readers of values; the comment after each says what it stores at the option's
+ * offset. */
 saga_cli_read_fn saga_cli_flag;  /* bool; text is NULL */
 saga_cli_read_fn saga_cli_text;  /* const char *; not empty */
 saga_cli_read_fn saga_cli_names; /* const char *; empty for none */
@@ -70,8 +74,8 @@ saga_cli_read_fn saga_cli_nbytes; /* double; "150k" is 150,000, "1.2M"
                                    * 1,200,000 */
 saga_cli_read_fn saga_cli_scale; /* int N of "1/N" or "N", min..max */
 saga_cli_read_fn saga_cli_size;  /* saga_cli_pair of "WxH", each min..max */
-saga_cli_read_fn saga_cli_range; /* saga_cli_pair of "A:B", A < B, min..max; an
-                                  * end left out stays as it was */
+saga_cli_read_fn saga_cli_range; /* saga_cli_pair of "A:B", A < B, min..max; a
+                                  * missing end keeps its default */
 saga_cli_read_fn saga_cli_fraction; /* saga_cli_pair of "N" or "N/D", N within
                                      * min..max, D >= 1 */
 
@@ -79,66 +83,69 @@ typedef struct saga_cli_pair {
     int32_t a, b;
 } saga_cli_pair;
 
-/* Reads the options into the structure at `values`, which holds the defaults,
- * and the arguments into arguments[], in which all that may be given must fit.
- * Options may stand anywhere, also as --name=value; "--" ends them. GO_ON, or
- * the exit status: after --help 0, after a mistake USAGE, told on stderr. */
+/* Parses the options into the structure at `values`, which holds the defaults,
+ * and the arguments into arguments[], which must have room for all that may be
+ * given. Options may stand anywhere, also as --name=value; "--" ends them.
+ * Returns SAGA_CLI_GO_ON or an exit status: 0 after --help, SAGA_EXIT_USAGE
+ * after a mistake, which has been reported on stderr. */
 int saga_cli_parse(const saga_command *c, void *values,
                    const char **arguments, int argc, char **argv);
 
-/* Prints the help of one command, on stdout. */
+/* Prints the help of one command on stdout. */
 void saga_cli_help(const saga_command *c);
 
-/* Prints a row of a list in the help: a name, and what it means, wrapped. */
+/* Prints a row of a list in the help: a name, and its meaning, wrapped. */
 void saga_cli_row(const char *name, const char *meaning);
 
-/* Returns the nearest of n names to `name`, or NULL if none is near enough to
- * have been meant. Names lie `stride` bytes apart, each a const char *. */
+/* Returns the one of n names that is nearest to `name`, or NULL if none is near
+ * enough to be what was meant. names points to the first of n pointers (const
+ * char *), which are `stride` bytes apart. */
 const char *saga_cli_nearest(const char *name, const void *names, size_t n,
                              size_t stride);
 
 /* --- Threads -------------------------------------------------------------- */
 
-/* Takes n threads, 0 for as many as there are cores: SAGA_EXIT_OK, or the
- * status after a message of `command`. */
+/* Sets the number of threads; n = 0 means all cores. Returns SAGA_EXIT_OK, or
+ * an exit status after a message from `command`. */
 int saga_cli_threads(const char *command, int n);
 
 /* --- Messages ------------------------------------------------------------ */
 
-/* Prints "saga: ..." and a newline on stderr; returns status. */
+/* Prints "saga: ...", with a newline, on stderr; returns status. */
 int saga_cli_error(int status, const char *format, ...) SAGA_CLI_PRINTF(2, 3);
 
 /* --- Signals ------------------------------------------------------------- */
 
-/* Has Ctrl-C, SIGTERM and SIGHUP call `handler`, but those that whoever started
- * the program ignores (nohup). */
+/* Installs `handler` for Ctrl-C, SIGTERM and SIGHUP, except for signals that
+ * the parent process has set to be ignored (nohup). */
 void saga_cli_catch_signals(void (*handler)(int number));
 
-/* A handler that ends the program by the signal, as usual, without the files it
- * was writing (output.h). */
+/* A handler that removes the files being written (output.h) and ends the
+ * program by the signal's default action. */
 void saga_cli_end(int number);
 
 /* --- Progress ------------------------------------------------------------ */
 
-/* A meter is one line on stderr: rewritten in place on a terminal, else a new
- * one every few seconds. Zero it, set quiet to say nothing. Not for several
- * threads at once. */
+/* A meter is one line on stderr: on a terminal it is rewritten in place,
+ * otherwise a new line is printed every few seconds. Initialise with zeros; set
+ * `quiet` to print nothing. It must not be used by several threads at once. */
 typedef struct saga_meter {
     bool quiet;
     bool started, terminal;
-    double start, shown;    /* seconds */
-    double from;            /* what was done at the start */
-    int width;              /* characters of the line that stands there */
+    double start, shown; /* seconds: when it began and when it was last shown */
+    double from;            /* the value of `done` at the start */
+    int width; /* length of the line on the terminal, in characters */
 } saga_meter;
 
-/* done runs from 0, or what a run before has left, to 1; `doing` says what is
- * being done, with numbers. */
+/* Shows progress: `done` runs to 1 from 0, or from what an earlier run has
+ * completed; `doing` describes the work, with numbers. */
 void saga_meter_show(saga_meter *m, double done, const char *doing);
 
-/* Does the same as a saga_progress_fn; user is the meter. Never cancels. */
+/* Does the same as a saga_progress_fn, whose user is the meter. Never
+ * cancels. */
 bool saga_meter_progress(void *user, double done, const char *doing);
 
-/* Takes the line away, so that other output may follow. */
+/* Removes the line, so that other output may follow. */
 void saga_meter_end(saga_meter *m);
 
 #endif

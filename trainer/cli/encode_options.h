@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: MIT
  *
- * The options of saga encode. The table of encode_cli.c reads it and is its
- * help; ranges stand there, defaults in saga_encode_defaults.
+ * The options of `saga encode`. The table in encode_cli.c reads them and is
+ * their help; it has the ranges, saga_encode_defaults the defaults.
  *
- * Who decides: what is given goes before the preset, and the preset before the
- * rule that follows from the capture (preset.h). The level's limits go
- * before all.
+ * Precedence: an option that is given overrides the preset, and the preset
+ * overrides the rule that follows from the capture (preset.h). The limits of
+ * the level override all of them.
  */
 #ifndef SAGA_ENCODE_OPTIONS_H
 #define SAGA_ENCODE_OPTIONS_H
@@ -19,52 +19,56 @@
 
 typedef struct saga_encode_options {
     saga_capture_choice capture;
-    const char *output;      /* file, or folder of a sweep; needed */
+    const char *output;      /* a file, or the folder of a sweep; required */
 
-    /* How large, how long. One of lambda, size, bitrate and sweep decides on
+    /* How large and how long. One of lambda, size, bitrate and sweep determines
      * the size; 0: not given. */
-    const char *preset;      /* what is not given of the following */
+    const char *preset; /* sets those of the following that are not given */
     double size;             /* bytes */
-    double bitrate;          /* bits a second, over the capture's time */
-    bool sweep;              /* five files, by their primitives */
-    int primitives;          /* of a segment; 0: by size, or by the preset */
-    int iterations;          /* of a segment, all stages; 0: by the preset */
-    double minutes;          /* instead of iterations; 0: these */
-    double lambda;           /* price of a bit (policy.h); 0: balanced */
-    int level;               /* 0 to 3; obeyed by all that is planned */
-    int layers;              /* behind which a file may be cut */
+    double bitrate;          /* bits per second, over the capture's duration */
+    bool sweep; /* five files with different numbers of primitives */
+    int primitives;          /* per segment; 0: derived from the size, or from
+                              * the preset */
+    int iterations;          /* per segment, all stages; 0: from the preset */
+    double minutes;          /* instead of iterations; 0: use iterations */
+    double lambda;           /* price of a bit (policy.h); 0: chosen to balance
+                              * primitives and bits */
+    int level;               /* 0 to 3; all plans obey its limits */
+    int layers; /* number of layers; a file may be cut after each */
 
-    /* Which part. */
-    int segment;             /* frames; 0: preset.h */
-    bool networks_only;      /* no segments: the file that --networks takes */
-    int only;                /* segment; -1: all. Needs networks */
+    /* Which part of the capture's file to make. */
+    int segment;             /* length in frames; 0: see preset.h */
+    bool networks_only;      /* write no segments, only the file that --networks
+                              * reads */
+    int only; /* the only segment to make; -1: all. Requires networks */
     const char *networks;    /* file, or NULL */
 
-    /* How. */
-    double metres;           /* in the capture's unit; 0: the capture says */
-    bool still, moving;      /* instead of a measurement */
+    /* How to train. */
+    double metres; /* metres per unit of the capture; 0: from the capture */
+    bool still, moving;      /* override the measurement of motion */
     int seed;
     const char *ablate;      /* words of ablation.h, or NULL */
 
-    /* Beside the file. */
+    /* Output other than the file. */
     int every;               /* seconds between checkpoints */
     bool resume;
     const char *log;         /* file, or NULL */
-    bool json;               /* what is printed */
+    bool json;               /* print the report as JSON */
 } saga_encode_options;
 
 saga_encode_options saga_encode_defaults(void);
 
-/* Not all of the capture's file is made. */
+/* Returns whether only a part of the capture's file is made. */
 bool saga_encode_is_part(const saga_encode_options *o);
 
-/* Says what excludes what, and reads preset and ablation. The exit status. */
+/* Reports contradictions between options, and looks up preset and ablation.
+ * Returns the exit status. */
 int saga_encode_check_options(const saga_encode_options *o,
                               const saga_preset **preset,
                               saga_ablation *ablation);
 
-/* Returns what decides on the file, as it was given: 0, null and false stand
- * for what was not. */
+/* Returns the options that determine the file, as they were given; those not
+ * given are 0, null or false. */
 json_t *saga_encode_options_json(const saga_encode_options *o);
 
 #endif

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * saga encode in its stages: encode_open.c, encode_run.c, encode_check.c,
- * encode_report.c, a function each at the end of this file, over what
- * encode_session.c does for all. They return the exit status, after a
- * message.
+ * The stages of `saga encode`: encode_open.c, encode_run.c, encode_check.c and
+ * encode_report.c implement the functions at the end of this file, with the
+ * functions of encode_session.c that all of them share. Stages return the exit
+ * status, after a message if it is not 0.
  */
 #ifndef SAGA_ENCODE_SESSION_H
 #define SAGA_ENCODE_SESSION_H
@@ -21,61 +21,66 @@
 #include <jansson.h>
 #include <signal.h>
 
-/* The file cut behind a layer, and what the integer decoder makes of it. */
+/* The file cut after a layer, and its quality as the integer decoder decodes
+ * it. */
 typedef struct saga_encode_cut {
-    saga_bytes bytes;            /* of a cut film, while it is open */
+    saga_bytes bytes;            /* bytes of the film, while it is open */
     saga_film film;
     size_t nbytes;
-    double sum[2];               /* dB: training, held out */
-    int n[2];                    /* pictures */
+    double sum[2];               /* sums of PSNRs in dB: training, held out */
+    int n[2];                    /* number of pictures in them */
     saga_quality quality;
 } saga_encode_cut;
 
-/* A session has what is open and what came out. */
+/* A session holds everything that is open, and the results. */
 typedef struct saga_encode_session {
     const saga_encode_options *o;
     const saga_preset *preset;
-    const volatile sig_atomic_t *signal; /* that asked to stop; 0 */
+    const volatile sig_atomic_t *signal; /* the signal that asked to stop; 0:
+                              * none */
     const char *capture_name;
-    double part;                 /* of the most primitives, in a sweep; 0 */
+    double part;                 /* in a sweep, a fraction of the largest file's
+                                  * primitives; 0: no sweep */
     char *checkpoint;
     saga_ablation ablation;
-    saga_capture whole;          /* what is known of it without a picture */
+    saga_capture whole;          /* the capture's listing, without pictures */
     int n_segments;
-    int scale;                   /* N of 1/N that its pictures are loaded at */
-    saga_capture capture;        /* of one segment */
+    int scale; /* pictures are loaded at 1/scale of their size */
+    saga_capture capture;        /* the segment in memory */
     saga_train *train;
-    saga_quality decoded;  /* by the integer decoder, from the file */
-    saga_quality evened;   /* the same beside the evened pictures that
-                                  * training saw; 0 pictures: all alike */
-    saga_quality agreement; /* of its pictures with the float ones of
-                                   * the same symbols, PSNR */
-    saga_verdict verdict;        /* of the training views */
-    saga_shutter *shutter;       /* (views) sums, */
-    saga_shutter_found *rows;    /* (views) and what they tell */
-    saga_encode_cut cut[SAGA_MAX_LAYERS]; /* behind each layer but the last */
-    saga_output out;             /* open from the start: the name is ours */
-    saga_layout layout;          /* of the closed file */
+    saga_quality decoded;  /* of the written file, by the integer decoder */
+    saga_quality evened;   /* the same, compared with pictures whose exposure is
+                            * evened out as in training; 0 pictures: exposures
+                            * are equal */
+    saga_quality agreement; /* PSNR between decoded pictures and the float
+                             * model's pictures for the same symbols */
+    saga_verdict verdict;        /* over the training views */
+    saga_shutter *shutter;       /* (views) sums */
+    saga_shutter_found *rows;    /* (views) results from these sums */
+    saga_encode_cut cut[SAGA_MAX_LAYERS]; /* the file cut after each layer
+                              * except the last */
+    saga_output out; /* opened at the start, which reserves the name */
+    saga_layout layout;          /* of the finished file */
     saga_encode_log log;
     saga_error error;
     saga_meter meter;
-    size_t wanted;               /* bytes of the file; 0: any */
-    saga_plan_reasons why;       /* it is trained so */
+    size_t wanted; /* requested size of the file in bytes; 0: none */
+    saga_plan_reasons why;       /* reasons for what was planned */
     double started, log_began;
 } saga_encode_session;
 
-/* --- The capture, which is loaded a segment at a time -------------------- */
+/* --- The capture, which is loaded one segment at a time ------------------ */
 
-/* Returns how it is loaded: as asked for, at the session's scale. */
+/* Returns the options for loading: those given, with the session's scale. */
 saga_capture_options saga_encode_capture_options(saga_encode_session *s);
 
-/* Returns the frame of the whole capture that a segment begins with. */
+/* Returns the first frame of a segment, counted in the whole capture. */
 int saga_encode_begin(const saga_encode_session *s, int segment);
 uint32_t saga_encode_frames(const saga_encode_session *s, int segment);
 
 bool saga_encode_has_base(const saga_encode_session *s);
 
-/* Loads what a training of a segment, or of the base, sees. */
+/* Loads the pictures for training a segment, or the base. */
 int saga_encode_load(saga_encode_session *s, int segment);
 
 /* --- Progress ------------------------------------------------------------ */
@@ -83,11 +88,11 @@ int saga_encode_load(saga_encode_session *s, int segment);
 bool saga_encode_loading(void *session, double done, const char *doing);
 bool saga_encode_training(void *session, const saga_train_progress *p);
 
-/* Tells of a checkpoint that could not be written. Training goes on without;
- * whoever watches may make room. */
+/* Warns that a checkpoint could not be written. Training continues, so that the
+ * user may free space on the disk. */
 void saga_encode_complain(saga_encode_session *s);
 
-/* Tells of a stop that was asked for, and what is left of it. */
+/* Reports that training was stopped on request, and which files remain. */
 int saga_encode_stopped(const saga_encode_session *s);
 
 /* --- Stages -------------------------------------------------------------- */
@@ -97,13 +102,13 @@ int saga_encode_train(saga_encode_session *s);
 int saga_encode_write(saga_encode_session *s);
 int saga_encode_check(saga_encode_session *s);
 
-/* Returns by how much the cameras' factors differ at most, as a part. */
+/* Returns the largest relative difference between the cameras' exposures. */
 double saga_encode_exposure(const saga_encode_session *s);
 
-/* Returns the report of a whole file. */
+/* Returns the report about a complete file. */
 json_t *saga_encode_report(const saga_encode_session *s);
 
-/* Tells of what was made: file, part or networks. */
+/* Prints the report about the file, the part or the networks. */
 int saga_encode_tell(const saga_encode_session *s);
 
 #endif

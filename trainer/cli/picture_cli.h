@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Commands that look at one picture of a file's rig share its options.
+ * Options that all commands share that examine one picture of a file's rig.
  */
 #ifndef SAGA_PICTURE_CLI_H
 #define SAGA_PICTURE_CLI_H
@@ -12,13 +12,13 @@
 #include "view.h"
 
 typedef struct saga_cli_picture {
-    int camera;              /* of the rig */
-    saga_cli_pair frame;     /* N/D; begins as 0/1 */
-    saga_cli_pair size;      /* 0: the camera's */
+    int camera;              /* index in the rig */
+    saga_cli_pair frame;     /* N/D in frames; default 0/1 */
+    saga_cli_pair size;      /* 0: the camera's size */
 } saga_cli_picture;
 
-/* Their entries in the list of a command whose options, of the given type, have
- * them in `member`. */
+/* Entries for a command's list of options, whose structure `type` holds them in
+ * `member`. */
 #define SAGA_CLI_PICTURE(type, member) \
     { "--camera", "N", "camera N of the file's rig (default 0); `saga info` " \
       "lists\nthem", saga_cli_int, offsetof(type, member.camera), 0, 65535 }, \
@@ -29,14 +29,14 @@ typedef struct saga_cli_picture {
       "that the\ncamera sees stays in it", saga_cli_size, \
       offsetof(type, member.size), 1, SAGA_MAX_SIDE }
 
-/* The camera and the time of a picture, and the number that the capture gave
- * the camera. False: the film has no such picture. */
+/* Sets camera and time of a picture, and the number that the capture gave the
+ * camera. Returns false if the film has no such picture. */
 bool saga_cli_picture_view(saga_verify_view *view, uint32_t *number,
                            const saga_film *film, const saga_cli_picture *o,
                            saga_error *error);
 
-/* Puts which picture it is into a report, whose text says it so; "segment" and
- * "t", which come from decoding, are the caller's. */
+/* Adds the identity of the picture to a report, and the text for it; the caller
+ * adds "segment" and "t", which are known after decoding. */
 void saga_cli_put_picture(json_t *report, const saga_verify_view *view,
                           uint32_t number, int camera);
 

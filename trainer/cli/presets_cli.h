@@ -2,7 +2,7 @@
 #ifndef SAGA_PRESETS_CLI_H
 #define SAGA_PRESETS_CLI_H
 
-/* Prints what the presets of saga encode are, on stdout. */
+/* Prints a description of the presets of `saga encode` on stdout. */
 void saga_presets_help(void);
 
 #endif

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * At its end `saga encode` says in words what is well represented and what is
- * not, and where a rolling shutter shows.
+ * What `saga encode` says at its end: how well still and moving parts are
+ * represented, and where a rolling shutter shows.
  */
 #ifndef SAGA_VERDICT_CLI_H
 #define SAGA_VERDICT_CLI_H
@@ -10,19 +10,19 @@
 #include "shutter.h"
 #include "verdict.h"
 
-/* Puts "psnr_parts" into a report: {"still", "moving", "moving_as_still",
- * "moving_share"}, null where there is no such pixel. Where it is bad, the text
- * says what to try; `better` is a preset that would be, or NULL. */
+/* Adds "psnr_parts" to a report: {"still", "moving", "moving_as_still",
+ * "moving_share"}, null if there are no such pixels. If the quality is bad, the
+ * text suggests what to try; `better` is a preset that would help, or NULL. */
 void saga_put_verdict(json_t *report, const saga_verdict *v,
                       const char *better);
 
-/* Puts "readout" into a report: {NAME: {"frames", "standard_error", "shows"},
- * ..}, null where too little moves; found: (capture->n_views). */
+/* Adds "readout" to a report: {NAME: {"frames", "standard_error", "shows"},
+ * ..}, null if too little moves. found has capture->n_views items. */
 void saga_put_shutter(json_t *report, const saga_shutter_found *found,
                       const saga_capture *capture);
 
-/* These lines print both, the views whose rows are read one after the other if
- * there are any. */
+/* The lines that print both; cameras with a rolling shutter are listed if there
+ * are any. */
 #define SAGA_VERDICT_LINES \
     { "psnr_parts./still_word", NULL, "  what stands still: " \
       "{psnr_parts.still:%.1f} dB, {psnr_parts./still_word}" }, \

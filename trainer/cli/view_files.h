@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * Files as they lie in the program: tools/embed.sh makes the tables at build
+ * Files embedded in the program: tools/embed.sh generates the tables at build
  * time. Those of ports/web are for `saga view`; the decoder for browsers,
- * saga.wasm, is missing where there was no compiler for it. The page of `saga
- * report` is the only one of its table.
+ * saga.wasm, is missing if the build had no compiler for it. The other table
+ * holds only the page of `saga report`.
  */
 #ifndef SAGA_VIEW_FILES_H
 #define SAGA_VIEW_FILES_H
