@@ -11,32 +11,33 @@
 
 #include <sys/types.h>
 
-/* A child is given up after this many seconds without output: counting the
+/* A child is killed after this many seconds without output: counting the
  * packets of a long video takes minutes. */
 enum { SAGA_CHILD_PATIENCE = 300 };
 
 typedef struct saga_child {
     pid_t pid;      /* 0: not running */
     int patience;   /* seconds; saga_child_start sets SAGA_CHILD_PATIENCE */
-    bool hung;      /* it was given up */
-    int in, out;    /* file descriptors: what we write, read; -1: none */
-    int log;        /* of its messages; -1: none */
+    bool hung;      /* it was killed because it produced no output */
+    int in, out;    /* file descriptors: its standard input, which we write, and
+                     * its output, which we read; -1: none */
+    int log;        /* file descriptor of its standard error; -1: none */
     char tail[256]; /* last line of standard error, after saga_child_end */
 } saga_child;
 
-/* argv[0] is looked up in PATH; argv ends with NULL. */
+/* Starts a program, which is looked up in PATH; argv ends with NULL. */
 bool saga_child_start(saga_child *child, const char *const *argv,
                       saga_error *error);
-/* Does the same, but we write what it reads. */
+/* Does the same, with a pipe to the child's standard input. */
 bool saga_child_start_fed(saga_child *child, const char *const *argv,
                           saga_error *error);
-/* Writes n bytes; false where the child takes no more. */
+/* Writes n bytes; returns false if the child accepts no more. */
 bool saga_child_write(saga_child *child, const void *buffer, size_t n);
-/* Reads until n bytes are there or the output ends; returns how many. A child
- * that says nothing for too long is killed. */
+/* Reads until n bytes have arrived or the output ends; returns their number. A
+ * child without output for `patience` seconds is killed. */
 size_t saga_child_read(saga_child *child, void *buffer, size_t n);
-/* Ends what it reads, reaps it, killing it first if asked, and returns its exit
- * status, or -1 if it ended by a signal. Ending twice is fine. */
+/* Closes the pipes and waits for the child, which is killed first if kill_it.
+ * Returns its exit status, or -1 if a signal ended it. May be called twice. */
 int saga_child_end(saga_child *child, bool kill_it);
 
 #endif

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * jansson does not say whether it got the memory it asked for; this does. By
- * itself it does not always tell: a string becomes an invalid token, and a long
- * number loses a digit and is accepted. Nor does a list tell later that one of
- * its values was none, text that is no UTF-8 or a number that is not finite.
+ * Records failures of jansson that it does not report. If memory is short it
+ * may turn a string into an invalid token, or drop a digit of a long number and
+ * accept it. If a value cannot be added to a list (no memory, text that is not
+ * UTF-8, a number that is not finite), the list does not show it later.
  */
 #ifndef SAGA_JSON_MEMORY_H
 #define SAGA_JSON_MEMORY_H
@@ -13,22 +13,23 @@
 #include <jansson.h>
 #include <stdbool.h>
 
-/* Begins to watch what jansson does in this thread. */
+/* Begins to record jansson's failures in this thread. */
 void saga_json_watch(void);
-/* Tells whether some memory was refused since. */
+/* Returns whether an allocation has failed since then. */
 bool saga_json_starved(void);
-/* Tells whether one of the functions below failed since: something is missing.
- */
+/* Returns whether one of the functions below has failed since then, so that a
+ * value is missing. */
 bool saga_json_lost(void);
 
-/* These do what jansson's json_object_set_new_nocheck, json_array_append_new
- * and json_object_update_new do, and keep in mind whether that failed. */
+/* These do the same as jansson's json_object_set_new_nocheck,
+ * json_array_append_new and json_object_update_new, and record failures. */
 void saga_json_set_value(json_t *object, const char *key, json_t *value);
 void saga_json_append_item(json_t *array, json_t *value);
 void saga_json_merge_object(json_t *object, json_t *other);
 
-/* Reads a file whose root is an object; json_decref it. NULL with the error:
- * where memory ended, where it is no JSON, and in which line. */
+/* Reads a file whose root is an object; the caller releases it with
+ * json_decref. Returns NULL, with *error set, if memory is short or the file is
+ * not JSON (with the line). */
 json_t *saga_json_read(const char *path, saga_error *error);
 
 #endif

@@ -11,17 +11,17 @@
 enum { SAGA_NPY_SIDES = 4 };
 
 typedef struct saga_npy {
-    int n_sides;          /* dimensions */
-    size_t side[SAGA_NPY_SIDES]; /* those that are not there: 1 */
-    size_t rows, cols;    /* the first side, and the product of the others */
+    int n_sides;          /* number of dimensions */
+    size_t side[SAGA_NPY_SIDES]; /* sizes; 1 for unused dimensions */
+    size_t rows, cols;    /* the first size, and the product of the others */
     double *data;         /* (rows, cols) */
 } saga_npy;
 
-/* Reads a file of one or two dimensions. */
+/* Reads a file with an array of one or two dimensions. */
 bool saga_npy_read(saga_npy *npy, const char *path, saga_error *error);
 
-/* Reads what such a file holds, of up to four dimensions; those of more than
- * two must be in C order. path is for messages. */
+/* Parses the contents of such a file, with up to four dimensions; an array of
+ * more than two must be in C order. `path` is the name for messages. */
 bool saga_npy_parse(saga_npy *npy, const uint8_t *bytes, size_t nbytes,
                     const char *path, saga_error *error);
 void saga_npy_free(saga_npy *npy);

@@ -10,19 +10,20 @@
 #include "npy.h"
 
 typedef struct saga_npz {
-    const char *path;        /* the caller's, for messages */
+    const char *path;        /* for messages; owned by the caller */
     saga_bytes bytes;        /* the whole file */
-    size_t directory;        /* where the list of its members begins */
+    size_t directory;        /* offset of the ZIP directory */
     uint32_t n_members;
 } saga_npz;
 
-/* Reads the file and finds its directory. Close it, also after a failure. */
+/* Reads the file and finds its directory. Call saga_npz_close even after a
+ * failure. */
 bool saga_npz_open(saga_npz *npz, const char *path, saga_error *error);
 
-/* Tells whether there is an array of this name (without ".npy"). */
+/* Returns whether there is an array of this name (without ".npy"). */
 bool saga_npz_has(const saga_npz *npz, const char *name);
 
-/* Reads an array; its checksum is checked. */
+/* Reads an array and checks its CRC. */
 bool saga_npz_read(saga_npy *npy, const saga_npz *npz, const char *name,
                    saga_error *error);
 

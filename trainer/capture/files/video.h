@@ -18,29 +18,31 @@
 #include "child.h"
 
 typedef struct saga_video_info {
-    int width, height;   /* as shown, after rotation by metadata */
+    int width, height;   /* as displayed, after the file's rotation */
     int n_frames;
     double fps;          /* 0 if the file does not say */
-    bool untagged;       /* no colour matrix in the file */
-    char matrix[16];     /* name for ffmpeg's scaler */
+    bool untagged;       /* the file names no colour matrix */
+    char matrix[16];     /* its name in ffmpeg's scaler */
     bool full_range;
-    const char *still;   /* as saga_video_probe was told */
-    const char *raw;     /* ffmpeg's name of the pixels of a file without a
-                          * header, a static string; NULL: it has one */
+    const char *still;   /* as given to saga_video_probe */
+    const char *raw;     /* ffmpeg's name of the pixel format of a file without
+                          * a header, a static string; NULL: the file has a
+                          * header */
 } saga_video_info;
 
-/* Finds out what a file holds. `still` is NULL for a video; for a still picture
- * it is ffmpeg's name of its format, "webp_pipe" or "tiff_pipe", a static
- * string. */
+/* Finds the properties of a file. `still` is NULL for a video; for a still
+ * picture it is ffmpeg's name of the format, "webp_pipe" or "tiff_pipe", a
+ * static string. */
 bool saga_video_probe(saga_video_info *info, const char *path,
                       const char *still, saga_error *error);
 
 typedef struct saga_video {
     saga_child child;
-    const char *path;    /* the caller's; must outlive the video */
+    const char *path;    /* owned by the caller; must outlive the video */
     saga_video_info info;
     int n_wanted, n_read;
-    bool old_ffmpeg;     /* before 5.1: -vsync instead of -fps_mode */
+    bool old_ffmpeg;     /* before version 5.1, which needs -vsync instead of
+                          * -fps_mode */
 } saga_video;
 
 /* Prepares to read the first n_wanted frames. */
@@ -49,8 +51,8 @@ bool saga_video_open(saga_video *video, const char *path,
                      saga_error *error);
 /* Reads the next frame, (height, width, 3). */
 bool saga_video_next(saga_video *video, uint8_t *rgb, saga_error *error);
-/* Ends ffmpeg. With ok, checks that it had nothing more and no complaint;
- * otherwise kills it. Returns false if anything failed. */
+/* Ends ffmpeg. If ok, checks that ffmpeg has no more frames and reported no
+ * error; otherwise kills it. Returns false if anything failed. */
 bool saga_video_close(saga_video *video, bool ok, saga_error *error);
 
 #endif

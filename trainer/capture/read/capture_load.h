@@ -1,27 +1,26 @@
 /* SPDX-License-Identifier: MIT
  *
- * A capture is read here, whichever format it has.
+ * Loads a capture of any format.
  */
 #ifndef SAGA_CAPTURE_LOAD_H
 #define SAGA_CAPTURE_LOAD_H
 
 #include "capture.h"
 
-/* Returns options as a user who gives none would have them: full size, all
- * frames, 4 GiB. */
+/* Returns the default options: full size, all frames, 4 GiB. */
 saga_capture_options saga_capture_defaults(void);
 
-/* Loads the capture in a folder (or its transforms.json), whichever format it
- * has. On failure returns false, *error says why and *capture is empty. */
+/* Loads the capture in a folder (or its transforms.json). If it fails, *error
+ * says why and *capture is empty. */
 bool saga_capture_load(saga_capture *capture, const char *path,
                        const saga_capture_options *options,
                        saga_error *error);
 
-/* Sets of *capture what is known before a picture is decoded: format, frames,
- * their rate and how many fit, how many views and pixels there are to learn
- * from, whether the camera moves. It fails as
- * saga_capture_load does, but for want of memory, and sets no view nor anything
- * else that would have to be freed. */
+/* Sets those members of *capture that are known before a picture is decoded:
+ * format, frames, frame rate, n_fitting, number and pixels of the training
+ * views, and whether the camera moves. It sets no views and allocates nothing
+ * that must be freed. It fails like saga_capture_load, except that it does not
+ * check the memory budget. */
 bool saga_capture_look(saga_capture *capture, const char *path,
                        const saga_capture_options *options,
                        saga_error *error);

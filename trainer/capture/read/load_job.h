@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * A capture is loaded in stages, a file each: capture_load checks what is
- * wanted and makes the views, load_budget forecasts their memory,
- * load_pictures decodes into them.
+ * A capture is loaded in stages, one file each: capture_load.c checks the
+ * options and makes the views, load_budget.c forecasts their memory,
+ * load_pictures.c decodes the pictures.
  */
 #ifndef SAGA_LOAD_JOB_H
 #define SAGA_LOAD_JOB_H
@@ -13,29 +13,31 @@ typedef struct saga_load_job {
     const saga_capture_options *options;
     const saga_listing *listing;
     saga_capture *capture;
-    saga_remap *remaps;       /* (n_views), planned, without tables */
+    saga_remap *remaps;       /* (n_views): planned, but without tables */
     int n_threads;
     saga_error *error;
     /* Guarded by "omp critical(saga_load)". */
-    int first_failed;         /* lowest item that failed; INT32_MAX none,
-                               * -1 cancelled */
+    int first_failed;         /* lowest item that failed; INT32_MAX: none; -1:
+                               * cancelled */
     int n_done, n_items;
 } saga_load_job;
 
-/* Tells whether the pictures of a source have masks. */
+/* Returns whether the pictures of a source have masks. */
 bool saga_load_has_masks(const saga_load_job *job, const saga_source *s);
-/* Tells whether a source has at most one of several pictures wanted. */
+/* Returns whether a source has at most one picture although several frames are
+ * wanted. */
 bool saga_load_is_single(const saga_load_job *job, const saga_source *s);
 
-/* Refuses what needs more memory than the options allow, and says what would
- * fit. */
+/* Fails if loading needs more memory than the options allow; the error says
+ * what would fit. */
 bool saga_load_check_budget(const saga_load_job *job);
-/* Returns how many frames' pictures take half the budget: what a thread needs
- * besides does not count, so that it is the same for any number of them. */
+/* Returns the number of frames whose pictures take half the budget. Memory per
+ * thread is not included, so that the result does not depend on the number of
+ * threads. */
 int saga_load_frames_that_fit(const saga_load_job *job);
 
-/* Fills the views of the capture, which are made, with pictures, masks and
- * depth; what is missing or masked looks as near frames do. */
+/* Fills the views, which have been made, with pictures, masks and depth;
+ * missing pictures and masked pixels are copied from near frames. */
 bool saga_load_pictures(saga_load_job *job);
 
 #endif

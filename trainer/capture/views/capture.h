@@ -39,66 +39,72 @@ enum {
     SAGA_MAX_SCALE = 64
 };
 
-/* A progress function is called from any thread, one call at a time; done runs
- * from 0 to 1. Return false to cancel: the call in progress then fails with
- * "cancelled". */
+/* A progress function is called from any thread, one call at a time; `done`
+ * runs from 0 to 1. It returns false to cancel: the function in progress then
+ * fails with "cancelled". */
 typedef bool saga_progress_fn(void *user, double done, const char *doing);
 
 typedef struct saga_capture_options {
-    int scale;               /* N of 1/N, 1..SAGA_MAX_SCALE; N x N boxes are
-                              * averaged */
+    int scale;               /* pictures are loaded at 1/scale,
+                              * 1..SAGA_MAX_SCALE, by averaging boxes of scale x
+                              * scale pixels */
     int first_frame;         /* frames first_frame..end_frame - 1 */
     int end_frame;           /* 0: to the last */
-    const char *hold_out;    /* names, comma-separated; "" none; NULL: what the
-                              * capture says, for Neu3D cam00 */
-    const char *late;        /* "NAME=FRAMES,..": cameras that run this
-                              * number of frames, also parts of one, behind the
-                              * others;
+    const char *hold_out;    /* names, comma-separated; "": none; NULL: the
+                              * capture's choice (cam00 for Neu3D) */
+    const char *late;        /* "NAME=FRAMES,..": delay of cameras relative to
+                              * the others in frames, which may be fractions;
                               * NULL: none */
-    bool any_length;         /* videos of unequal lengths are cut to the
-                              * shortest also where late is NULL */
+    bool any_length;         /* cut videos of unequal lengths to the shortest
+                              * even if `late` is NULL */
     uint64_t memory_nbytes;  /* budget for pictures and depth */
-    int n_threads;           /* 0: as many as OpenMP gives */
-    double fps;              /* used where the capture does not say; 0: 30 */
-    double metres;           /* in its unit of length; 0: what it says */
-    bool want_depth;         /* load depth pictures where there are some */
-    bool alpha_masks;        /* what is transparent in PNGs does not count */
-    bool follow_paths;       /* of the capture's files out of its folder */
-    saga_error *no_overlap;  /* where cameras that see nothing in common are
-                              * told of, and loaded; NULL: they are refused */
-    saga_progress_fn *progress; /* or NULL */
+    int n_threads;           /* 0: OpenMP's default */
+    double fps;              /* frame rate if the capture has none; 0: 30 */
+    double metres; /* metres per unit of length; 0: from the capture */
+    bool want_depth;         /* load depth pictures if there are any */
+    bool alpha_masks;        /* transparent pixels of PNGs do not count */
+    bool follow_paths;       /* read files that the capture names outside its
+                              * folder */
+    saga_error *no_overlap;  /* receives the error if no two cameras share
+                              * anything in view, and the capture is loaded
+                              * anyway; NULL: loading fails */
+    saga_progress_fn *progress; /* may be NULL */
     void *progress_user;
 } saga_capture_options;
 
 typedef struct saga_shot {
     char name[SAGA_NAME_NBYTES];
     int width, height;
-    double fx, fy, cx, cy;    /* pixels, of the pictures held here */
+    double fx, fy, cx, cy;    /* pixels, at the size loaded */
     double rotation[9];       /* world to camera, row-major, orthonormal */
     double translation[3];
     double near_depth, far_depth; /* along z; 0, 0 if unknown */
     bool held_out;            /* for evaluation only, never trained on */
-    double late;              /* frame k was taken at k + late: 0 to 1 */
+    double late;              /* frame k was taken at time k + late, 0 to 1 */
 
-    /* Where it came from: for reports. */
+    /* Origin of the pictures, for reports. */
     int original_width, original_height;
     double focal_scale;       /* pinhole focal / lens focal, at source size;
                                * 1 if there was no distortion */
-    int n_observations;       /* of points, if a COLMAP model came along */
-    double reprojection_median, reprojection_p90; /* of those, source px */
+    int n_observations; /* number of points seen, if there is a COLMAP model */
+    double reprojection_median, reprojection_p90; /* errors of these points in
+                              * pixels of the source */
 
-    bool single;              /* of several frames at most one has a picture:
-                               * rgb and mask hold it alone, for all of them */
+    bool single;              /* has a picture for at most one of several
+                               * frames: rgb and mask hold it once, for all
+                               * frames */
     uint8_t *rgb;             /* (n_frames, height, width, 3) */
-    bool *missing;            /* (n_frames) no picture: rgb is that of the
-                               * nearest frame that has one; NULL: all are
-                               * there */
+    bool *missing;            /* (n_frames) true: the frame has no picture, and
+                               * rgb is that of the nearest frame that has one;
+                               * NULL: none is missing */
     int n_missing;
-    uint8_t *mask;            /* (n_frames, height, width) 1 where a pixel
-                               * counts, else 0, and rgb is as in the nearest
-                               * frame in which it counts; NULL: all count */
-    float **depth;            /* (n_frames) each (height, width) or NULL: z
-                               * along the optical axis; NULL if none at all */
+    uint8_t *mask;            /* (n_frames, height, width): 1 if a pixel counts;
+                               * 0 if not, and then rgb is from the nearest
+                               * frame in which it counts; NULL: all pixels
+                               * count */
+    float **depth;            /* (n_frames) pointers to (height, width) or NULL:
+                               * z along the optical axis; NULL if no frame has
+                               * depth */
 } saga_shot;
 
 typedef struct saga_point {
@@ -109,24 +115,25 @@ typedef struct saga_point {
 typedef struct saga_capture {
     const char *format;       /* static string, for reports */
     int n_views, n_frames;
-    bool moves;               /* the camera: every view is one picture of it */
-    bool opengl;              /* its file has OpenGL's axes: y up, z back */
-    int first_frame;          /* index in the source of frame 0 here */
-    int n_learned;            /* views that are not held out, and pixels that */
-    double learned_pixels;    /* these have of a moment, */
-    double largest_pixels;    /* and the largest of them */
-    int n_fitting;            /* frames whose pictures take half the budget */
+    bool moves; /* one camera moves, and each view is one of its pictures */
+    bool opengl; /* the file uses OpenGL's axes: y up, z backwards */
+    int first_frame;          /* frame of the source that is frame 0 here */
+    int n_learned;            /* number of training views, */
+    double learned_pixels;    /* the sum of their pixels in one frame, */
+    double largest_pixels;    /* and the pixels of the largest of them */
+    int n_fitting;            /* number of frames whose pictures take half the
+                               * memory budget */
     double fps;
-    double metres;            /* in the unit of length; 0: unknown */
+    double metres;            /* metres per unit of length; 0: unknown */
     int scale;
     saga_shot *views;         /* (n_views) */
     saga_point *points;       /* (n_points), NULL if none */
     size_t n_points;
-    char notes[SAGA_NOTES_NBYTES]; /* lines: what the loader decided */
+    char notes[SAGA_NOTES_NBYTES]; /* lines about decisions of the loader */
 } saga_capture;
 
-/* Frees what saga_capture_load allocated and empties *capture; an empty one
- * is fine. */
+/* Frees what saga_capture_load allocated and empties *capture, which may be
+ * empty already. */
 void saga_capture_free(saga_capture *capture);
 
 static inline size_t saga_view_row_nbytes(const saga_shot *view)
@@ -139,16 +146,16 @@ static inline size_t saga_view_frame_nbytes(const saga_shot *view)
     return saga_view_row_nbytes(view) * (size_t)view->height;
 }
 
-/* Returns how many pictures rgb and mask hold. */
+/* Returns the number of pictures that rgb and mask hold. */
 static inline int saga_view_n_held(const saga_shot *view, int n_frames)
 {
     return view->single ? 1 : n_frames;
 }
 
-/* Returns how long the capture is, as far as that says how much happens in it:
- * 1 for a camera that moves, whose moments are pictures, or where the rate is
- * not known. Beyond ten seconds no frame counts for more than 10 / 24 of one:
- * what happens in between is not seen. */
+/* Returns the duration in seconds, as a measure of how much happens in the
+ * capture. It is 1 if the camera moves (its frames are pictures, not moments)
+ * or if the rate is unknown. Above ten seconds a frame counts for at most 10/24
+ * s, because what happens between distant frames is not seen. */
 static inline double saga_capture_seconds(const saga_capture *capture)
 {
     const double most = capture->n_frames * 10.0 / 24.0;
@@ -158,7 +165,7 @@ static inline double saga_capture_seconds(const saga_capture *capture)
     return all < 10.0 || all < most ? all : most > 10.0 ? most : 10.0;
 }
 
-/* Returns the rows of one picture; view and frame within the capture's
+/* Returns the rows of one picture; view and frame must be within the capture's
  * counts. */
 static inline const uint8_t *saga_capture_frame(const saga_capture *capture,
                                                 int view, int frame)
@@ -168,7 +175,8 @@ static inline const uint8_t *saga_capture_frame(const saga_capture *capture,
                         (size_t)(v->single ? 0 : frame);
 }
 
-/* Tells whether there is such a picture, to be learned or judged. */
+/* Returns whether the picture exists, so that it can be trained on or
+ * evaluated. */
 static inline bool saga_capture_has(const saga_capture *capture, int view,
                                     int frame)
 {
@@ -176,14 +184,15 @@ static inline bool saga_capture_has(const saga_capture *capture, int view,
     return !v->missing || !v->missing[frame];
 }
 
-/* Returns the frames of a view that stand for all in measurements: number
- * `index` of those, evenly spread over the capture, -1 past the last. Of all
- * training views, and of all held-out ones, they are at most some 60 pictures,
- * the same ones always, so that measurements can be compared. */
+/* Returns the frames of a view that represent it in measurements: number
+ * `index` of frames spread evenly over the capture; -1 past the last. All
+ * training views together have at most about 60 such pictures, and so have all
+ * held-out views. The choice is always the same, so that measurements can be
+ * compared. */
 int saga_capture_sample(const saga_capture *capture, int view, int index);
 
-/* Returns the frame nearest to one that the view has a picture of; the earlier
- * of two. */
+/* Returns the nearest frame for which the view has a picture; the earlier one
+ * if two are equally near. */
 static inline int saga_capture_near(const saga_capture *capture, int view,
                                     int frame)
 {
@@ -197,7 +206,7 @@ static inline int saga_capture_near(const saga_capture *capture, int view,
     return frame;
 }
 
-/* Returns which pixels of a picture count, NULL: all. */
+/* Returns the mask of a picture; NULL if all pixels count. */
 static inline const uint8_t *saga_capture_mask(const saga_capture *capture,
                                                int view, int frame)
 {
@@ -207,12 +216,12 @@ static inline const uint8_t *saga_capture_mask(const saga_capture *capture,
                    : NULL;
 }
 
-/* Makes a picture of a view and a frame right where pixels do not count;
- * returns the part of them that do. */
+/* Sets the pixels of `rgb` that do not count to the truth; returns the fraction
+ * of pixels that count. */
 double saga_capture_forgive(const saga_capture *capture, int view, int frame,
                             uint8_t *rgb);
 
-/* Returns a picture's true depth, NULL where there is none. */
+/* Returns the true depths of a picture; NULL if there are none. */
 static inline const float *saga_capture_depth(const saga_capture *capture,
                                               int view, int frame)
 {
@@ -220,7 +229,7 @@ static inline const float *saga_capture_depth(const saga_capture *capture,
     return v->depth ? v->depth[frame] : NULL;
 }
 
-/* Turns a world point into camera axes. */
+/* Transforms a world point to camera axes. */
 static inline void saga_view_transform(const saga_shot *view,
                                        const double world[3], double cam[3])
 {
@@ -231,8 +240,8 @@ static inline void saga_view_transform(const saga_shot *view,
     }
 }
 
-/* Finds pixel and depth of a world point; false (uv untouched) if it lies
- * behind the camera. */
+/* Projects a world point: sets pixel and depth. Returns false, with uv
+ * unchanged, if it lies behind the camera. */
 static inline bool saga_view_project(const saga_shot *view,
                                      const double world[3], double uv[2],
                                      double *depth)

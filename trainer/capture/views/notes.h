@@ -1,17 +1,17 @@
 /* SPDX-License-Identifier: MIT
  *
- * A loader has this to say about a capture: its notes and its names.
+ * Notes about a capture, and names that are safe to print.
  */
 #ifndef SAGA_NOTES_H
 #define SAGA_NOTES_H
 
 #include "capture.h"
 
-/* Appends a line, as UTF-8, to a notes buffer of SAGA_NOTES_NBYTES; cut when
- * full. */
+/* Appends a line, as UTF-8, to a buffer of SAGA_NOTES_NBYTES; truncates it if
+ * the buffer is full. */
 void saga_note(char *notes, const char *format, ...) SAGA_PRINTF(2, 3);
 
-/* Returns a name for messages, tables and files, in UTF-8 (utf8.h):
+/* Copies s[0..n) as a name for messages, tables and files, in UTF-8 (utf8.h);
  * characters that could disturb a terminal or a list become '_'. */
 void saga_copy_name(char name[SAGA_NAME_NBYTES], const char *s, size_t n);
 

@@ -1,35 +1,35 @@
 /* SPDX-License-Identifier: MIT
  *
- * Takes poses from the conventions of files into ours: world to camera, OpenCV
- * axes, an orthonormal rotation.
+ * Converts poses from the conventions of file formats to ours: world to camera,
+ * OpenCV axes, an orthonormal rotation.
  */
 #ifndef SAGA_POSE_H
 #define SAGA_POSE_H
 
 #include <stdbool.h>
 
-/* Takes a quaternion w, x, y, z, which it normalises; false if it is zero or
- * not finite. */
+/* Converts a quaternion w, x, y, z, which need not be normalised; returns false
+ * if it is zero or not finite. */
 bool saga_pose_from_quaternion(const double wxyz[4], double rotation[9]);
 
-/* Makes a pose from camera axes and centre in the world: the columns of a
- * camera-to-world matrix, each axis a unit vector. False if anything is not
- * finite or the axes are more than 1 % off orthonormal or left-handed; smaller
- * errors (few digits in a file) are projected away. */
+/* Makes a pose from the camera's axes and centre in the world: the columns of a
+ * camera-to-world matrix, with unit axes. Returns false if a value is not
+ * finite, or if the axes are left-handed or more than 1 % from orthonormal;
+ * smaller errors, from few digits in a file, are corrected. */
 bool saga_pose_from_axes(const double right[3], const double down[3],
                          const double forward[3], const double centre[3],
                          double rotation[9], double translation[3]);
 
-/* Does the same with a matrix in OpenGL's axes, camera to world, rows of
- * 3 x 4: its columns point right, up and back. */
+/* Does the same for a camera-to-world matrix in OpenGL's axes, 3 rows of 4: its
+ * columns point right, up and back. */
 bool saga_pose_from_opengl(const double rows[12], double rotation[9],
                            double translation[3]);
 
-/* Computes the translation of a camera that stands there: -rotation centre. */
+/* Computes the translation of a camera at `centre`: -rotation centre. */
 void saga_pose_translation(const double rotation[9], const double centre[3],
                            double translation[3]);
 
-/* Computes where the camera stands: -rotation^T translation. */
+/* Computes the camera's position: -rotation^T translation. */
 void saga_pose_centre(const double rotation[9], const double translation[3],
                       double centre[3]);
 

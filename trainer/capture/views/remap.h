@@ -39,34 +39,36 @@
 typedef struct saga_lens {
     double fx, fy, cx, cy;
     double k1, k2, k3, p1, p2;
-    double k4;                /* of a fisheye, which has no p1, p2 */
+    double k4;                /* of a fisheye, which has no p1 and p2 */
     bool fisheye, equirect;
-    double turn[9];           /* of a face: its axes to those of the picture,
-                               * row-major */
+    double turn[9];           /* of a face: rotation from its axes to those of
+                               * the equirectangular picture, row-major */
 } saga_lens;
 
 typedef struct saga_remap {
     int original_width, original_height;
-    int full_width, full_height; /* of the pinhole at full size */
+    int full_width, full_height; /* size of the pinhole picture before
+                                  * scaling */
     int scale;
-    int width, height;        /* of what comes out */
-    double fx, fy, cx, cy;    /* of what comes out */
+    int width, height;        /* size of the output */
+    double fx, fy, cx, cy;    /* of the output, in its pixels */
     double focal_scale;
-    uint32_t *taps;           /* NULL: no distortion. Else (full height, full
-                               * width): index of the upper left tap */
-    uint8_t *fractions;       /* (full height, full width, 2) of 1/256 */
+    uint32_t *taps;           /* (full_height, full_width): index of the upper
+                               * left of the four source pixels; NULL: no
+                               * distortion */
+    uint8_t *fractions;       /* (full_height, full_width, 2), in 1/256 pixel */
 } saga_remap;
 
-/* Finds the pixel of the lens' picture in direction (x, y, 1). */
+/* Computes the pixel of the lens' picture in direction (x, y, 1). */
 void saga_lens_project(const saga_lens *lens, double x, double y,
                        double uv[2]);
 bool saga_lens_is_pinhole(const saga_lens *lens);
 
-/* Chooses the pinhole; allocates nothing. file is for messages. */
+/* Chooses the pinhole; allocates nothing. `file` is the name for messages. */
 bool saga_remap_plan(saga_remap *remap, const saga_lens *lens, int width,
                      int height, int scale, const char *file,
                      saga_error *error);
-/* Returns the bytes that saga_remap_build will allocate. */
+/* Returns the number of bytes that saga_remap_build will allocate. */
 uint64_t saga_remap_nbytes(const saga_remap *remap, const saga_lens *lens);
 bool saga_remap_build(saga_remap *remap, const saga_lens *lens,
                       const char *file, saga_error *error);
