@@ -1,15 +1,16 @@
 /* SPDX-License-Identifier: MIT
  *
- * The plain part of a .saga file: header, chunks, index, segment headers.
- * Each field is written once, in a traversal that reads or writes.
- * docs/bitstream.md has the tables.
+ * The uncompressed part of a .saga file: header, chunks, index, segment
+ * headers. Each structure has one function, which either reads or writes its
+ * fields. docs/bitstream.md has the tables.
  *
  *     header | INDX | NETS | base: COAR FINE PRIM | NAME | OPUS
  *                          | per segment: SEGM, per layer: COAR FINE PRIM
  *
- * The header is its fixed part, the bank's networks and the base's sizes (each
- * only with their tool), the cameras of the rig, a CRC. The head is all up to
- * the base's last chunk. NAME and OPUS may be missing; no pixel needs them.
+ * The header consists of its fixed part, the bank's networks and the base's
+ * sizes (each only with its tool), the cameras of the rig, and a CRC. The head
+ * ends with the last chunk of the base. NAME and OPUS are optional; no pixel
+ * depends on them.
  */
 #ifndef SAGA_CONTAINER_H
 #define SAGA_CONTAINER_H
@@ -69,7 +70,8 @@ typedef struct saga_header {
     uint32_t base_nbytes;        /* of its chunks, headers included */
 } saga_header;
 
-/* Where the cameras begin, and where they end: the CRC's place. */
+/* Return the offset of the first camera, and the offset of the end of the
+ * cameras, where the CRC is. */
 static inline uint32_t saga_rig_offset(const saga_header *h)
 {
     return SAGA_HEADER_NBYTES +
@@ -82,7 +84,7 @@ static inline uint32_t saga_rig_end(const saga_header *h)
     return saga_rig_offset(h) + h->n_cameras * (uint32_t)SAGA_CAMERA_NBYTES;
 }
 
-/* One camera of the rig, as saga_camera of decoder/saga.h has it. */
+/* One camera of the rig, with the fields of saga_camera in decoder/saga.h. */
 typedef struct saga_rig_camera {
     int32_t rotation_q30[9];
     int32_t centre[3];
@@ -91,7 +93,7 @@ typedef struct saga_rig_camera {
     int32_t near_plane;
     uint16_t width, height;
     uint16_t background_q15[3];
-    uint32_t number;             /* the capture's name of it, as a number */
+    uint32_t number;             /* the capture's number of the camera */
 } saga_rig_camera;
 
 typedef struct saga_index_entry {
@@ -100,7 +102,7 @@ typedef struct saga_index_entry {
     uint32_t n_frames;           /* >= 1 */
 } saga_index_entry;
 
-/* One scaffold of a segment. The length is there with several of them only. */
+/* One layer of a segment. The file has nbytes only if there are several. */
 typedef struct saga_layer_header {
     saga_counts n;
     uint32_t nbytes;             /* of its three chunks, headers included */
@@ -117,7 +119,7 @@ static inline uint32_t saga_n_layers(const saga_header *h)
     return h->more_layers + 1u;
 }
 
-/* Payload of SEGM. */
+/* Returns the size of SEGM's payload. */
 static inline uint32_t saga_segment_nbytes(uint32_t n_layers)
 {
     return n_layers == 1 ? SAGA_SEGMENT_NBYTES : 12 + 16 * n_layers;
@@ -134,12 +136,12 @@ typedef struct saga_io {
     uint32_t at;             /* bytes done */
 } saga_io;
 
-/* Each moves all fields of its structure; the buffer has the bytes stated
- * above. Reading does not judge values; writing leaves the structure as it is.
- * The header's is its fixed part without magic and version; what tools add to
- * it comes behind: the bank's networks, the base's sizes. Fields whose tool is
- * off are not moved, but cleared when read, and so is a single layer's length.
- */
+/* Each reads or writes all fields of its structure; the buffer has the sizes
+ * given above. Reading does not check values, and writing does not change the
+ * structure. saga_header_io covers the fixed part without magic and version,
+ * and the fields that tools add to it: the bank's networks and the base's
+ * sizes. Fields whose tool is off are not in the file and are read as 0, and so
+ * is nbytes of a single layer. */
 void saga_header_io(saga_io *f, saga_header *h);
 void saga_tools_io(saga_io *f, saga_header *h);
 void saga_camera_io(saga_io *f, saga_rig_camera *c);
@@ -152,11 +154,11 @@ void saga_chunk_io(saga_io *f, saga_chunk *c);
 enum { SAGA_MAGIC_NBYTES = 8 };
 extern const uint8_t saga_magic[SAGA_MAGIC_NBYTES];
 
-/* CRC-32C of a chunk: its type and length as written, then its payload. It goes
- * on from that of what the chunk belongs to, so that it fits nothing else: the
- * header's for INDX and NETS, that of the chunk before for the base's, that of
- * NETS for NAME and OPUS, that of the head's last chunk for all of a
- * segment's. */
+/* Returns the CRC-32C of a chunk, over its type and length as stored, then its
+ * payload. It continues the CRC of the chunk's owner, so that the chunk is
+ * valid with this owner only: the header for INDX and NETS, the chunk before
+ * for a chunk of the base, NETS for NAME and OPUS, the head's last chunk for
+ * the chunks of a segment. */
 uint32_t saga_chunk_crc(uint32_t owner, const saga_chunk *c,
                         const uint8_t *payload);
 

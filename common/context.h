@@ -1,18 +1,19 @@
 /* SPDX-License-Identifier: MIT
  *
- * Entropy parameters (mu, scale index) of a block of residuals from what is
- * already decoded: INR hyperprior, parent, earlier groups, bank; and what is
- * decoded goes into the bank. Paper: Hierarchical Context Modeling, E_phi.
+ * Predicts the entropy parameters (mu, scale index) of a block of residuals
+ * from decoded values: INR hyperprior, parent, earlier groups, bank; and adds
+ * decoded blocks to the bank. Paper: Hierarchical Context Modeling, E_phi.
  */
 #ifndef SAGA_CONTEXT_H
 #define SAGA_CONTEXT_H
 
 #include "scaffold.h"
 
-/* A run is of blocks that know the same and go through the networks together,
- * and of their parameters: mu in the Q of the coded value, scale indices of the
- * residual coder. Block i's begin at i * saga_n_channels; an entropy network
- * gives both for each channel, so half of its vector holds either. */
+/* A run is several blocks that depend on the same decoded values and pass
+ * through the networks together, with their parameters: mu in the Q of the
+ * coded value, and scale indices of the residual coder. Those of block i begin
+ * at i * saga_n_channels. mu and scale index are one half each of the output
+ * vector of an entropy network. */
 typedef struct saga_run {
     uint32_t n;
     uint32_t rank[SAGA_MAX_POINTS];
@@ -20,27 +21,29 @@ typedef struct saga_run {
     uint8_t scale[SAGA_MAX_VECTOR / 2];
 } saga_run;
 
-/* Before the first block of a segment this gives the bank's state S_0 and
- * what its networks make of the slots' numbers. */
+/* Sets the bank to its start state S_0 and computes the slots' own vectors.
+ * Called before the first block of a layer. */
 void saga_context_begin(const saga_scaffold *sc);
 
-/* Makes the next run of a SAGA_KIND_*: blocks of group `group` from `rank` on,
- * as many as the vectors hold and the bank's round has room for. Returns the
- * rank to go on from.
- *   coarse: an anchor; channels centre 4, features F.
- *   fine:   an anchor, whose x, t are its suffix cell's centre; offset 4.
- *   prim:   the primitives of a fine anchor; offset 4, for all alike. Group 0
- *           has them all. */
+/* Makes the next run of a SAGA_KIND_*: blocks of group `group`, starting at
+ * `rank`, as many as fit in the vectors and in the round of the bank. Returns
+ * the rank at which the next run starts. A block and its channels are:
+ *   coarse: an anchor; 4 of the centre, F features.
+ *   fine:   an anchor, whose x, t are the centre of its suffix cell; 4 of the
+ *           offset.
+ *   prim:   the primitives of a fine anchor; 4 of the offset, shared by all.
+ *           All are in group 0. */
 uint32_t saga_context_run(saga_run *run, const saga_scaffold *sc, int kind,
                           uint32_t rank, uint32_t group);
 
-/* After a run of coarse (fine) anchors is decoded, this adds them to their
- * round of the bank, which writes when it has bank_blocks blocks. Without a
- * bank, or if no one reads what this tier writes, it does nothing. */
+/* Adds a decoded run of coarse or fine anchors to its round of the bank. The
+ * round is written when it has bank_blocks blocks. Does nothing without a bank,
+ * or if no block reads what this tier writes. */
 void saga_context_keep(const saga_scaffold *sc, int tier,
                        const saga_run *run);
 
-/* After the last anchor of a group, its last round writes, however short. */
+/* Writes the last round of a group, even if it is not full. Called after the
+ * last anchor of the group. */
 void saga_context_end_group(const saga_scaffold *sc);
 
 #endif

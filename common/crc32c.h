@@ -9,7 +9,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* Continues crc over p[0..n); start with 0. */
+/* Returns crc continued over p[0..n); crc is 0 at the start. */
 uint32_t saga_crc32c(uint32_t crc, const uint8_t *p, size_t n);
 
 #endif

@@ -1,15 +1,15 @@
 /* SPDX-License-Identifier: MIT
  *
- * Fixed-point arithmetic: the few operations everything normative is made of.
+ * Fixed-point arithmetic: the operations of which all normative code is made.
  *
  * A variable carries its Q format in its name: x_q12 holds x * 2^12. There is
  * one rounding in the whole format, fx_rshift: halves go towards +infinity,
  *
  *     fx_rshift(x, n) = (x + 2^(n-1)) >> n   (n >= 1),   fx_rshift(x, 0) = x.
  *
- * Assumed of the compiler, and asserted below: two's complement, arithmetic
- * shift right of negative values, conversion to a narrower signed type modulo
- * 2^n. All of gcc, clang and armcc promise them.
+ * The code assumes of the compiler, and asserts below: two's complement,
+ * arithmetic right shift of negative values, and conversion to a narrower
+ * signed type modulo 2^n. gcc, clang and armcc guarantee these.
  */
 #ifndef SAGA_FX_H
 #define SAGA_FX_H
@@ -48,7 +48,8 @@ static inline int64_t fx_rshift64(int64_t x, int n)
     return (x + ((int64_t)1 << (n - 1))) >> n;
 }
 
-/* One 64-bit product, one rounding; the caller knows the result fits. */
+/* Returns a b / 2^n, computed as a 64-bit product with one rounding. The result
+ * must fit in 32 bits. */
 static inline int32_t fx_mul_rshift(int32_t a, int32_t b, int n)
 {
     return (int32_t)fx_rshift64((int64_t)a * b, n);
@@ -85,7 +86,8 @@ static inline int16_t fx_sat16_64(int64_t x)
     return (int16_t)fx_clamp64(x, -32767, 32767);
 }
 
-/* Change of Q format of a 16-bit value, saturating; q_from, q_to in 0..24. */
+/* Converts a 16-bit value from one Q format to another, with saturation; q_from
+ * and q_to are in 0..24. */
 static inline int16_t fx_requant16(int16_t x, int q_from, int q_to)
 {
     if (q_to >= q_from)
@@ -93,8 +95,8 @@ static inline int16_t fx_requant16(int16_t x, int q_from, int q_to)
     return fx_sat16(fx_rshift(x, q_from - q_to));
 }
 
-/* The same into 32 bits, which is exact to the left: |x| <= 2^15, q_to - q_from
- * <= 15, so the result is at most 2^30 in size. */
+/* Converts to 32 bits, without saturation. |x| <= 2^15 and q_to - q_from <= 15,
+ * so that the magnitude of the result is at most 2^30. */
 static inline int32_t fx_requant32(int32_t x, int q_from, int q_to)
 {
     FX_ASSERT(x >= -32768 && x <= 32768 && q_to - q_from <= 15);
@@ -103,9 +105,9 @@ static inline int32_t fx_requant32(int32_t x, int q_from, int q_to)
     return fx_rshift(x, q_from - q_to);
 }
 
-/* Leading zeros of x >= 1, written out where __builtin_clz may be a library
- * call (Thumb-1, rv32i); where it is an instruction, projection gains a
- * quarter of its time. */
+/* Returns the number of leading zeros of x >= 1. It is computed in C where
+ * __builtin_clz may be a library call (Thumb-1, rv32i). Where __builtin_clz is
+ * an instruction, projection takes a quarter less time with it. */
 static inline int fx_clz32(uint32_t x)
 {
 #if defined __x86_64__ || defined __aarch64__

@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: MIT
  *
- * Elementary functions in integers: generated tables plus interpolation or
- * Newton steps. Each states its domain, its formats and its maximum error
- * against the real function; tests/common/test_fx_math.c shows the errors
- * (16-bit domains exhaustively). docs/arithmetic.md gives the formulas.
+ * Elementary functions in integers, by generated tables with interpolation or
+ * Newton steps. Each comment states the domain, the formats and the maximum
+ * error relative to the real function. tests/common/test_fx_math.c measures the
+ * errors, over all inputs of 16-bit domains. docs/arithmetic.md has the
+ * formulas.
  */
 #ifndef SAGA_FX_MATH_H
 #define SAGA_FX_MATH_H
@@ -19,7 +20,7 @@ typedef struct {
     int32_t exp;
 } saga_float;
 
-/* Tables, for twins of these functions in vectors; fx_tables.h has them. */
+/* Tables from fx_tables.h, also used by SIMD versions of these functions. */
 extern const uint32_t saga_exp2_q30[129], saga_recip_q23[129];
 extern const uint32_t saga_rsqrt_q23[129];
 extern const int32_t saga_softplus2_q24[179], saga_sigmoid_q24[99];
@@ -32,7 +33,8 @@ uint32_t saga_exp2_frac_q16_q30(uint32_t f_q16);
  * Monotone; error <= 0.62 LSB. */
 uint32_t saga_exp2_neg_q20_q15(uint32_t x_q20);
 
-/* The same of x[0..n), each 0..2^31-1, in place: half the time per value. */
+/* Replaces each of x[0..n), 0..2^31-1, by its 2^-x, in half the time per value.
+ */
 void saga_exp2_neg_each(int32_t *x, uint32_t n);
 
 /* log2(1 + 2^x), |x_q12| <= 2^20 (clamped there): Q20, in [0, 2^28].
@@ -48,12 +50,12 @@ int32_t saga_sigmoid_q11_q15(int16_t x_q11);
  * quarter turn. Error <= 0.82 LSB against the sine clamped to +-32767. */
 int16_t saga_sin_turn16_q15(uint32_t phase);
 
-/* The same of n phases, several at a time where the machine, which has `cpu`,
- * can. The arrays do not overlap. */
+/* Computes the sines of n phases, with the SIMD of the machine, `cpu`. The
+ * arrays must not overlap. */
 void saga_sin_turn16_each(int16_t *sine_q15, const uint16_t *phase,
                           uint32_t n, saga_cpu cpu);
 
-/* sine_avx2.c has it where the compiler was not told to use AVX2. */
+/* The AVX2 version, in sine_avx2.c, if the rest is not compiled for AVX2. */
 #if defined SAGA_MAY_AVX2 && !defined __AVX2__
 #define SAGA_SINE_MAY_AVX2
 void saga_sin_turn16_each__avx2(int16_t *sine_q15, const uint16_t *phase,
@@ -62,7 +64,7 @@ void saga_sin_turn16_each__avx2(int16_t *sine_q15, const uint16_t *phase,
 
 /* 1 / x for x >= 1, table only: mantissa m in [2^15, 2^16] and shift s in
  * 16..47 with 1/x ~ m * 2^-s. Exact at powers of two; m error <= 1.51 LSB.
- * Used where 16 bits suffice (kernel interpolation). */
+ * Used if 16 bits suffice, as in kernel interpolation. */
 uint32_t saga_recip16(uint32_t x, int *shift);
 
 /* 1 / x for x >= 1, table and one Newton step: m in [2^30, 2^31] and s in

@@ -19,15 +19,17 @@ typedef struct saga_neighbours {
 
 enum { SAGA_ALL_GROUPS = SAGA_MAX_GROUPS };
 
-/* Candidates are ranks centre - w .. centre + w of the tier, cut at its ends;
- * members those with d < rho^2, at most K. With before = SAGA_ALL_GROUPS the
- * anchor `centre` is always a member (it is the query's parent); otherwise
- * only anchors of groups < before are candidates, and there may be none. */
+/* Finds the neighbours of a position. Candidates are the ranks centre - w ..
+ * centre + w of the tier that exist. Members are the at most K nearest with
+ * d < rho^2. With before = SAGA_ALL_GROUPS the anchor `centre`, the parent of
+ * the position, is always a member. Otherwise only anchors of groups < before
+ * are candidates, and there may be no member. */
 void saga_interp_find(saga_neighbours *nb, const saga_scaffold *sc, int tier,
                       const saga_position *query, uint32_t centre,
                       uint32_t before);
 
-/* out[0..F) = sum of weighted features, rounded once; zeros if nb->n is 0. */
+/* Sets out[0..F) to the weighted sum of features, rounded once, or to 0 if
+ * nb->n is 0. */
 void saga_interp_sum(int16_t *out, const saga_scaffold *sc, int tier,
                      const saga_neighbours *nb);
 

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * The model definition, as data: what a file's header fixes for all of its
- * segments (tools, sizes, formats, outputs, quantisation steps), the networks
- * that follow from it, and the constants of rendering. Both arithmetics read
- * it: common/ and decoder/ in integers, trainer/ in float.
+ * The model definition, as data: the parameters that a file's header sets for
+ * all segments (tools, sizes, formats, outputs, quantiser steps), the networks
+ * that follow from them, and the constants of rendering. The integer code of
+ * common/ and decoder/ reads it, and the float code of trainer/.
  *
  * Paper: Method (networks, hierarchy), Hierarchical Context Modeling.
  */
@@ -30,19 +30,19 @@ enum {
     SAGA_MAX_DEPTH_T = 8,     /* temporal depth */
     SAGA_MAX_NET_LAYERS = 3,
     SAGA_MAX_OUT_Q = 20,
-    /* No network takes or gives a longer vector, padding included: the write's
-     * slot network takes one value per slot of the bank, up to 512; E_fine
-     * with all sources, 3 * 64 + 64, and E_coarse's output 2 * (4 + 64) lie
-     * below it. */
+    /* The longest vector that a network reads or writes, padding included. It
+     * is the input of the slot network of the write, with one value for each
+     * slot of the bank, up to 512. E_fine with all sources reads 3 * 64 + 64
+     * values, and E_coarse writes 2 * (4 + 64). */
     SAGA_MAX_VECTOR = SAGA_MAX_SLOTS
 };
 
 /* --- Tools --------------------------------------------------------------- */
 
-/* Tools are bits of saga_model.tools; the lists say what reports call each
- * one. A tool that is off costs no bits and no time. Those of the first list
- * are known to this decoder; a stream that sets one of the second, or another
- * bit, needs a newer one. Bits 3 and 4 are the motion order, 0..3. */
+/* Tools are bits of saga_model.tools; the lists have their names in reports. A
+ * tool that is off costs neither bits nor time. This decoder has the tools of
+ * the first list. A stream that sets a bit of the second list, or any other
+ * bit, needs a newer decoder. Bits 3 and 4 are the motion order, 0..3. */
 #define SAGA_TOOL_LIST(X) \
     X(OPACITY_T, 0, "temporal opacity", "temporal_opacity") \
     X(SLOPE, 1, "linear rotation", "linear_rotation") \
@@ -67,12 +67,12 @@ enum {
     SAGA_TOOL_LATER_LIST(SAGA_TOOL_BIT)
     SAGA_TOOL_MOTION_SHIFT = 3,
     SAGA_TOOL_MOTION_MASK = 3u << 3,
-    SAGA_TOOLS_PICTURE = (1u << 5) - 1, /* what primitives can do */
-    SAGA_TOOLS_SPLAT = SAGA_TOOL_STEEP, /* how splats fall off */
+    SAGA_TOOLS_PICTURE = (1u << 5) - 1, /* attributes of primitives */
+    SAGA_TOOLS_SPLAT = SAGA_TOOL_STEEP, /* the shape of splats */
     SAGA_TOOLS_KNOWN = SAGA_TOOL_MOTION_MASK SAGA_TOOL_LIST(SAGA_TOOL_OR)
 };
 
-/* Entropy parameters come from these, bits of saga_model.sources[]. */
+/* Inputs of the entropy networks, as bits of saga_model.sources[]. */
 enum {
     SAGA_SOURCE_HYPER = 1u << 0,    /* INR hyperprior */
     SAGA_SOURCE_PARENT = 1u << 1,   /* decoded coarser tier (fine, prim) */
@@ -81,22 +81,23 @@ enum {
     SAGA_SOURCES_KNOWN = (1u << 4) - 1
 };
 
-/* Residuals are coded of three kinds. */
+/* The three kinds of coded residuals. */
 enum { SAGA_KIND_COARSE, SAGA_KIND_FINE, SAGA_KIND_PRIM, SAGA_N_KINDS };
 
-/* Anchors have two tiers. */
+/* The two tiers of anchors. */
 enum { SAGA_TIER_COARSE, SAGA_TIER_FINE, SAGA_N_TIERS };
 
 /* --- Networks ------------------------------------------------------------ */
 
-/* The stream has the networks in this order. F_color is three of them: the part
- * of its first layer that does not see the direction, the part that does, and
- * the rest. So is the bank's write, whose first layer adds up what it makes
- * of the round's token and of the slot; a slot enters as a vector of zeros with
- * a 1 at its number, so that SLOT's first layer holds the slots' embeddings.
+/* The networks, in the order of the stream. F_color is three networks: the part
+ * of its first layer that does not depend on the direction, the part that does,
+ * and the remaining layers. The bank's write is three networks too: its first
+ * layer is the sum of WRITE_BASE, which reads the round's mean token, and SLOT,
+ * which reads the slot's number as a vector of zeros with a single 1, so that
+ * the first layer of SLOT holds an embedding of each slot.
  * The header describes the networks from QUERY on only with SAGA_TOOL_BANK.
- * FUSE_C and FUSE_F, one for each SAGA_TIER_*, exist where their width is not
- * 0; without one, features are taken as they were interpolated. */
+ * FUSE_C and FUSE_F, one for each SAGA_TIER_*, exist if their width is not 0;
+ * otherwise the interpolated features are used directly. */
 enum {
     SAGA_NET_HYPER,
     SAGA_NET_E_COARSE,
@@ -109,18 +110,18 @@ enum {
     SAGA_NET_COLOUR_BASE,
     SAGA_NET_COLOUR_VIEW,
     SAGA_NET_COLOUR,
-    SAGA_NET_QUERY,         /* what a block asks the bank for */
-    SAGA_NET_AGG,           /* what a decoded block adds to its round */
+    SAGA_NET_QUERY,         /* a block -> its query to the bank */
+    SAGA_NET_AGG,           /* a decoded block -> its token */
     SAGA_NET_SLOT,          /* write: L -> E (its width) -> W of WRITE */
     SAGA_NET_WRITE_BASE,    /* write: D -> W of WRITE */
     SAGA_NET_WRITE,         /* write: W -> candidate D, gate 1 */
     SAGA_N_NETS
 };
 
-/* An output of a network is a run of its last rows that share a Q format, which
- * the header has. */
+/* Outputs of networks. An output is consecutive rows of the last layer that
+ * share a Q format, which is in the header. */
 enum {
-    SAGA_OUT_COARSE,       /* coarse features: symbols' y and E_coarse's mu */
+    SAGA_OUT_COARSE,       /* coarse features, decoded, and E_coarse's mu */
     SAGA_OUT_HYPER,        /* hyperprior embedding */
     SAGA_OUT_SIGMA,        /* log2(sigma / step) of every E */
     SAGA_OUT_FUSE_C,
@@ -140,8 +141,8 @@ enum {
     SAGA_N_OUTS
 };
 
-/* A network has dim[0] inputs and n_layers layers, every one but the last with
- * ReLU. n_layers = 0: the network does not exist. */
+/* The shape of a network. It has dim[0] inputs and n_layers layers; all layers
+ * except the last have ReLU. If n_layers is 0, it does not exist. */
 typedef struct saga_net_shape {
     uint16_t dim[SAGA_MAX_NET_LAYERS + 1];
     uint8_t n_layers;
@@ -162,7 +163,8 @@ typedef struct saga_tier {
     uint16_t softmax_q8;    /* log2(e) / T, >= 1 */
 } saga_tier;
 
-/* Each coded group has its step: Q16 in LSB of the coded value, >= 16 LSB. */
+/* Quantiser steps, in Q16 of the LSB of the coded value; each is at least 16
+ * LSB. */
 enum {
     SAGA_STEP_CENTRE,       /* coarse centre residual, y in Q14 half-sizes */
     SAGA_STEP_FEATURE,      /* coarse features, y in SAGA_OUT_COARSE */
@@ -180,12 +182,12 @@ typedef struct saga_model {
     saga_tier tier[SAGA_N_TIERS];
     uint32_t step_q16[SAGA_N_STEPS];
     uint8_t out_q[SAGA_N_OUTS];
-    uint8_t width[SAGA_N_NETS];  /* hidden units, 1..128; FUSE_C, FUSE_F: 0
-                                  * where there is no such network; FINE, GEO:
-                                  * 0 where it has one layer */
+    uint8_t width[SAGA_N_NETS];  /* hidden units, 1..128; 0 in FUSE_C and
+                                  * FUSE_F if the network does not exist, in
+                                  * FINE and GEO if it has one layer */
     uint8_t q_in[SAGA_N_NETS];
     uint8_t int8[SAGA_N_NETS];   /* 0 or 1 */
-    /* The memory bank; all 0 without SAGA_TOOL_BANK. */
+    /* Sizes of the memory bank; all are 0 without SAGA_TOOL_BANK. */
     uint16_t bank_slots;  /* L: 32, 64, 128, 256 or 512 */
     uint8_t bank_width;   /* D: 8, 16, ..., 64; 16 or more if L is 512 */
     uint16_t bank_blocks; /* B: blocks per round at most, >= 1 */
@@ -196,14 +198,14 @@ static inline int saga_motion_order(const saga_model *m)
     return (int)((m->tools & SAGA_TOOL_MOTION_MASK) >> SAGA_TOOL_MOTION_SHIFT);
 }
 
-/* Tells whether anything in the segment depends on time. */
+/* Returns whether anything in a segment depends on time. */
 static inline int saga_is_dynamic(const saga_model *m)
 {
     return (m->tools & (SAGA_TOOL_OPACITY_T | SAGA_TOOL_SLOPE |
                         SAGA_TOOL_MOTION_MASK)) != 0;
 }
 
-/* Tells whether the header describes a network. */
+/* Returns whether the header describes a network. */
 static inline int saga_is_described(const saga_model *m, int net)
 {
     return net < SAGA_NET_QUERY || (m->tools & SAGA_TOOL_BANK) != 0;
@@ -215,7 +217,7 @@ static inline int saga_fuse_net(int tier)
     return tier == SAGA_TIER_COARSE ? SAGA_NET_FUSE_C : SAGA_NET_FUSE_F;
 }
 
-/* Both return the Q format of a tier's features; of its fused features. */
+/* Return the Q format of a tier's features, and of its fused features. */
 static inline int saga_feature_q(const saga_model *m, int tier)
 {
     return m->out_q[tier == SAGA_TIER_COARSE ? SAGA_OUT_COARSE
@@ -230,8 +232,8 @@ static inline int saga_fused_q(const saga_model *m, int tier)
                                                : SAGA_OUT_FUSE_F];
 }
 
-/* Tells whether a round of a tier writes: only if someone may still read.
- * Tiers are kinds of the same number. */
+/* Returns whether rounds of a tier write to the bank, which they do if a later
+ * block may read it. The tiers SAGA_TIER_* equal their SAGA_KIND_*. */
 static inline int saga_tier_writes(const saga_model *m, int tier)
 {
     uint32_t readers = m->sources[SAGA_KIND_PRIM] | m->sources[SAGA_KIND_FINE];
@@ -241,7 +243,7 @@ static inline int saga_tier_writes(const saga_model *m, int tier)
     return (readers & SAGA_SOURCE_BANK) != 0;
 }
 
-/* Returns the sources that any kind has. */
+/* Returns the sources that at least one kind has. */
 static inline uint32_t saga_any_source(const saga_model *m)
 {
     uint32_t any = 0;
@@ -252,28 +254,28 @@ static inline uint32_t saga_any_source(const saga_model *m)
     return any;
 }
 
-/* Returns how many values the embedding of a 4-D coordinate has: sine and
- * cosine, 4 axes. */
+/* Returns the number of values in the embedding of a 4-D coordinate: sine and
+ * cosine for each octave and axis. */
 static inline uint32_t saga_pe_size(const saga_model *m)
 {
     return 8u * m->octaves;
 }
 
-/* Returns how many channels a coded block has: centre and features; offset;
- * offset. */
+/* Returns the number of channels of a block: centre and features for coarse
+ * anchors, the offset for fine anchors and for primitives. */
 static inline uint32_t saga_n_channels(const saga_model *m, int kind)
 {
     return kind == SAGA_KIND_COARSE ? 4u + m->features : 4u;
 }
 
-/* The rows of a network that are an output's: first .. first + n - 1. An output
- * whose tool is off, or whose network does not exist, has n = 0. */
+/* The rows of an output in its network: first .. first + n - 1. n is 0 if the
+ * output's tool is off or its network does not exist. */
 typedef struct saga_rows {
     uint8_t net, first, n;
-    uint8_t most_q;         /* a finer format is of no use to what reads it */
+    uint8_t most_q;         /* the finest useful Q format */
 } saga_rows;
 
-/* Finds the rows of every output but SIGMA, which three networks give. */
+/* Finds the rows of every output except SIGMA, which three networks have. */
 void saga_model_rows(saga_rows rows[SAGA_N_OUTS], const saga_model *m);
 
 /* Returns the Q format of a row of a network's outputs. */
@@ -282,12 +284,12 @@ int saga_output_q(const saga_model *m, int net, uint32_t row);
 /* Gives the shape of network `net` (SAGA_NET_*) of a valid model. */
 void saga_model_net(saga_net_shape *shape, const saga_model *m, int net);
 
-/* Returns the multiply-accumulates of one run of a network, which are also its
- * weights without padding: sum of n_in * n_out. */
+/* Returns the sum of n_in * n_out over a network's layers, which is the number
+ * of multiply-accumulates of a run and of weights without padding. */
 uint32_t saga_net_macs(const saga_net_shape *shape);
 
-/* Returns 1 if every field is inside its range and shapes stay inside
- * SAGA_MAX_VECTOR; reserved tools are not looked at. */
+/* Returns 1 if every field is inside its range and no shape exceeds
+ * SAGA_MAX_VECTOR; does not check reserved tools. */
 int saga_model_is_valid(const saga_model *m);
 
 /* --- Levels: caps that bound a decoder before it starts ------------------ */
@@ -296,8 +298,8 @@ typedef struct saga_level_caps {
     uint32_t work_nbytes;
     uint32_t n_coarse, n_fine, n_prim;
     uint32_t n_weights;
-    uint32_t n_anchors;     /* coarse and fine, of the base and of as many
-                             * layers as a segment has */
+    uint32_t n_anchors;     /* coarse and fine anchors, of the base and of all
+                             * layers of a segment */
     uint64_t work;          /* of the base and a segment: multiply-accumulates,
                              * and SAGA_RUN_WORK for each run of a network */
     uint16_t n_slots;       /* of the bank */
@@ -306,11 +308,11 @@ typedef struct saga_level_caps {
     uint8_t int8_only;      /* every network must be int8 */
 } saga_level_caps;
 
-/* A run of a network on one point takes this much beside its products. */
+/* Work that is added for each run of a network on one point. */
 #define SAGA_RUN_WORK 4096u
 
-/* The cover of a smaller picture counts as if it had this many pixels: a splat
- * covers one at least. */
+/* The cover of a smaller picture is computed as if it had this number of
+ * pixels, because a splat covers at least one. */
 #define SAGA_COVER_PIXELS (1u << 16)
 
 enum { SAGA_N_PROFILES = 4 };
@@ -320,10 +322,10 @@ extern const saga_level_caps saga_caps[SAGA_N_PROFILES];
 /* --- Rendering constants; the float trainer reads them here -------------- */
 
 #define SAGA_ALPHA_CAP_Q16 64880   /* alpha <= 0.99 */
-#define SAGA_PEAK_LOG2 3           /* opacities are below 2^3: what exceeds the
-                                    * cap makes a flat top and a steep edge */
-/* alpha = min(2^(SAGA_PEAK_LOG2 - q), cap); at 2^-8 and below a splat touches
- * no pixel. */
+#define SAGA_PEAK_LOG2 3           /* opacities are below 2^3; where they exceed
+                                    * the cap, splats have a flat top */
+/* alpha = min(2^(SAGA_PEAK_LOG2 - q), cap); a splat does not touch a pixel if
+ * this is 2^-8 or less. */
 #define SAGA_CUT_LOG2 (SAGA_PEAK_LOG2 + 8)
 #define SAGA_CUT_Q20 (SAGA_CUT_LOG2 << 20)
 #define SAGA_T_FLOOR_Q16 8         /* a pixel is finished below 8 / 65536 */

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * The scaffold in memory: coarse and fine anchors, and where they are. Filled
- * by the traversal of syntax.h on both sides. Paper: Hierarchical 4D Anchor.
+ * The scaffold in memory: coarse and fine anchors with their positions. The
+ * traversal of syntax.h fills it in encoder and decoder. Paper: Hierarchical 4D
+ * Anchor.
  */
 #ifndef SAGA_SCAFFOLD_H
 #define SAGA_SCAFFOLD_H
@@ -20,15 +21,15 @@ enum { SAGA_LOG2_HALF_X = 23, SAGA_LOG2_HALF_T = 15 };
 #define SAGA_X_MAX ((1 << 23) - 1)
 #define SAGA_T_MAX 65535
 
-#define SAGA_T_MID 32768         /* where view directions are taken from */
+#define SAGA_T_MID 32768         /* view directions are those at this time */
 
-/* A primitive's temporal centre may lie half a segment outside of its own. */
+/* A temporal centre may lie outside the segment by half its duration. */
 #define SAGA_CENTRE_T_MIN (-32768)
 #define SAGA_CENTRE_T_END 98304
 
 /* A coarse anchor is an active leaf of the 4-D tree. */
 typedef struct saga_coarse {
-    int32_t x[3];            /* coded centre: serves interpolation only */
+    int32_t x[3];            /* coded centre, used by interpolation only */
     uint32_t first_fine;     /* rank of its first fine anchor */
     uint16_t t;
     uint16_t cell[3];        /* integer coordinates at its own depth */
@@ -51,30 +52,33 @@ typedef struct saga_fine {
     uint8_t group;
 } saga_fine;
 
-/* The number of points n - 1 chooses a halving's model. Moments gather in
- * the middle of their cell, so that of a few points (n up to SAGA_FEW) a later
- * bit of time is best told by the first one. */
+/* Adaptive models for halving a set of n points; n - 1 is an index. Moments
+ * gather in the middle of their cell. Therefore, if there are few points (n up
+ * to SAGA_FEW), the first bit of time is the context of the later ones. */
 enum { SAGA_FEW = 3, SAGA_LATER_BITS = 3 };
 
 typedef struct saga_set_models {
     saga_adaptive space[SAGA_MAX_CHILDREN];
     saga_adaptive time[SAGA_MAX_CHILDREN];
-    saga_adaptive later[SAGA_LATER_BITS][2][SAGA_FEW]; /* bit of time 1, 2, 3
-                                                        * and on; the first */
+    saga_adaptive later[SAGA_LATER_BITS][2][SAGA_FEW]; /* by bit of time (1, 2,
+                                                        * 3 and more), then by
+                                                        * the first bit */
 } saga_set_models;
 
-/* A scaffold's adaptive models run on from chunk to chunk. */
+/* The adaptive models of a scaffold, which keep their state from chunk to
+ * chunk. */
 typedef struct saga_models {
     saga_adaptive split[SAGA_MAX_DEPTH_X + 1];     /* by spatial depth */
-    saga_adaptive occupancy[3][4][5]; /* by split - 1, children so far, those
-                                       * of them that touch the next one */
+    saga_adaptive occupancy[3][4][5]; /* by split - 1, by the number of children
+                                       * so far, and by how many of these touch
+                                       * the next one */
     saga_adaptive n_fine[SAGA_MAX_DEPTH_X + 1];    /* by spatial depth */
     saga_adaptive n_prim;
     saga_set_models set[2];           /* fine, primitive */
 } saga_models;
 
-/* A traversal works on this: a transient view, the memory is the caller's.
- * Capacities are n: the segment header's exact counts. */
+/* The working state of a traversal; the caller owns the memory. The arrays have
+ * room for the counts n, which the segment header gives exactly. */
 typedef struct saga_scaffold {
     const saga_model *model;
     saga_runner net;                 /* its networks */
@@ -88,10 +92,10 @@ typedef struct saga_scaffold {
     saga_bank bank;              /* n_slots = 0: the tool is off */
 } saga_scaffold;
 
-/* Sets the sizes of a model's bank; its arrays are to be placed. */
+/* Sets the sizes of a model's bank, but not its arrays. */
 void saga_bank_size(saga_bank *bank, const saga_model *m);
 
-/* A position is where something is and how far it reaches, by axis. */
+/* A place in space and time, and how far something reaches along each axis. */
 typedef struct saga_position {
     int32_t x[3];
     int32_t t;
@@ -99,14 +103,14 @@ typedef struct saga_position {
     int32_t log2_support_q10[4];
 } saga_position;
 
-/* Gives the cell of a coarse anchor: centre and half-sizes. */
+/* Sets p to the cell of a coarse anchor: centre and half-sizes. */
 void saga_position_cell(saga_position *p, const saga_coarse *c);
 
 /* Adds an offset (Q14, in units of support per axis) to the centre, and
  * clamps it to the cube. */
 void saga_position_move(saga_position *p, const int16_t offset_q14[4]);
 
-/* Gives the position of a fine anchor. */
+/* Sets p to the position and support of a fine anchor. */
 void saga_position_fine(saga_position *p, const saga_fine *f);
 
 #endif

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * The sine, for one phase and for many: fx_math.c and sine_avx2.c compile it,
- * which is all that they differ in. What includes it defines INLINE, how its
- * functions are inlined.
+ * The sine, for one phase and for many. fx_math.c and sine_avx2.c compile the
+ * same code for different instruction sets. They define INLINE, the specifiers
+ * of its functions.
  */
 #ifndef SAGA_SINE_H
 #define SAGA_SINE_H
@@ -12,8 +12,8 @@
 #ifdef INLINE
 
 /* sin(z pi/2), z in [0, 1] as Q14 0..16384, by z (c0 - u (c1 - u (c2 - u c3)))
- * with u = z^2: the coefficients (Q17, Q16, Q18, Q18) are those of least
- * maximum error over all z, found by search around the minimax polynomial.
+ * with u = z^2. The coefficients (Q17, Q16, Q18, Q18) minimise the maximum
+ * error over all z; they were found by search around the minimax polynomial.
  *   u <= 2^16
  *   c2_q18 in 19690..20822; u c2_q18 <= 2^16 * 20822 < 2^31
  *   c1_q16 in 37409..42331; u c1_q16 <= 2^16 * 42331 < 2^32 - 2^14
@@ -29,7 +29,8 @@ INLINE int32_t sin_quarter_q15(uint32_t z)
     return fx_min((int32_t)((c0_q17 * z + (1u << 15)) >> 16), 32767);
 }
 
-/* Folded onto the first quarter, so odd and symmetric by construction. */
+/* Reduces the phase to the first quarter turn, so that the result is odd and
+ * symmetric by construction. */
 INLINE int16_t sin_turn16_q15(uint32_t phase)
 {
     const int32_t half = (int32_t)(phase & 32767u);

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Symbols: all the integers of a segment and of the networks that are coded,
- * nothing else. The lossless interface between quantiser and bytes; never held
- * by the decoder, which consumes each symbol as it appears.
+ * Symbols: all coded integers of a segment and of the networks, and nothing
+ * else. They are the lossless interface between quantiser and bytes. The
+ * decoder has no such arrays; it consumes each symbol as it is decoded.
  */
 #ifndef SAGA_SYMBOLS_H
 #define SAGA_SYMBOLS_H
@@ -32,8 +32,8 @@ typedef struct saga_symbols {
     int32_t *prim_offset;    /* (prim, 4) q */
 } saga_symbols;
 
-/* Which weights of a layer share a scale: all, those of a row (what one output
- * is given) or of a column (what one input gives). */
+/* Which weights of a layer share a scale: all, those of a row (of one output),
+ * or those of a column (of one input). */
 enum {
     SAGA_SCALE_TENSOR,
     SAGA_SCALE_ROW,
@@ -42,18 +42,19 @@ enum {
 };
 
 enum {
-    SAGA_N_DROPS = 12,       /* a line's scale lies 0..11 drops below the */
-    SAGA_DROP = 4            /* layer's, of this many indices each */
+    SAGA_N_DROPS = 12,       /* a line's scale is 0..11 drops below the layer's,
+                              */
+    SAGA_DROP = 4            /* and a drop is 4 scale indices */
 };
 
-/* The symbols of one layer of a network. w = fx_rshift64(q * step_q16, s + f)
- * per weight, f the `finer` of what it takes, bias = q << bias_shift. */
+/* The symbols of one layer of a network. A weight is fx_rshift64(q * step_q16,
+ * s + f), where f is the `finer` of its input; a bias is q << bias_shift. */
 typedef struct saga_layer_symbols {
     uint32_t step_q16;       /* 1..65535 */
     uint8_t step_shift;      /* s, 0..31 */
     uint8_t bias_shift;      /* 0..31 */
-    uint8_t weight_scale;    /* scale index of the residual coder, 0..63; by
-                              * lines, what they drop from */
+    uint8_t weight_scale;    /* scale index of the residual coder, 0..63; with
+                              * drops, the index from which they count */
     uint8_t bias_scale;
     uint8_t scale_mode;      /* SAGA_SCALE_* */
     uint8_t *drop;           /* (saga_scale_lines) 0..SAGA_N_DROPS-1; a line's
@@ -66,7 +67,7 @@ typedef struct saga_layer_symbols {
                               * all 0 */
 } saga_layer_symbols;
 
-/* Rows or columns of a layer that have a scale of their own. */
+/* Returns the number of rows or columns of a layer with their own scales. */
 static inline uint32_t saga_scale_lines(uint32_t mode, uint32_t n_in,
                                         uint32_t n_out)
 {
@@ -78,16 +79,16 @@ typedef struct saga_net_symbols {
     saga_layer_symbols layer[SAGA_N_NETS][SAGA_MAX_NET_LAYERS];
 } saga_net_symbols;
 
-/* A coder is asked for a symbol by its kind and its place in the arrays
- * above. The decoder ignores it; the encoder looks the value up. */
+/* The traversal names each symbol by its sort and by its place in the arrays
+ * above. The decoder ignores the name; the encoder looks up the value. */
 enum {
     SAGA_SYM_SPLIT,          /* index: node */
     SAGA_SYM_OCCUPANCY,      /* index: node, bit: child; symbol 0 or 1 */
     SAGA_SYM_N_FINE,         /* index: coarse rank */
     SAGA_SYM_CENTRE,         /* index: coarse rank; 4 residuals */
     SAGA_SYM_FEATURE,        /* index: coarse rank; F residuals */
-    SAGA_SYM_FINE_SUFFIX,    /* index: first fine rank of a run, bit: bit of
-                              * the suffix; symbol: members with the bit 0 */
+    SAGA_SYM_FINE_SUFFIX,    /* index: first fine rank of a run, bit: bit of the
+                              * suffix; symbol: number of points with bit 0 */
     SAGA_SYM_FINE_OFFSET,    /* index: fine rank; 4 residuals */
     SAGA_SYM_N_PRIM,         /* index: fine rank */
     SAGA_SYM_PRIM_SUFFIX,    /* as FINE_SUFFIX, primitive ranks */
@@ -108,7 +109,7 @@ enum {
     SAGA_N_SYMS
 };
 
-/* The step (SAGA_STEP_*) of the residuals of a segment. */
+/* Returns the step (SAGA_STEP_*) of a sort of residuals of a segment. */
 static inline int saga_step_of(uint32_t sym)
 {
     return sym == SAGA_SYM_CENTRE ? SAGA_STEP_CENTRE

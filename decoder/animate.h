@@ -8,7 +8,7 @@
 
 #include "primitive.h"
 
-/* Constants of animate.c and its twin in vectors. */
+/* Constants of animate.c and of its SIMD version. */
 #define LIMIT_X (1 << 29)      /* positions saturate here */
 #define LIMIT_U (16 << 16)     /* u of the temporal opacity, Q16 */
 #define LIMIT_AGE (4 << 16)    /* Q16 */
@@ -16,14 +16,15 @@
 #define HALF_SEGMENT (15 << 10) /* log2 of it in units of time, Q10 */
 #define LOG2_E_Q20 1512775     /* log2(e) */
 
-/* dt = t - t_centre, |dt| < 2^17; age = dt / min(width, 1/2 segment), in -4..4.
+/* Computes primitive p at time t, 0..65535, where dt = t - t_centre, |dt| <
+ * 2^17, and age = dt / min(width, 1/2 segment), in -4..4:
  * x(t) = x + support * (((b3 age + b2) age + b1) age),
  * quat(t) = quat + slope age, q0 = softplus2(3 - o) + log2(e) (dt / width)^2.
- * t in 0..65535. Every field of out is always written. */
+ * Writes every field of out. */
 void saga_animate(saga_animated *out, const saga_primitive *p,
                   const saga_prim_format *f, int32_t t);
 
-/* x alone. */
+/* Computes x only. */
 void saga_animate_mean(int32_t x[3], const saga_primitive *p,
                        const saga_prim_format *f, int32_t t);
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
  * The inner loop of blending: one splat into one tile. blend.c has the plain
- * loops, which are the norm; arch/ has their twins in vectors, bit for bit.
+ * loops, which are normative; arch/ has SIMD versions that give the same bits.
  */
 #ifndef SAGA_BLEND_H
 #define SAGA_BLEND_H
@@ -11,7 +11,7 @@
 
 #include <stdint.h>
 
-/* s is beyond every cut from here on, Q20. */
+/* No pixel with s at or above this value, Q20, is touched. */
 #define S_END (8u << 20)
 
 /* The rows of a splat in a tile. v and w: docs/arithmetic.md. */
@@ -36,8 +36,8 @@ typedef struct saga_patch {
  * T < 8 do not change. */
 void saga_blend(uint32_t *t, uint32_t side, const saga_patch *p, saga_cpu cpu);
 
-/* Twins. p->v and p->w are tame: |v| < 7 and |w| < 7 in the box's corners, so
- * that 32 bits hold them. */
+/* SIMD versions. The caller makes sure that |v| < 7 and |w| < 7 in the corners
+ * of the box, so that 32 bits hold v and w. */
 void saga_blend__avx2(uint32_t *t, uint32_t side, const saga_patch *p);
 void saga_blend__x4(uint32_t *t, uint32_t side, const saga_patch *p);
 

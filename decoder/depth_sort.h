@@ -12,9 +12,9 @@ typedef struct saga_key {
     uint32_t index;
 } saga_key;
 
-/* Sorts keys[0..n) by depth; equal depths keep their order (so keys filled in
- * index order come out in the order of (depth, index)). tmp has n entries.
- * Radix sort, time proportional to n. */
+/* Sorts keys[0..n) by depth with a radix sort, in time proportional to n. The
+ * sort is stable, so that keys given in the order of their indices are sorted
+ * by (depth, index). tmp has n entries. */
 void saga_depth_sort(saga_key *keys, saga_key *tmp, uint32_t n);
 
 #endif

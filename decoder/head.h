@@ -9,26 +9,28 @@
 #include "container.h"
 #include "saga.h"
 
-/* Reads and checks the header at bytes[0..n): magic, version, tools, size, CRC.
- * Its other values are checked by saga_plan_make. OK, TRUNCATED, DATA, VERSION;
- * VERSION for an unknown tool comes before the CRC is looked at. */
+/* Reads the header at bytes[0..n) and checks magic, version, tools, size and
+ * CRC; saga_plan_make checks its other values. Returns OK, TRUNCATED, DATA or
+ * VERSION. The tools are checked before the CRC. */
 saga_status saga_head_read(saga_header *h, const uint8_t *bytes, size_t n);
 
-/* Bytes of the head; up to the end of its networks chunk, where the base is if
- * there is one. Of a header whose counts are checked. */
+/* The first returns the size of the head. The second returns the offset of the
+ * end of its networks chunk, where the base begins if there is one. The counts
+ * of the header have been checked. */
 uint64_t saga_head_nbytes(const saga_header *h);
 uint64_t saga_head_base(const saga_header *h);
 
-/* CRC of the header at the start of bytes, which was read into *h. */
+/* Returns the CRC stored in the header at the start of bytes; *h is that
+ * header. */
 uint32_t saga_head_crc(const saga_header *h, const uint8_t *bytes);
 
-/* CRC of the networks chunk, from which those of names and sound go on. The
+/* Returns the stored CRC of NETS, which those of NAME and OPUS continue. The
  * whole head is at bytes. */
 uint32_t saga_head_networks_crc(const saga_header *h, const uint8_t *bytes);
 
-/* A chunk at bytes[0..n): OK with its payload's place in *chunk and
- * bytes + SAGA_CHUNK_NBYTES; TRUNCATED, or DATA for another type or a CRC that
- * does not go on from the owner's. */
+/* Checks the chunk at bytes[0..n) and fills *chunk; its payload is at
+ * bytes + SAGA_CHUNK_NBYTES. Returns OK; TRUNCATED; DATA if the type differs or
+ * if the CRC does not continue that of the owner. */
 saga_status saga_head_chunk(saga_chunk *chunk, uint32_t type, uint32_t owner,
                             const uint8_t *bytes, size_t n);
 

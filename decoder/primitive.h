@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * A decoded primitive, and the same at one time. 72 bytes each in memory:
- * nothing here depends on a camera.
+ * A decoded primitive, 72 bytes in memory. It depends on no camera.
  */
 #ifndef SAGA_PRIMITIVE_H
 #define SAGA_PRIMITIVE_H
@@ -26,15 +25,16 @@ typedef struct saga_primitive {
 
 _Static_assert(sizeof(saga_primitive) == 72, "plan.c counts 72 bytes");
 
-/* It tells what a primitive's fields mean: heads' Q formats (0..20) and which
- * temporal tools are on (off: the fields are not read). */
+/* Describes the fields of a primitive: their Q formats, and which temporal
+ * tools are on. If a tool is off, its fields are not read. */
 typedef struct saga_prim_format {
     uint8_t q_quat, q_slope, q_opacity; /* 0..20 */
     uint8_t q_motion[3];     /* per order, 0..20 */
     uint8_t motion_order;    /* 0..3 */
     uint8_t has_slope;       /* linear rotation */
     uint8_t has_width;       /* temporal opacity */
-    uint32_t tools;          /* of the file, SAGA_TOOL_*: how splats fall off */
+    uint32_t tools;          /* of the file, SAGA_TOOL_*; they select the
+                              * fall-off of splats */
 } saga_prim_format;
 
 #endif

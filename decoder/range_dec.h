@@ -18,14 +18,15 @@ typedef struct saga_range_dec {
     size_t n;                /* bytes of the chunk */
     size_t pos;              /* bytes read; n + 3 at the end, zeros past n */
     uint32_t range, code;
-    saga_tally *tally;       /* of the symbols; NULL: nobody counts. When it
-                              * stops that is an error */
+    saga_tally *tally;       /* counts the symbols; may be NULL. If it stops,
+                              * that is an error of the coder */
 } saga_range_dec;
 
-/* Begins to decode p[0..n), which must stay valid until the chunk is done. */
+/* Starts decoding p[0..n), which must stay valid until the chunk is decoded. */
 void saga_range_dec_init(saga_range_dec *d, const uint8_t *p, size_t n);
 
-/* 1 if nothing was wrong and exactly the chunk's bytes were consumed. */
+/* Returns 1 if there was no error and exactly the chunk's bytes were consumed,
+ * else 0. */
 int saga_range_dec_finish(const saga_range_dec *d);
 
 #endif

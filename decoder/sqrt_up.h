@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * An upper bound of a square root by one look into a table: how far a splat,
- * or a row of it, may reach. Boxes and spans made with it are loose by up to
- * 1/32 in q; every pixel is tested, so they never show in a picture.
+ * An upper bound of a square root by one table lookup, which bounds the extent
+ * of a splat or of a row of it. Boxes and spans made with it are too large by
+ * up to 1/32 in q. Pictures do not depend on this, since every pixel is tested.
  */
 #ifndef SAGA_SQRT_UP_H
 #define SAGA_SQRT_UP_H
@@ -11,10 +11,11 @@
 
 extern const uint16_t saga_sqrt_up_q12[256];
 
-/* x_q20 in 1..2^24: at least sqrt(x + 1) + 1/3, Q12, at most 16386; loose by
- * 0.8 % for x >= 2^21. The part above the root itself covers the rounding of
- * v, w and q (norm 7): q < 11 with x = 11 - q0 means
- * w13^2 + v13^2 < 64 (x_q20 + 1), and v13, w13 in Q13 are half a unit off. */
+/* For x_q20 in 1..2^24, returns at least sqrt(x + 1) + 1/3 in Q12, and at most
+ * 16386. It exceeds the root by at most 0.8 % for x >= 2^21. The excess covers
+ * the rounding of v, w and q (arithmetic.md, Blending): q < 11 with x = 11 - q0
+ * means w13^2 + v13^2 < 64 (x_q20 + 1), where v13 and w13 in Q13 are wrong by
+ * up to half a unit. */
 static inline int32_t sqrt_up_q20_q12(int32_t x_q20)
 {
     FX_ASSERT(x_q20 >= 1 && x_q20 <= 16 << 20);
@@ -22,11 +23,12 @@ static inline int32_t sqrt_up_q20_q12(int32_t x_q20)
                             : 2 * saga_sqrt_up_q12[(x_q20 - 1) >> 17];
 }
 
-/* A splat touches only pixels whose s = v^2 + w^2 (Q20) is below this, given
- * rest = 11 - q0, 1..11 2^20, and the file's tools: where s itself reaches
- * rest, or with SAGA_TOOL_STEEP s + s^2 / 2 does, s = sqrt(1 + 2 rest) - 1.
- * The root comes by halves; a third of a unit of it above the root covers the
- * rounding of s^2 / 2, at most s 2^-13. At most 3.84 where it is steep. */
+/* Returns a bound on s = v^2 + w^2 (Q20): a splat touches only pixels with s
+ * below it. rest = 11 - q0 is in 1..11 2^20. The bound is rest; with
+ * SAGA_TOOL_STEEP it is the s at which s + s^2 / 2 reaches rest, that is
+ * sqrt(1 + 2 rest) - 1, which is at most 3.84. The root is computed from half
+ * its argument; the third of a unit that sqrt_up adds covers the rounding of
+ * s^2 / 2, which is at most s 2^-13. */
 int32_t saga_reach_q20(int32_t rest_q20, uint32_t tools);
 
 #endif

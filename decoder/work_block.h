@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The decoder as it lies in the work block: its fields, and where the arrays
- * behind them are. decoder.c fills it, draw.c draws from it.
+ * The decoder at the start of the work block: its fields, and the places of the
+ * arrays after them. decoder.c fills it, draw.c draws from it.
  */
 #ifndef SAGA_WORK_BLOCK_H
 #define SAGA_WORK_BLOCK_H
@@ -11,7 +11,7 @@
 
 #include <stddef.h>
 
-/* Stands at the start of the work block; offsets in plan count from here. */
+/* The start of the work block, from which the offsets of the plan count. */
 struct saga_decoder {
     saga_plan plan;
     saga_header header;
@@ -20,19 +20,20 @@ struct saga_decoder {
     uint32_t n_layers;           /* decoded */
     saga_camera camera;          /* of the view */
     uint32_t final_range[3];
-    uint64_t box_pixels;         /* of the view that was asked for last */
+    uint64_t box_pixels;         /* of the last requested view */
     uint32_t n_splats;
-    uint32_t owner;              /* CRC of the head's last chunk: segments go
-                                  * on from it */
-    uint32_t n_views;            /* number of the view */
-    uint32_t view_digest;        /* of file, segment, time and camera */
+    uint32_t owner;              /* CRC of the head's last chunk, which the CRCs
+                                  * of segments continue */
+    uint32_t n_views;            /* number of views prepared so far */
+    uint32_t view_digest;        /* CRC over file, segment, time and camera */
     uint32_t cpu;                /* saga_cpu of this machine */
-    saga_tally tally;            /* of the call that is open or decode; none of
-                                  * its pointers outlives the call */
+    saga_tally tally;            /* work of the current saga_open or
+                                  * saga_decode; its pointers are cleared when
+                                  * the call ends */
     uint16_t has_segment, has_view;
 };
 
-/* The block begins with this number of bytes for it. */
+/* Number of bytes of the work block that are reserved for saga_decoder. */
 enum { DECODER_NBYTES = 768 };
 
 _Static_assert(sizeof(saga_decoder) <= DECODER_NBYTES, "format: see plan.c");
@@ -64,19 +65,19 @@ static inline int16_t *colours_of(saga_decoder *dec)
     return (int16_t *)(void *)block_at(dec, dec->plan.colours_at);
 }
 
-/* Counts the primitives of the base and of the segment. */
+/* Returns the number of primitives of base and segment together. */
 static inline uint32_t n_prims(const saga_decoder *dec)
 {
     return dec->header.base.prim + dec->n.prim;
 }
 
-/* Reads the header at bytes[0..n) and plans the block by it; with whole = 1 all
- * of the head must be there. OK, or what saga_head_read and saga_plan_make say.
- */
+/* Reads the header at bytes[0..n) and makes the plan of the block. If whole is
+ * 1, all of the head must be present. Returns OK, or an error of saga_head_read
+ * or saga_plan_make. */
 saga_status saga_block_plan(saga_header *h, saga_plan *plan,
                             const uint8_t *bytes, size_t n, int whole);
 
-/* A scaffold of n over the block's arrays. */
+/* Makes a scaffold with the counts n from the arrays of the block. */
 void saga_block_scaffold(saga_scaffold *sc, saga_decoder *dec,
                          const saga_counts *n);
 
