@@ -5,8 +5,8 @@
 #include "fx_math.h"
 #include "interp.h"
 
-/* The networks are told of a block's position, size and count; its rank and
- * parent tell where its contexts come from. */
+/* A block: its position, size and count are inputs of the networks; its rank
+ * and parent say where its contexts come from. */
 typedef struct {
     saga_position position;
     uint32_t count;          /* children, known before the block */
@@ -23,9 +23,9 @@ static void coarse_block(block *b, const saga_scaffold *sc, uint32_t rank)
     b->rank = b->parent = rank;
 }
 
-/* The centre is the suffix cell's, or, once it is decoded, the anchor's; the
- * support is the parent's, which the distances use; the size is the suffix
- * cell's, which is what is new. */
+/* Makes the block of a fine anchor. The centre is that of the suffix cell or,
+ * after decoding, of the anchor. The support is the parent's, as distances need
+ * it; the size is that of the suffix cell. */
 static void fine_block(block *b, const saga_scaffold *sc, uint32_t rank)
 {
     const saga_fine *const fine = &sc->fine[rank];
@@ -36,7 +36,8 @@ static void fine_block(block *b, const saga_scaffold *sc, uint32_t rank)
     saga_position_cell(&b->position, parent);
     saga_position_move(&b->position, fine->local);
     for (i = 0; i < 4; i++)
-        /* A suffix of `bits` bits halves a cell as often. */
+        /* A suffix with `bits` bits for each axis halves the cell `bits` times.
+         */
         b->position.log2_support_q10[i] -= bits * 1024;
     b->count = parent->n_fine;
     b->rank = rank;
@@ -51,7 +52,7 @@ static void prim_block(block *b, const saga_scaffold *sc, uint32_t rank)
     b->parent = sc->fine[rank].parent;
 }
 
-/* A run of a SAGA_KIND_* has the blocks of the given ranks. */
+/* Makes the blocks of a run of a SAGA_KIND_* from their ranks. */
 static void make_blocks(block *b, const saga_scaffold *sc, int kind,
                         const uint32_t *rank, uint32_t n)
 {
@@ -66,7 +67,7 @@ static void make_blocks(block *b, const saga_scaffold *sc, int kind,
             prim_block(&b[i], sc, rank[i]);
 }
 
-/* The blocks' embeddings are kept until a network's outputs take their place.
+/* Returns where the embedding of a block is stored, until queries replace it.
  */
 static int16_t *embedding_of(const saga_scaffold *sc, uint32_t point)
 {
@@ -82,8 +83,8 @@ static void embed_blocks(const saga_scaffold *sc, const block *b, uint32_t n)
                    b[i].position.t, sc->net.cpu);
 }
 
-/* A block has these facts before it is decoded, a point of a run whose
- * embeddings are kept. Sizes and counts enter in Q12, scaled so that they fit
+/* Writes the side information of a block, which is known before decoding, to
+ * the input of a network. Sizes and counts are in Q12, scaled so that they fit
  * the default input range of +-8:
  *     (log2 l - 12) / 4 for space, (log2 l_t - 8) / 4 for time, count / 8.
  * (x / 4 in Q12 has the digits of x in Q10.) */
@@ -103,8 +104,8 @@ static uint32_t in_side(const saga_scaffold *sc, int net, const block *b,
     return saga_in_vector(&sc->net, net, at, size, 5, 12);
 }
 
-/* The context interpolates neighbours of earlier groups of the block's own
- * tier. */
+/* Adds the context from groups: an interpolation over neighbours in earlier
+ * groups of the block's tier. */
 static void add_groups(const saga_scaffold *sc, const block *b, int tier,
                        uint32_t group)
 {
@@ -114,8 +115,9 @@ static void add_groups(const saga_scaffold *sc, const block *b, int tier,
     saga_interp_sum(sc->net.v->context, sc, tier, &nb);
 }
 
-/* The parent's context is coarse features interpolated at the block (fine), or
- * the fine anchor's own features (primitives). Returns their Q. */
+/* Adds the context from the parent: coarse features interpolated at the block
+ * (fine anchors), or the fine anchor's own features (primitives). Returns their
+ * Q. */
 static int add_parent(const saga_scaffold *sc, const block *b, int kind)
 {
     const uint32_t f = sc->model->features;
@@ -134,8 +136,8 @@ static int add_parent(const saga_scaffold *sc, const block *b, int kind)
 
 /* --- Memory bank --------------------------------------------------------- */
 
-/* QUERY and AGG take side information, kind (-1, 0, 1) and F values in Q
- * q; without any, zeros. */
+/* Writes the input of QUERY or AGG: side information, kind (-1, 0, 1) and F
+ * values in Q q, or zeros if there are none. */
 static void in_token(const saga_scaffold *sc, int net, const block *b,
                      uint32_t point, int kind, const int16_t *values, int q)
 {
@@ -151,8 +153,8 @@ static void in_token(const saga_scaffold *sc, int net, const block *b,
             sc->net.v->in[at + i] = 0;
 }
 
-/* Each block makes a query for the bank. The parent's feature is its own, not
- * interpolated. */
+/* Computes the query of each block. The parent's feature enters without
+ * interpolation. */
 static void run_queries(const saga_scaffold *sc, const block *b, uint32_t n,
                         int kind)
 {
@@ -182,7 +184,7 @@ static uint32_t query_stride(const saga_scaffold *sc)
     return saga_mlp_pad(sc->bank.width);
 }
 
-/* Queries take the place of the embeddings. */
+/* Stores the queries where the embeddings were. */
 static void keep_queries(const saga_scaffold *sc, uint32_t n)
 {
     uint32_t i;
@@ -191,8 +193,8 @@ static void keep_queries(const saga_scaffold *sc, uint32_t n)
         sc->net.v->kept[i] = sc->net.v->out[i];
 }
 
-/* The hidden units of slot p add up the round's part of the first layer and its
- * own. */
+/* Writes the input of WRITE for slot p: the sum of the first layer's parts for
+ * the round and for the slot. */
 static void in_slot(const saga_scaffold *sc, uint32_t p, uint32_t point)
 {
     const saga_bank *const m = &sc->bank;
@@ -202,11 +204,11 @@ static void in_slot(const saga_scaffold *sc, uint32_t p, uint32_t point)
     uint32_t i;
 
     for (i = 0; i < m->hidden; i++)
-        /* The first layer's two parts meet here, then its ReLU. */
+        /* Add both parts of the first layer, then apply its ReLU. */
         in[i] = fx_sat16(fx_max(sc->net.v->kept[i] + own[i], 0));
 }
 
-/* Each of the n slots from p on is updated by a candidate and a gate. */
+/* Updates the n slots from p on, each with its candidate and gate. */
 static void write_slots(const saga_scaffold *sc, uint32_t p, uint32_t n)
 {
     const saga_bank *const m = &sc->bank;
@@ -223,7 +225,7 @@ static void write_slots(const saga_scaffold *sc, uint32_t p, uint32_t n)
     }
 }
 
-/* All slots are updated from the round's mean token; none is read meanwhile. */
+/* Updates all slots from the round's mean token. No slot is read meanwhile. */
 static void write_bank(const saga_scaffold *sc)
 {
     const saga_bank *const m = &sc->bank;
@@ -235,7 +237,7 @@ static void write_bank(const saga_scaffold *sc)
     saga_in_vector(&sc->net, SAGA_NET_WRITE_BASE, 0, mean, m->width,
                    SAGA_SLOT_Q);
     saga_net_run(&sc->net, SAGA_NET_WRITE_BASE, 1);
-    /* The round's part of the first layer is the same for all slots. */
+    /* The part of the first layer for the round is the same for all slots. */
     for (i = 0; i < m->hidden; i++)
         sc->net.v->kept[i] = sc->net.v->out[i];
     for (i = 0; i < m->n_slots; i += most)
@@ -267,8 +269,8 @@ void saga_context_begin(const saga_scaffold *sc)
         return;
     saga_bank_start(m);
     begin_round(m->round);
-    /* A slot's number goes in as one 1 among zeros; what its layer makes of
-     * it is kept for all rounds. */
+    /* The input is a 1 at the slot's number and zeros elsewhere; the output is
+     * stored for all rounds. */
     for (p = 0; p < m->n_slots; p++) {
         for (i = 0; i < m->n_slots; i++)
             sc->net.v->in[i] = 0;
@@ -285,9 +287,9 @@ void saga_context_end_group(const saga_scaffold *sc)
         end_round(sc);
 }
 
-/* Coarse anchors stand at their decoded centres. A fine anchor's feature does
- * not exist yet: in its place stand the residual and the number of primitives.
- */
+/* Writes the inputs of AGG for decoded anchors. Coarse anchors are at their
+ * decoded centres. The features of fine anchors do not exist yet; the residual
+ * and the number of primitives are used instead. */
 static void in_tokens(const saga_scaffold *sc, block *b, int tier,
                       const saga_run *run)
 {
@@ -312,8 +314,8 @@ static void in_tokens(const saga_scaffold *sc, block *b, int tier,
                      sc->fine_feature + (size_t)run->rank[i] * f, 14);
 }
 
-/* No sum leaves 32 bits: |sum| <= 65535 * 32767 < 2^31, since bank_blocks <=
- * 65535. A run ends where its round does. */
+/* Sums fit in 32 bits: |sum| <= 65535 * 32767 < 2^31, since bank_blocks <=
+ * 65535. A run never extends beyond its round. */
 void saga_context_keep(const saga_scaffold *sc, int tier,
                        const saga_run *run)
 {
@@ -338,8 +340,8 @@ void saga_context_keep(const saga_scaffold *sc, int tier,
 
 /* --- Entropy parameters -------------------------------------------------- */
 
-/* Values of a block's sources become the input of its entropy
- * network, at `point` of a run. */
+/* Writes the values of a block's sources to the input of its entropy network,
+ * at `point` of a run. */
 static void in_sources(const saga_scaffold *sc, const block *b,
                        uint32_t point, int kind, uint32_t group)
 {
@@ -349,7 +351,7 @@ static void in_sources(const saga_scaffold *sc, const block *b,
     uint32_t at = saga_in_point(&sc->net, net, point);
     int q;
 
-    /* The order of the sources is that of their bits. */
+    /* The sources are in the order of their bits. */
     if (sources & SAGA_SOURCE_HYPER)
         at = saga_in_vector(&sc->net, net, at,
                             saga_out_point(&sc->net, SAGA_NET_HYPER, point), f,
@@ -373,9 +375,8 @@ static void in_sources(const saga_scaffold *sc, const block *b,
     }
 }
 
-/* Runs a kind's entropy network on what its sources say of n blocks of group
- * `group`. The hyperprior's input is complete before queries take the
- * embeddings' position. */
+/* Runs the entropy network of a kind on the sources of n blocks of group
+ * `group`. */
 static void run_blocks(const saga_scaffold *sc, const block *b, uint32_t n,
                        int kind, uint32_t group)
 {
@@ -384,8 +385,8 @@ static void run_blocks(const saga_scaffold *sc, const block *b, uint32_t n,
 
     if (sources & (SAGA_SOURCE_HYPER | SAGA_SOURCE_BANK))
         embed_blocks(sc, b, n);
-    /* Order matters: embeddings feed queries and the hyperprior, and then
-     * give their room to the queries. */
+    /* The order matters: queries and hyperprior read the embeddings, which the
+     * queries then replace in memory. */
     if (sources & SAGA_SOURCE_BANK)
         run_queries(sc, b, n, kind);
     for (i = 0; sources & SAGA_SOURCE_HYPER && i < n; i++)
@@ -416,8 +417,8 @@ static void set_params(saga_run *run, const saga_scaffold *sc, int kind)
     }
 }
 
-/* Returns how many blocks of a kind run together. None of them may read what
- * another's round has written. */
+/* Returns the number of blocks of a kind that may run together. None may depend
+ * on a write by the round of another. */
 static uint32_t most_blocks(const saga_scaffold *sc, int kind)
 {
     const uint32_t sources = sc->model->sources[kind];

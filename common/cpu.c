@@ -14,8 +14,8 @@ static void cpuid(uint32_t r[4], uint32_t leaf)
                      : "a"(leaf), "c"(0));
 }
 
-/* The operating system keeps the registers of SSE and AVX (XCR0's bits 1 and
- * 2). */
+/* Returns whether the operating system saves the registers of SSE and AVX (bits
+ * 1 and 2 of XCR0). */
 static int keeps_ymm(void)
 {
     uint32_t low, high;

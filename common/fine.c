@@ -5,8 +5,8 @@
 #include "fx_math.h"
 #include "interp.h"
 
-/* Features at p are interpolated, then fused: F of them, in saga_fused_q; those
- * of fine anchors that are not fused keep their own formats. */
+/* Interpolates the F features at p and fuses them, to saga_fused_q. Features of
+ * fine anchors that are not fused keep their channels' formats. */
 static void fuse(int16_t *feature, const saga_scaffold *sc, int tier,
                  const saga_position *p, uint32_t parent)
 {
@@ -31,7 +31,8 @@ static void fuse(int16_t *feature, const saga_scaffold *sc, int tier,
         feature[i] = sc->net.v->out[i];
 }
 
-/* A point's values are no more than the input of a network that reads them. */
+/* Returns where the values of a point are stored; they are no longer than the
+ * input of a network that reads them. */
 static int16_t *kept_local(const saga_scaffold *sc, uint32_t point)
 {
     return sc->net.v->kept + point * (sc->model->features +
@@ -74,8 +75,9 @@ static int32_t support_from_log2(int32_t log2_q10, int max)
     return (int32_t)fx_rshift64((int64_t)m, 30 - (int)(x >> 10));
 }
 
-/* Log supports leave the network relative to the parent's half-sizes. They are
- * kept clamped, so that every later use sees the support that is. */
+/* Sets the support from the network's outputs, logarithms relative to the
+ * parent's half-sizes. The clamped values are stored, so that all later uses
+ * agree. */
 static void set_support(saga_fine *f, const saga_coarse *parent,
                         const int16_t out[4], int q)
 {

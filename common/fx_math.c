@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Elementary functions: docs/arithmetic.md states them for implementers, this
- * file has the proofs of range. Errors are maxima measured by
- * tests/common/test_fx_math.c.
- */
+ * Elementary functions. docs/arithmetic.md defines them; the comments here
+ * prove that all values fit their types. The errors are maxima measured by
+ * tests/common/test_fx_math.c. */
 #include "fx_math.h"
 
 #include "fx.h"
@@ -14,7 +13,7 @@
 
 /* 2^f = 2^(i/128) (1 + e), e = 2^(r/65536) - 1 for r in 0..511, from
  *     e ~ r (c1 + c2 r),
- * the parabola through 0 with the least maximum error, 2^-29.9.
+ * the minimax parabola through 0, with a maximum error of 2^-29.9.
  *   c1 + c2 r in Q48: at most 2977038208 + 15783 * 511 + 2^8 < 2^32
  *   times r, in Q39:  at most 5830280 * 511 < 2^31.5
  *   table * e:        below 2^31 * 2^31.5
@@ -32,11 +31,12 @@ uint32_t saga_exp2_frac_q16_q30(uint32_t f_q16)
 }
 
 /* 2^-x = 2^(k - 16) 2^f with k + f = 16 - x, k in 0..16, f in [0, 1): the
- * chord of 2^f over one of 128 cells, no 64-bit product.
+ * chord of 2^f over one of 128 cells, without a 64-bit product.
  *   (difference of entries) >> 6 <= 181213 < 2^18, lo < 2^13: product < 2^31
  *   v <= 2^31, rounding constant 2^(30-k) <= 2^30: sum < 2^32
- * Error: 0.62 LSB, of which 0.12 is the chord (always above). Monotone: each
- * chord is, and none ends above the next entry. */
+ * Error: 0.62 LSB, of which 0.12 comes from the chord, which is never below the
+ * function. Monotone, because each chord is, and none ends above the next
+ * entry. */
 uint32_t saga_exp2_neg_q20_q15(uint32_t x_q20)
 {
     const uint32_t rest_q20 = (16u << 20) - x_q20;
@@ -60,10 +60,10 @@ void saga_exp2_neg_each(int32_t *x, uint32_t n)
         x[i] = (int32_t)saga_exp2_neg_q20_q15((uint32_t)x[i]);
 }
 
-/* Between s[1] and s[2], t = 0..2^bits - 1 of the way: the mean of the two
- * parabolas through three of the four entries (Bessel's formula),
+/* Interpolates between s[1] and s[2], at t / 2^bits of the way, by the mean of
+ * the two parabolas through three of the four entries (Bessel's formula),
  *     s1 + t (s2 - s1) - t (1 - t)/4 (s0 - s1 - s2 + s3).
- * bits 8 or 9: t (1 - t) <= 1/4 is 2^14 at most here, so the entries need
+ * For bits 8 or 9, t (1 - t) <= 1/4 is at most 2^14 here, so the entries need
  *   |s2 - s1| < 2^20: product < 2^29
  *   |bend| < 2^17: product < 2^31 */
 static int32_t bessel(const int32_t *s, int32_t t, int bits)
@@ -75,7 +75,7 @@ static int32_t bessel(const int32_t *s, int32_t t, int bits)
     return s[1] + fx_rshift(t * (s[2] - s[1]) - bow, bits);
 }
 
-/* log2(1 + 2^-a) for a >= 0, in cells of 1/8; |bend| <= 90739.
+/* Returns log2(1 + 2^-a) for a >= 0, in cells of 1/8; |bend| <= 90739.
  * From a = 22 on it is below 1/2 LSB. Result in 0..2^20. Error: 1.3 LSB. */
 static int32_t softplus2_tail_q20(int32_t a_q12)
 {
@@ -85,8 +85,8 @@ static int32_t softplus2_tail_q20(int32_t a_q12)
                      4);
 }
 
-/* max(x, 0) + log2(1 + 2^-|x|). At most 2^20 * 2^8 = 2^28: at the clamp the
- * tail is 0. f(x) - f(-x) = x exactly. Monotone. */
+/* f(x) = max(x, 0) + log2(1 + 2^-|x|), at most 2^20 * 2^8 = 2^28, since the
+ * logarithm is 0 at the clamp. f(x) - f(-x) = x exactly. Monotone. */
 int32_t saga_softplus2_q12_q20(int32_t x_q12)
 {
     const int32_t x = fx_clamp(x_q12, -(1 << 20), 1 << 20);
@@ -94,7 +94,7 @@ int32_t saga_softplus2_q12_q20(int32_t x_q12)
     return x < 0 ? softplus2_tail_q20(-x) : x * 256 + softplus2_tail_q20(x);
 }
 
-/* 1 / (1 + e^a) for a >= 0, in cells of 1/8; |bend| <= 50431.
+/* Returns 1 / (1 + e^a) for a >= 0, in cells of 1/8; |bend| <= 50431.
  * From a = 12 on it is below 1/4 LSB. Result in 0..2^14. Error: 0.56 LSB. */
 static int32_t sigmoid_tail_q15(int32_t a_q11)
 {
@@ -133,8 +133,9 @@ void saga_sin_turn16_each(int16_t *sine_q15, const uint16_t *phase,
 /* 1 / (1 + t), t = x - 1 for x in [1, 2) as Q31 2^31..2^32-1: chord over one of
  * 128 cells, Q23 in 2^22..2^23.
  *   difference of entries <= 65028 < 2^16, lo < 2^15: product < 2^31
- * Relative error, with w = 1/128: the chord +w^2 / (4 (1 + w)) at most, the 9
- * bits of x that lo drops +2^-22, entry and cut -3 2^-23: -4e-7..+1.6e-5.
+ * Relative error, with w = 1/128: at most +w^2 / (4 (1 + w)) from the chord,
+ * +2^-22 from the 9 bits of x that lo drops, -3 2^-23 from rounding the entries
+ * and truncating the result: -4e-7..+1.6e-5 in all.
  * Exact at x = 1. */
 static uint32_t recip_chord_q23(uint32_t x_q31)
 {
@@ -177,8 +178,9 @@ uint32_t saga_recip32(uint32_t x, int *shift)
 /* 1 / sqrt(x) for x in [1, 4), mant_q30 in [1, 2) and odd telling x = 2 mant:
  * chord over one of 64 cells per octave, Q23 in 2^22..2^23.
  *   difference of entries <= 64778 < 2^16, lo < 2^15: product < 2^31
- * Relative error, with w = 1/64: the chord +3/32 w^2 at most, what lo drops
- * +2^-22, entry and cut -3 2^-23: -4e-7..+2.34e-5. */
+ * Relative error, with w = 1/64: at most +3/32 w^2 from the chord, +2^-22 from
+ * the bits that lo drops, -3 2^-23 from rounding the entries and truncating the
+ * result: -4e-7..+2.34e-5 in all. */
 static uint32_t rsqrt_chord_q23(uint32_t mant_q30, uint32_t odd)
 {
     const uint32_t *const t =

@@ -4,16 +4,17 @@
 #include "fx.h"
 #include "fx_math.h"
 
-/* 1 / sum as saga_recip16 gives it. Cells are cubes and the anchors of a window
- * mostly have their size in common, so the last one is kept, of space and of
- * time; sum = 0 is none. */
+/* A cached result of saga_recip16, 1 / sum. Cells are cubes, and the anchors of
+ * a window mostly have the same size, so that the last reciprocal is kept, one
+ * for space and one for time. sum is 0 if there is none yet. */
 typedef struct {
     uint32_t sum, mant;
     int shift;
 } recip;
 
-/* |a - b| / (la + lb) in Q12, at most 32767. |a - b| <= 2^24, the supports are
- * >= 1 and <= 2^23 each, so the shift is in 16..40 and the product < 2^41. */
+/* Returns |a - b| / (la + lb) in Q12, at most 32767. |a - b| <= 2^24 and both
+ * supports are in 1..2^23, so that the shift is in 16..40 and the product below
+ * 2^41. */
 static inline int32_t axis_q12(recip *r, int32_t a, int32_t b, int32_t la,
                                int32_t lb)
 {
@@ -28,7 +29,7 @@ static inline int32_t axis_q12(recip *r, int32_t a, int32_t b, int32_t la,
                                   r->shift - 12), 0, 32767);
 }
 
-/* A query among the anchors of a tier. */
+/* A search for neighbours among the anchors of a tier. */
 typedef struct {
     const saga_scaffold *sc;
     const saga_position *query;
@@ -36,7 +37,7 @@ typedef struct {
     recip space, time;
 } search;
 
-/* An axis of an anchor, the last one being time. */
+/* Position and support of an anchor along an axis; the last axis is time. */
 typedef struct {
     int32_t x, support;
 } interval;
@@ -72,9 +73,10 @@ static inline int64_t square_q24(search *s, uint32_t rank, int axis)
     return u * u;
 }
 
-/* d = |dx / (lq + lb)|^2 + lambda_t (dt / (lq + lb))^2, Q12, at most `limit` <=
- * 65535: three squares <= 2^30 and lambda_t's product < 2^46 are summed in 64
- * bits. Most candidates are beyond the limit after one axis or two. */
+/* Returns d = |dx / (lq + lb)|^2 + lambda_t (dt / (lq + lb))^2 in Q12, or
+ * `limit` <= 65535 if d is larger. Three squares <= 2^30 and a product with
+ * lambda_t < 2^46 are summed in 64 bits. Most candidates exceed the limit after
+ * one or two axes. */
 static inline uint32_t distance_q12(search *s, uint32_t rank, uint32_t limit)
 {
     const saga_model *const m = s->sc->model;
@@ -83,26 +85,27 @@ static inline uint32_t distance_q12(search *s, uint32_t rank, uint32_t limit)
     int i;
 
     for (i = 0; i < 3; i++) {
-        /* A sum that reaches the limit is one that rounds to it. */
+        /* The sum reaches the limit exactly if it rounds to the limit. */
         sum += square_q24(s, rank, i);
         if (sum >= end)
             return limit;
     }
-    /* Where nothing depends on time it parts nobody. */
+    /* If nothing depends on time, time is no part of the distance. */
     if (saga_is_dynamic(m))
         sum += fx_rshift64(square_q24(s, rank, 3) * m->lambda_t_q8, 8);
     return (uint32_t)fx_clamp64(fx_rshift64(sum, 12), 0, (int32_t)limit);
 }
 
-/* Returns the bound that a candidate's d has to be below. */
+/* Returns the bound below which a candidate's d must be. */
 static uint32_t limit_q12(const saga_neighbours *nb, const saga_tier *l)
 {
     return nb->n < l->neighbours ? l->radius2_q12
                                  : nb->d_q12[l->neighbours - 1];
 }
 
-/* Keeps the list sorted by (d, rank): ranks arrive ascending, so an equal d
- * goes behind. Of a full list the last one goes. */
+/* Inserts a candidate into the list, which is sorted by (d, rank). Ranks arrive
+ * in ascending order, so that it goes after those of equal d. If the list is
+ * full, its last entry is dropped. */
 static void insert(saga_neighbours *nb, uint32_t k, uint32_t rank, uint32_t d)
 {
     uint32_t i = nb->n < k ? nb->n++ : k - 1;
@@ -125,9 +128,9 @@ static int is_member(const saga_neighbours *nb, uint32_t rank)
     return 0;
 }
 
-/* The parent is a member whatever its distance: in place of the K-th. The list
- * stays ordered by (d, rank): a parent that is not in it was either too far
- * for the radius or pushed out by K nearer ones. */
+/* Makes the parent a member at any distance, in place of the K-th if the list
+ * is full. The list stays sorted by (d, rank), because a parent that is not in
+ * it was either outside the radius or displaced by K nearer anchors. */
 static void force_parent(saga_neighbours *nb, uint32_t k, uint32_t rank,
                          uint32_t d)
 {
@@ -137,9 +140,10 @@ static void force_parent(saga_neighbours *nb, uint32_t k, uint32_t rank,
     nb->d_q12[i] = (uint16_t)d;
 }
 
-/* w_b = e_b / sum e, e_b = 2^(-(d_b - d_min) log2(e) / T). The nearest has
- * e = 2^15, so the sum is in 2^15..2^19 and its reciprocal's shift in 44..49;
- * weights sum to 2^14 within K / 2. One alone has 2^14, as the rest would. */
+/* Computes the weights w_b = e_b / sum e, e_b = 2^(-(d_b - d_min) log2(e) / T).
+ * The nearest member has e = 2^15. Therefore the sum is in 2^15..2^19, and the
+ * shift of its reciprocal in 44..49. The weights add up to 2^14 within K / 2. A
+ * single member gets 2^14 exactly. */
 static void softmax(saga_neighbours *nb, uint32_t softmax_q8)
 {
     uint32_t e_q15[SAGA_MAX_NEIGHBOURS];
@@ -163,7 +167,7 @@ static void softmax(saga_neighbours *nb, uint32_t softmax_q8)
                                                   shift - 14);
 }
 
-/* The nearest K of the candidates. */
+/* Finds the nearest K candidates. */
 static void take_nearest(saga_neighbours *nb, search *s, uint32_t centre,
                          uint32_t before)
 {
@@ -180,7 +184,7 @@ static void take_nearest(saga_neighbours *nb, search *s, uint32_t centre,
             ? sc->coarse[rank].group : sc->fine[rank].group;
         uint32_t limit, d;
 
-        /* An anchor of this group or a later one is not decoded yet. */
+        /* Anchors of this group and of later ones are not decoded yet. */
         if (group >= before)
             continue;
         limit = limit_q12(nb, l);
@@ -190,7 +194,7 @@ static void take_nearest(saga_neighbours *nb, search *s, uint32_t centre,
     }
 }
 
-/* A list of one holds the parent alone. */
+/* With K = 1 the parent is the only member. */
 void saga_interp_find(saga_neighbours *nb, const saga_scaffold *sc, int tier,
                       const saga_position *query, uint32_t centre,
                       uint32_t before)
@@ -208,7 +212,7 @@ void saga_interp_find(saga_neighbours *nb, const saga_scaffold *sc, int tier,
         softmax(nb, l->softmax_q8);
 }
 
-/* The sum of one is rounded to itself. */
+/* The sum for a single member, whose weight is 2^14, is its feature. */
 static void copy_feature(int16_t *restrict out, const int16_t *restrict x,
                          uint32_t f)
 {
@@ -218,7 +222,7 @@ static void copy_feature(int16_t *restrict out, const int16_t *restrict x,
         out[i] = (int16_t)fx_max(x[i], -32767);
 }
 
-/* Weights sum to at most 2^14 + K/2, so |sum| < 2^29 + 2^19. */
+/* Weights add up to at most 2^14 + K/2, so that |sum| < 2^29 + 2^19. */
 void saga_interp_sum(int16_t *out, const saga_scaffold *sc, int tier,
                      const saga_neighbours *nb)
 {

@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: MIT
  *
- * Slots are kept by rows and by columns, so that both products of a read are
- * mlp.c's inner products of int16. (L = D = 64, gcc: 0.39 us with AVX2 and
- * more, 0.53 with SSE2; with the second product as a sum of weighted rows, 0.44
- * and 0.72. A write of all slots takes 2 us more for it, once per round.)
+ * Slots are stored by rows and by columns, so that both products of a read are
+ * inner products of int16 by mlp.c. (For L = D = 64 with gcc, a read takes 0.39
+ * us with AVX2 and 0.53 us with SSE2; with the second product as a sum of
+ * weighted rows it would take 0.44 and 0.72 us. Storing the columns costs 2 us
+ * in a write of all slots, once per round.)
  */
 #include "memory_bank.h"
 
@@ -74,8 +75,8 @@ static void count_macs(uint32_t n)
 
 /* --- Norm ---------------------------------------------------------------- */
 
-/* slot = u / |u| in Q12; a zero u leaves it. |u| <= 2^24 per component (any
- * unit): the sum of squares is <= 2^54.
+/* Sets slot to u / |u| in Q12, or leaves it if u is zero. u has any unit, with
+ * components up to 2^24, so that the sum of squares is at most 2^54.
  *   1/|u| = M 2^(e-30), e in -27..0: shift 18..45
  *   u M < 2^24 2^31
  * Error of a component: half an LSB, and 4096 (2^-29.6 of the root + 2^-31 of
@@ -94,7 +95,7 @@ static void normalise(int16_t *slot, const int32_t *u, uint32_t width)
     count_macs(MACS_NORM * width);
     if (square == 0)
         return;
-    /* |u|^2 as a pair of 31 bits, then u / |u| by one product each. */
+    /* Convert |u|^2 to a pair with 31 bits; u / |u| is one product each. */
     n = fx_clz64(square);
     x.mant_q30 = (uint32_t)(square << n >> 33);
     x.exp = 63 - n;
@@ -148,7 +149,7 @@ void saga_bank_start(const saga_bank *m)
         uint32_t power = 1;
 
         /* Component d of slot p is the entry (p, x^d) of a Hadamard matrix; a
-         * shift register leads through the powers of x. */
+         * shift register generates the powers of x. */
         for (d = 0; d < m->width; d++) {
             u[d] = parity(p & power) ? -1 : 1;
             power <<= 1;
@@ -162,9 +163,10 @@ void saga_bank_start(const saga_bank *m)
 
 /* --- Read ---------------------------------------------------------------- */
 
-/* Scores in Q22, at most 32767 sum|s| < 2^31 in size, so that their difference
- * fits 32 unsigned bits. e_p in Q15, 2^15 for the largest: their sum is in
- * 2^15..2^24, its reciprocal's shift in 46..55. */
+/* Converts scores to weights. Scores are in Q22, with magnitudes of at most
+ * 32767 sum|s| < 2^31, so that their differences fit 32 unsigned bits. e_p is
+ * in Q15, and 2^15 for the largest score; the sum of the e_p is in 2^15..2^24,
+ * and the shift of its reciprocal in 46..55. */
 static void softmax(const saga_bank *m)
 {
     int32_t *const score = m->score;
@@ -172,7 +174,7 @@ static void softmax(const saga_bank *m)
     uint32_t sum = 0, r, p;
     int shift;
 
-    /* Relative to the largest score, so that e is at most 1. */
+    /* Scores are taken relative to the largest, so that e is at most 1. */
     for (p = 1; p < m->n_slots; p++)
         most = fx_max(most, score[p]);
     for (p = 0; p < m->n_slots; p++)
@@ -180,15 +182,15 @@ static void softmax(const saga_bank *m)
     saga_exp2_neg_each(score, m->n_slots);
     for (p = 0; p < m->n_slots; p++)
         sum += (uint32_t)score[p];
-    /* Weights sum to 2^14. */
+    /* The weights add up to 2^14. */
     r = saga_recip32(sum, &shift);
     for (p = 0; p < m->n_slots; p++)
         m->weight[p] = (int16_t)fx_rshift64((int64_t)score[p] * r,
                                             shift - 14);
 }
 
-/* Weights sum to 2^14 within L / 2 and |s| <= 4100: |sum| < 2^27, and what is
- * read is below 2^13. */
+/* Weights add up to 2^14 within L / 2, and |s| <= 4100. Therefore |sum| < 2^27,
+ * and the result is below 2^13. */
 void saga_bank_read(int16_t *out, const saga_bank *m,
                     const int16_t *query_q10)
 {
@@ -206,8 +208,9 @@ void saga_bank_read(int16_t *out, const saga_bank *m,
 
 /* --- Write --------------------------------------------------------------- */
 
-/* |sum| <= 65535 * 32767 < 2^31, reciprocal <= 2^31: product < 2^62. A mean of
- * values of 16 bits is one, since the reciprocal errs by less than 2^-30. */
+/* |sum| <= 65535 * 32767 < 2^31 and the reciprocal is at most 2^31, so that the
+ * product is below 2^62. The mean of 16-bit values fits in 16 bits, since the
+ * error of the reciprocal is below 2^-30. */
 void saga_bank_mean(int16_t *out, const int32_t *sum, uint32_t n,
                     uint32_t count)
 {
@@ -219,7 +222,8 @@ void saga_bank_mean(int16_t *out, const int32_t *sum, uint32_t n,
         out[i] = (int16_t)fx_rshift64((int64_t)sum[i] * r, shift);
 }
 
-/* <v, s> s in Q12, from |v| <= 32767 sqrt(64) = 262136 and |s| <= 4100:
+/* Returns the factor <v, s> in Q12. With |v| <= 32767 sqrt(64) = 262136 and |s|
+ * <= 4100:
  *   <v, s> <= 32767 sum|s| < 2^31 - 2^11
  *   |<v, s>| / 4096 <= 262393, times a component: < 2^30.1 */
 static int32_t component_along(const int16_t *slot, const int16_t *write,
@@ -243,8 +247,8 @@ void saga_bank_update(const saga_bank *m, uint32_t p,
     uint32_t d;
 
     for (d = 0; d < m->width; d++) {
-        /* The part the slot holds already is taken out (orthogonal update): v =
-         * write - <write, s> s; then s + g v, normalised. */
+        /* The orthogonal update removes the part along the slot, v = write -
+         * <write, s> s, then computes s + g v and normalises it. */
         const int32_t v = fx_sat16(write[d] - fx_rshift(along * slot[d], 12));
 
         u[d] = fx_rshift(slot[d] * 32768 + gate_q15 * v, 7);

@@ -1,18 +1,18 @@
 /* SPDX-License-Identifier: MIT
  *
- * Points-major inner products in plain C. A reduction over int16 products is
- * what compilers vectorise best (pmaddwd and its relatives), four rows at a
- * time share every load of x, and padded rows leave no remainder: compile this
- * file with -O3. On x86 and in browsers mlp_x86.h takes eight rows of four
- * points at a time; without vectors, mlp_pairs.h takes two points at a time.
- */
+ * Inner products in plain C, one point after another. Compilers vectorise a
+ * reduction over int16 products well (with pmaddwd and similar instructions),
+ * so this file is compiled with -O3. Four rows at a time share every load of x,
+ * and rows are padded, so that no remainder is left. On x86 and in browsers
+ * mlp_x86.h processes eight rows of four points at a time; without SIMD,
+ * mlp_pairs.h processes two points at a time. */
 #include "mlp.h"
 
 #include "fx.h"
 
 
-/* 65538 * 32767 = 2^31 - 2 is the last product of its kind below 2^31, so after
- * the first tests everything fits int32. */
+/* 65538 * 32767 = 2^31 - 2 is the largest multiple of 32767 below 2^31, so that
+ * after the first tests everything fits int32. */
 int saga_mlp_row_is_valid(int64_t weight_abs_sum, int64_t bias, int shift)
 {
     const int32_t limit = INT32_MAX;
@@ -104,17 +104,18 @@ void saga_mlp_products(int32_t *sum, const int16_t *w, const int16_t *x,
         sum[i] = dot_i16(w + i * n, x, n);
 }
 
-/* Rows whose sums are finished together. In vectors, long enough for the loop
- * over them (16: 25, 64: 31 GMAC/s), 256 bytes of stack. */
+/* Number of rows whose sums are converted together. A larger number makes the
+ * vectorised loop over them faster (16 rows: 25 GMAC/s, 64 rows: 31); 64 take
+ * 256 bytes of stack. */
 #ifdef SAGA_MLP_PAIRED
 #define BLOCK SAGA_MLP_PAIRED
 #else
 #define BLOCK 64u
 #endif
 
-/* y = relu?(sat16(fx_rshift(bias + sum, shift))), without branches: the sign
- * of a hidden activation is a coin toss. (1 << 0) >> 1 = 0 is the rounding of
- * a shift by 0. */
+/* Computes y = relu?(sat16(fx_rshift(bias + sum, shift))), without branches,
+ * because the sign of a hidden activation is unpredictable. For a shift of 0
+ * the rounding term (1 << 0) >> 1 is 0. */
 static void finish(int16_t *restrict y, const saga_layer *layer,
                    const int32_t *sum, uint32_t row, uint32_t n)
 {
@@ -134,7 +135,7 @@ static void finish(int16_t *restrict y, const saga_layer *layer,
 
 #ifdef SAGA_MLP_PAIRED
 
-/* At most BLOCK rows from `row` on, by two points. */
+/* Computes at most BLOCK rows from `row` on, two points at a time. */
 static void run_rows(int16_t *y, const saga_layer *layer, const int16_t *x,
                      uint32_t row, uint32_t n)
 {
@@ -191,7 +192,7 @@ static void dot_rows_i8(int32_t *sum, const saga_layer *layer,
         sum[i] = dot_i8(w + i * n, x, n);
 }
 
-/* At most BLOCK rows from `row` on, which follow one after the other. */
+/* Computes at most BLOCK consecutive rows from `row` on. */
 static void run_rows(int16_t *y, const saga_layer *layer, const int16_t *x,
                      uint32_t row, uint32_t n)
 {
@@ -232,9 +233,9 @@ void saga_mlp_layer(int16_t *y, const saga_layer *layer, const int16_t *x,
 #endif
 }
 
-/* A tile is (pad(n_in) / 2, 8, 2): pairs of inputs, for each the pairs of
- * weights of its rows. Rows after the last tile, or all if there are none,
- * follow one after the other. */
+/* A tile has the shape (pad(n_in) / 2, 8, 2): for each pair of inputs, the
+ * pairs of weights of eight rows. Rows after the last tile, or all rows if
+ * there are no tiles, are stored one after another. */
 size_t saga_mlp_weight_at(uint32_t n_in, uint32_t n_out, uint32_t row,
                           uint32_t k)
 {

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * The tiles of dense layers in AVX2, for machines that turn out to have it.
+ * The tiles of dense layers with AVX2, used if it is detected at run time.
  */
 #include "mlp_layer.h"
 

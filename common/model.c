@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: MIT */
 #include "model.h"
 
-/* The colour network has few hidden units: each primitive's pre-activation is
- * kept (64 bytes) or recomputed per frame. */
+/* Largest width of the colour network. Each primitive's pre-activations are
+ * stored, two bytes each. */
 enum { MAX_COLOUR_WIDTH = 32 };
 
-/* A quaternion's 1 still fits. */
+/* Finest Q format of quaternions, in which 1 fits in 16 bits. */
 enum { MAX_QUAT_Q = 14 };
 
-/* Embeddings come in this format: no network takes a finer one. */
+/* The format of embeddings, and the finest format of any input. */
 enum { MAX_INPUT_Q = 15 };
 
 const saga_level_caps saga_caps[SAGA_N_PROFILES] = {
@@ -23,7 +23,8 @@ const saga_level_caps saga_caps[SAGA_N_PROFILES] = {
 
 /* --- Outputs ------------------------------------------------------------- */
 
-/* Rows may be as many as the model says; a format need not be an output's. */
+/* Numbers of rows that depend on the model; and formats other than those of
+ * outputs. */
 enum { ROWS_F = 128, ROWS_C, ROWS_V, ROWS_D, ROWS_BLOCK };
 enum { FIXED = 64, LIKE_INPUT = 128 };
 
@@ -42,8 +43,8 @@ enum {
     FROM_WRITE = LIKE_INPUT + SAGA_NET_WRITE
 };
 
-/* The table has what every network gives, in the order of its rows. A
- * residual's mu is in the format of what it predicts. */
+/* The outputs of all networks, in the order of their rows. A predicted mu has
+ * the format of the value that it predicts. */
 static const output outputs[] = {
     { SAGA_NET_HYPER, SAGA_OUT_HYPER, ROWS_F, 12, 0, 0 },
     { SAGA_NET_E_COARSE, FIXED + 14, 4, 0, 0, 0 },
@@ -145,8 +146,8 @@ int saga_output_q(const saga_model *m, int net, uint32_t row)
 
 /* --- Shapes -------------------------------------------------------------- */
 
-/* An entropy network with sources s takes a vector of F per source, D from the
- * bank. */
+/* Returns the number of inputs of an entropy network with sources s: F for each
+ * source, D for the bank. */
 static uint32_t entropy_inputs(const saga_model *m, uint32_t s)
 {
     uint32_t n = 0;
@@ -158,7 +159,8 @@ static uint32_t entropy_inputs(const saga_model *m, uint32_t s)
     return n;
 }
 
-/* Query and Agg are told of a block: its embedding, 4 sizes, count, kind. */
+/* Returns the number of inputs of a network. Query and Agg read a block's
+ * embedding, 4 sizes, count, kind and F values. */
 static uint32_t n_inputs(const saga_model *m, int net)
 {
     const uint32_t pe = saga_pe_size(m), local = m->features + pe;
@@ -209,7 +211,7 @@ void saga_model_net(saga_net_shape *s, const saga_model *m, int net)
     if (!exists(m, net))
         return;
     s->dim[0] = (uint16_t)n_inputs(m, net);
-    /* Without a source the parameters are constants: one row of biases. */
+    /* Without sources the parameters are constants, the biases of one layer. */
     s->n_layers = s->dim[0] && m->width[net] ? n_layers[net] : 1;
     for (i = 1; i < s->n_layers; i++)
         s->dim[i] = m->width[net];
@@ -267,7 +269,8 @@ static int is_power_of_two(uint32_t x)
     return (x & (x - 1)) == 0;
 }
 
-/* The tool is on where a kind reads the bank, and only there. */
+/* Returns whether the bank's sizes are valid, and whether the tool is on
+ * exactly if at least one kind reads the bank. */
 static int bank_is_valid(const saga_model *m)
 {
     const uint32_t slots = m->bank_slots, width = m->bank_width;
@@ -293,7 +296,7 @@ int saga_model_is_valid(const saga_model *m)
     for (i = 0; i < SAGA_N_STEPS; i++)
         if (m->step_q16[i] < 16u << 16)
             return 0;
-    /* A kind cannot have these sources. */
+    /* These kinds cannot have these sources. */
     if ((m->sources[SAGA_KIND_COARSE] & SAGA_SOURCE_PARENT) ||
         (m->sources[SAGA_KIND_PRIM] & SAGA_SOURCE_GROUPS))
         return 0;

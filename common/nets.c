@@ -11,8 +11,8 @@ static uint32_t layer_weight_nbytes(const saga_net_shape *s, int i)
     return saga_mlp_pad(s->dim[i]) * s->dim[i + 1] * (s->int8 ? 1u : 2u);
 }
 
-/* Weights, biases and shifts lie together; each layer starts at a multiple of
- * 16. */
+/* Returns the size of a layer: weights, then biases, then shifts, padded to a
+ * multiple of 16. */
 static uint32_t layer_nbytes(const saga_net_shape *s, int i)
 {
     const uint32_t n = layer_weight_nbytes(s, i) + 5u * s->dim[i + 1];
@@ -144,8 +144,9 @@ const int16_t *saga_out_point(const saga_runner *r, int net, uint32_t point)
 
 /* --- Inputs -------------------------------------------------------------- */
 
-/* fx_requant16 of each, in words that vectors hold: a shift to the left by 15
- * or more saturates all but 0, and one to the right saturates nothing. */
+/* Applies fx_requant16 to each value in 32 bits, so that the loop vectorises. A
+ * left shift by 15 or more saturates all values except 0; a right shift
+ * saturates none. */
 static void requant_each(int16_t *restrict to, const int16_t *restrict x,
                          uint32_t n, int left)
 {
@@ -188,8 +189,8 @@ static uint32_t sine_and_cosine(uint16_t *phase, uint32_t at, uint32_t p)
     return at + 2;
 }
 
-/* The position's own bits are the phases, wrapping: a quarter turn per
- * half-cube at k = 0. */
+/* The phases are bits of the position and wrap around; at k = 0, half a cube is
+ * a quarter turn. */
 void saga_embed(int16_t *q15, const saga_model *m, const int32_t x[3],
                 int32_t t, saga_cpu cpu)
 {

@@ -39,10 +39,10 @@ void saga_adaptive_init_binomial(saga_adaptive *m, uint32_t n)
     m->seen = 0;
 }
 
-/* Each start moves by 2^-rate of its way to where it would stand if sym were
- * certain and every other symbol had frequency 1. Neighbouring targets lie at
- * least 1 apart and x + ((target - x) >> rate) keeps that distance, so no
- * frequency falls below 1 (floor, not rounding: docs/arithmetic.md). */
+/* Moves each start by 2^-rate of its distance to the target, which is where it
+ * would be if every other symbol had frequency 1. Neighbouring targets are at
+ * least 1 apart, and x + ((target - x) >> rate), with a floor, preserves this,
+ * so that no frequency falls below 1. */
 void saga_adaptive_update(saga_adaptive *m, uint32_t n_sym, uint32_t sym)
 {
     const int rate = 3 + (m->seen > 7) + (m->seen > 23) + (m->seen > 71);

@@ -26,7 +26,7 @@ void saga_position_cell(saga_position *p, const saga_coarse *c)
     p->log2_support_q10[3] = log2_t * 1024;
 }
 
-/* No product leaves 64 bits: |support * offset| <= 2^23 * 2^15. */
+/* Products fit in 64 bits: |support * offset| <= 2^23 * 2^15. */
 void saga_position_move(saga_position *p, const int16_t offset_q14[4])
 {
     int i;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The sines of sine.h in AVX2, for machines that turn out to have it: SSE2
- * multiplies no four 32-bit words.
+ * The sines of sine.h with AVX2, used if it is detected at run time. (SSE2
+ * cannot multiply four 32-bit words.)
  */
 #include "fx_math.h"
 

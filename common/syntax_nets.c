@@ -3,7 +3,8 @@
 
 #include "fx.h"
 
-/* Residuals of a network are asked for in pieces of this many: the stack. */
+/* Residuals of a network are coded in pieces of this number, to limit the
+ * stack. */
 enum { PIECE = 64 };
 
 typedef struct {
@@ -55,8 +56,8 @@ static void fill(uint8_t *scale, uint32_t n, int value)
         scale[i] = (uint8_t)value;
 }
 
-/* A row or column of n weights has a scale. Returns 0 if there is none so
- * low. */
+/* Codes the scale of a row or column of n weights. Returns 0 if it would be
+ * negative. */
 static int code_scale(uint8_t *scale, uint32_t n, const layer_fields *f,
                       net_models *m, saga_coder *c, saga_at at)
 {
@@ -71,7 +72,7 @@ static int code_scale(uint8_t *scale, uint32_t n, const layer_fields *f,
     return 1;
 }
 
-/* The rows begin with the scales that columns have. */
+/* Codes the scales of the columns, before the rows. */
 static int code_columns(uint8_t *scale, uint32_t n_in, const layer_fields *f,
                         net_models *m, saga_coder *c, saga_at at)
 {
@@ -86,19 +87,19 @@ static int code_columns(uint8_t *scale, uint32_t n_in, const layer_fields *f,
     return 1;
 }
 
-/* Values 0..n-1 are finer by these bits, the others are not. */
+/* Values 0..n-1 have formats that are finer by these numbers of bits. */
 typedef struct {
     uint8_t by[SAGA_MAX_WIDTH];
     uint32_t n;
 } formats;
 
-/* A layer's parameters are written to these addresses. */
+/* The addresses to which a layer's parameters are written. */
 typedef struct {
     uint8_t *weights, *shift;
     int32_t *bias;
     uint32_t n_in, n_out;
     int int8;
-    formats in, out;         /* of what it takes, and gives */
+    formats in, out;         /* of its inputs and outputs */
 } layer_place;
 
 static void place_layer(layer_place *to, const saga_nets *nets, uint8_t *block,
@@ -128,8 +129,8 @@ static void store_weight(const layer_place *to, uint32_t row, uint32_t column,
         ((int16_t *)(void *)to->weights)[at] = (int16_t)w;
 }
 
-/* The row at.row of weights is stored with its padding; each has a scale.
- * Returns sum|w|, or -1 if one is out of range. |q * step| < 2^32. */
+/* Codes row at.row of the weights and stores it with its padding. Returns
+ * sum|w|, or -1 if a weight is out of range. |q * step| < 2^32. */
 static int64_t code_weights(const layer_place *to, const uint8_t *scale,
                             const layer_fields *f, saga_coder *c, saga_at at)
 {
@@ -160,7 +161,7 @@ static int64_t code_weights(const layer_place *to, const uint8_t *scale,
     return sum;
 }
 
-/* Returns 0 if the row at.row could overflow. */
+/* Codes row at.row. Returns 0 if the row could overflow. */
 static int code_row(layer_place *to, uint8_t *scale,
                     const layer_fields *f, net_models *m, saga_coder *c,
                     saga_at at)
@@ -210,7 +211,8 @@ static int code_layer(layer_place *to, net_models *m, saga_coder *c, int net,
     return 1;
 }
 
-/* The networks after F_fine, and whoever reads features, find them here. */
+/* Stores the units of fine anchors' features at the start of the block, where
+ * all readers of the features find them. */
 static void store_fine_units(uint8_t *block, const formats *feature)
 {
     int16_t *const unit = (int16_t *)(void *)block;
@@ -220,8 +222,8 @@ static void store_fine_units(uint8_t *block, const formats *feature)
         unit[i] = (int16_t)(8 >> feature->by[i]);
 }
 
-/* `given` is of the last network whose outputs have formats: no other one is
- * read any more. A network without layers gives none. */
+/* Codes a network. `given` holds the formats of the last network whose outputs
+ * have their own formats, the only ones that later networks read. */
 static int code_network(const saga_nets *nets, uint8_t *block, formats *given,
                         net_models *m, saga_coder *c, int net)
 {

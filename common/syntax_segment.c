@@ -45,13 +45,13 @@ void saga_syntax_begin(const saga_scaffold *sc)
 
 /* --- What the chunks share ----------------------------------------------- */
 
-/* Returns y^ = sat16(mu + q step); |q * step| < 2^48. */
+/* Returns y = sat16(mu + q step); |q * step| < 2^48. */
 static int16_t dequantise(int16_t mu, int32_t q, uint32_t step_q16)
 {
     return fx_sat16_64(mu + fx_rshift64((int64_t)q * step_q16, 16));
 }
 
-/* A block has the residuals of one channel group; y are its values. */
+/* Codes the residuals of a block and sets its values y. */
 static void code_block(int16_t *y, saga_coder *c, saga_at at,
                        const int16_t *mu, const uint8_t *scale,
                        uint32_t step_q16, uint32_t n)
@@ -64,8 +64,8 @@ static void code_block(int16_t *y, saga_coder *c, saga_at at,
         y[i] = dequantise(mu[i], q[i], step_q16);
 }
 
-/* A halving's model depends on its run of n points, whose suffixes of 4 * bits
- * bits are known above `bit`. */
+/* Returns the model for halving a run of n points at `bit`. Their suffixes of
+ * 4 * bits bits are known above that bit. */
 static saga_adaptive *set_model(saga_set_models *m, uint32_t suffix,
                                 uint32_t n, uint32_t bit, uint32_t bits)
 {
@@ -79,8 +79,9 @@ static saga_adaptive *set_model(saga_set_models *m, uint32_t suffix,
                     [suffix >> (4 * bits - 4) & 1u][n - 1];
 }
 
-/* A set has n suffixes of 4 * bits bits, ascending: cells are halved axis by
- * axis, coding how many of the n points lie in the lower half. */
+/* Codes a set of n suffixes of 4 * bits bits in ascending order. Cells are
+ * halved axis by axis, and each halving codes the number of points in the lower
+ * half. */
 static void code_set(uint32_t *suffix, uint32_t n, uint32_t bits,
                      saga_set_models *models, saga_coder *c, saga_at at)
 {
@@ -92,7 +93,7 @@ static void code_set(uint32_t *suffix, uint32_t n, uint32_t bits,
         suffix[i] = 0;
     if (n == 0 || bits == 0)
         return;
-    /* One run: all points, their highest bit. */
+    /* The first run is all points, at their highest bit. */
     todo[depth].start = 0;
     todo[depth].n = (uint8_t)n;
     todo[depth++].bit = (uint8_t)(4 * bits - 1);
@@ -103,17 +104,15 @@ static void code_set(uint32_t *suffix, uint32_t n, uint32_t bits,
 
         at.index = first + start;
         at.bit = (uint8_t)bit;
-        /* `low` of them keep a 0 in this bit, the others behind them get a
-         * 1. */
+        /* The first `low` points keep a 0 in this bit; the others get a 1. */
         low = c->adaptive(c, at, set_model(models, suffix[start], run, bit,
                                            bits), run + 1);
         for (i = start + low; i < start + run; i++)
             suffix[i] |= 1u << bit;
-        /* Points that are equal in all bits stay together. */
+        /* After the last bit nothing is left to halve. */
         if (bit == 0)
             continue;
-        /* The upper half goes onto the stack first: the lower one comes
-         * next. */
+        /* Push the upper half first, so that the lower half is next. */
         if (low < run) {
             todo[depth].start = (uint8_t)(start + low);
             todo[depth].n = (uint8_t)(run - low);
@@ -127,8 +126,8 @@ static void code_set(uint32_t *suffix, uint32_t n, uint32_t bits,
     }
 }
 
-/* A suffix cell's centre in Q14 of the parent's half-sizes is exact: bits <= 8.
- */
+/* Sets the centre of a suffix cell in Q14 of the parent's half-sizes, which is
+ * exact, since bits <= 8. */
 static void suffix_centre(int16_t offset_q14[4], uint32_t suffix,
                           uint32_t bits)
 {
@@ -144,8 +143,8 @@ static void suffix_centre(int16_t offset_q14[4], uint32_t suffix,
 
 /* --- COAR: tree and coarse anchors --------------------------------------- */
 
-/* A node's children are being visited; a child's number is made of
- * the bits x, y, z (if space splits) and t (if time does), x first. */
+/* A node on the path whose children are being visited. The number of a child
+ * has the bits x, y, z (if space splits) and t (if time splits), x first. */
 typedef struct {
     uint16_t cell[3];
     uint16_t pending;        /* children still to visit */
@@ -167,7 +166,7 @@ static void child_of(node *child, const node *parent, uint32_t number)
     for (i = 0; i < 3; i++)
         child->cell[i] = parent->cell[i];
     child->cell_t = parent->cell_t;
-    /* Halving in space: 2 cell + (x, y, z). */
+    /* A split of space gives the cell 2 cell + (x, y, z). */
     if (parent->split & 1u) {
         child->depth_x++;
         for (i = 0; i < 3; i++)
@@ -180,7 +179,7 @@ static void child_of(node *child, const node *parent, uint32_t number)
     }
 }
 
-/* Gives the first child that a parent still has to visit. */
+/* Makes the first pending child of a parent. */
 static void next_child(node *child, node *parent)
 {
     uint32_t number = 0;
@@ -191,7 +190,8 @@ static void next_child(node *child, node *parent)
     child_of(child, parent, number);
 }
 
-/* In the deepest cells, suffix cells still have integer centres. */
+/* Returns whether a node may be split: even in the deepest cells, suffix cells
+ * must have integer centres. */
 static int split_is_valid(const saga_model *m, const node *nd)
 {
     const int bits = m->tier[SAGA_TIER_COARSE].suffix_bits;
@@ -208,7 +208,7 @@ static uint32_t n_touching(uint32_t mask, uint32_t i)
     uint32_t n = 0, k;
 
     for (k = 0; k < 4; k++)
-        /* The neighbour across axis k, where it comes before child i. */
+        /* Count the neighbour across axis k if it comes before child i. */
         n += (i >> k) & (mask >> (i ^ 1u << k)) & 1u;
     return n;
 }
@@ -225,7 +225,7 @@ static uint32_t code_occupancy(const saga_scaffold *sc, saga_coder *c,
             &sc->models->occupancy[nd->split - 1][seen][n_touching(mask, i)],
             2);
 
-        /* The model knows how many there are so far, 3 standing for more. */
+        /* The context is the number of children so far, at most 3. */
         mask |= bit << i;
         if (bit && seen < 3)
             seen++;
@@ -233,7 +233,7 @@ static uint32_t code_occupancy(const saga_scaffold *sc, saga_coder *c,
     return mask;
 }
 
-/* A leaf becomes the coarse anchor of the next rank. */
+/* Makes a leaf the coarse anchor of the next rank. */
 static int add_leaf(const saga_scaffold *sc, saga_coder *c, const node *nd,
                     uint32_t rank, uint32_t *n_fine)
 {
@@ -254,14 +254,14 @@ static int add_leaf(const saga_scaffold *sc, saga_coder *c, const node *nd,
     a->n_fine = (uint8_t)c->adaptive(
         c, saga_at_symbol(SAGA_SYM_N_FINE, rank, 0),
         &sc->models->n_fine[nd->depth_x], l->max_children + 1u);
-    /* Fine anchors are ranked by their parents. */
+    /* Fine anchors are numbered in the order of their parents. */
     a->first_fine = *n_fine;
     *n_fine += a->n_fine;
     return *n_fine <= sc->n.fine;
 }
 
-/* The tree comes depth first. Each inner node has a child and lies at most
- * MAX_TREE_DEPTH deep, so leaves bound the nodes. */
+/* Codes the tree, depth first. Each inner node has a child and is at most
+ * MAX_TREE_DEPTH deep, so that the number of leaves bounds that of nodes. */
 static int code_tree(const saga_scaffold *sc, saga_coder *c)
 {
     node stack[MAX_TREE_DEPTH + 1], nd = { { 0, 0, 0 }, 0, 0, 0, 0, 0 };
@@ -277,7 +277,7 @@ static int code_tree(const saga_scaffold *sc, saga_coder *c)
             if (!add_leaf(sc, c, &nd, rank++, &n_fine))
                 return 0;
         } else {
-            /* An inner node: which children it has, before any of them. */
+            /* An inner node has its occupancy before all its children. */
             if (!split_is_valid(sc->model, &nd))
                 return 0;
             nd.pending = (uint16_t)code_occupancy(sc, c, &nd, index);
@@ -310,7 +310,7 @@ static void code_coarse_anchor(const saga_scaffold *sc, saga_coder *c,
     code_block(sc->coarse_feature + (size_t)rank * m->features, c,
                saga_at_symbol(SAGA_SYM_FEATURE, rank, 0), mu + 4, scale + 4,
                m->step_q16[SAGA_STEP_FEATURE], m->features);
-    /* The centre is told in half-sizes of the cell, from its middle. */
+    /* The centre is relative to the middle of the cell, in its half-sizes. */
     saga_position_cell(&position, a);
     saga_position_move(&position, centre);
     for (i = 0; i < 3; i++)
@@ -327,11 +327,11 @@ int saga_syntax_coarse(const saga_scaffold *sc, saga_coder *c)
 
     if (!code_tree(sc, c))
         return 0;
-    /* A group may use all that earlier ones have decoded. */
+    /* A group may depend on everything that earlier groups have decoded. */
     for (group = 0; group < n_groups; group++) {
         for (rank = 0; rank < sc->n.coarse;) {
-            /* Blocks that know the same run through the networks together;
-             * then each is read with what they foretold. */
+            /* Blocks with the same dependencies run through the networks
+             * together; then each is coded with its parameters. */
             rank = saga_context_run(&run, sc, SAGA_KIND_COARSE, rank, group);
             for (i = 0; i < run.n && !c->error; i++)
                 code_coarse_anchor(sc, c, run.rank[i], run.mu + i * n,
@@ -361,7 +361,7 @@ static void begin_fine(const saga_scaffold *sc, uint32_t rank, uint32_t parent,
     a->group = (uint8_t)saga_morton_group(v, n_groups);
     a->parent = parent;
     suffix_centre(a->local, suffix, l->suffix_bits);
-    /* Until F_fine has run, a fine anchor has its parent's supports. */
+    /* Until F_fine has run, the support is the parent's half-sizes. */
     saga_position_cell(&p, &sc->coarse[parent]);
     for (i = 0; i < 4; i++)
         a->support[i] = p.support[i];
@@ -387,7 +387,7 @@ static int code_fine_sets(const saga_scaffold *sc, saga_coder *c)
     return 1;
 }
 
-/* The residual is kept as the anchor's feature, padded, for later groups. */
+/* Stores the residual, padded, as the anchor's feature, for later groups. */
 static void keep_context(const saga_scaffold *sc, uint32_t rank,
                          const int16_t residual[4])
 {
@@ -448,7 +448,7 @@ int saga_syntax_fine(const saga_scaffold *sc, saga_coder *c)
     uint32_t group, rank, i;
     saga_run run;
 
-    /* Suffixes of all first: groups and neighbours go by them. */
+    /* All suffixes come first, since groups and neighbours depend on them. */
     if (!code_fine_sets(sc, c))
         return 0;
     for (group = 0; group < n_groups; group++) {
@@ -465,14 +465,14 @@ int saga_syntax_fine(const saga_scaffold *sc, saga_coder *c)
     }
     if (!number_primitives(sc))
         return 0;
-    /* Features and supports of all, for the primitives. */
+    /* Compute features and supports, which primitives need. */
     saga_scaffold_fine(sc);
     return 1;
 }
 
 /* --- PRIM: primitives ---------------------------------------------------- */
 
-/* All primitives of a fine anchor share their parameters. */
+/* Codes the primitives of a fine anchor, which share their parameters. */
 static void code_primitives(const saga_scaffold *sc, saga_coder *c,
                             uint32_t rank, const int16_t *mu,
                             const uint8_t *scale)
@@ -490,7 +490,7 @@ static void code_primitives(const saga_scaffold *sc, saga_coder *c,
         int16_t *const o = sc->prim_offset[first + i];
         int16_t residual[4];
 
-        /* The offset: the suffix cell's middle and the residual. */
+        /* The offset is the suffix cell's centre plus the residual. */
         suffix_centre(o, suffix[i], bits);
         code_block(residual, c,
                    saga_at_symbol(SAGA_SYM_PRIM_OFFSET, first + i, 0), mu,

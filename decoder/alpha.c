@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Table of alpha.h: 4 KiB. tests/decoder/test_blend.c holds it to its formula.
+ * The table of alpha.h, 4 KiB. tests/decoder/test_blend.c compares it with its
+ * formula.
  */
 #include "alpha.h"
 

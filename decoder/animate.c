@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Primitives at a time: see animate.h, and docs/arithmetic.md for the norm.
+ * Primitives at a given time: see animate.h, and docs/arithmetic.md for the
+ * normative formulas.
  * dt is in 1/65536 segment, so a product with dt is shifted right by 16.
  */
 #include "animate.h"
@@ -9,15 +10,15 @@
 #include "fx_math.h"
 #include "model.h"
 
-/* A head's value in Q20: |v| <= 2^15 * 2^20. */
+/* Converts an output of a network to Q20: |result| <= 2^15 * 2^20. */
 static int64_t to_q20(int16_t v, int q)
 {
     return v * ((int64_t)1 << (20 - q));
 }
 
-/* |dt| / width, Q16, saturating at 16. With 1/width = m * 2^(k-30), m in
- * [2^30, 2^31) and k in -32..32, it is the product (below 2^48) shifted right
- * by 14 - k; where that is under 11, |dt| >= 1 saturates already. */
+/* Returns |dt| / width in Q16, saturating at 16. With 1/width = m * 2^(k-30), m
+ * in [2^30, 2^31) and k in -32..32, it is |dt| m (below 2^48) shifted right by
+ * 14 - k. If that shift is below 11, the result saturates for any |dt| >= 1. */
 static int32_t width_ratio_q16(int32_t dt, int32_t log2_width_q10)
 {
     const int32_t e = -log2_width_q10;
@@ -30,8 +31,8 @@ static int32_t width_ratio_q16(int32_t dt, int32_t log2_width_q10)
     return fx_clamp64(fx_rshift64(product, n), 0, LIMIT_U);
 }
 
-/* dt in temporal widths, Q16, |age| <= 4; a width counts as half a segment
- * where it is longer. */
+/* Returns dt in temporal widths, Q16, |age| <= 4. A width longer than half a
+ * segment counts as half a segment. */
 static int32_t age_q16(const saga_primitive *p, const saga_prim_format *f,
                        int32_t dt)
 {
@@ -43,9 +44,9 @@ static int32_t age_q16(const saga_primitive *p, const saga_prim_format *f,
     return dt < 0 ? -age : age;
 }
 
-/* ((b3 age + b2) age + b1) age, Q20, in supports. |b| <= 2^35 and |age| <= 4:
- * the sums are at most 1, 5 and 21 times 2^35, the products below 2^58, the
- * result below 2^42 before it saturates. */
+/* Returns ((b3 age + b2) age + b1) age in Q20, in supports. Since |b| <= 2^35
+ * and |age| <= 4, the sums are at most 1, 5 and 21 times 2^35, the products are
+ * below 2^58, and the result is below 2^42 before it saturates. */
 static int64_t motion_q20(const saga_primitive *p, const saga_prim_format *f,
                           int axis, int32_t age)
 {
@@ -75,9 +76,10 @@ static void animate_mean(int32_t x[3], const saga_primitive *p,
     }
 }
 
-/* The common shift that brings four values below 2^38 under 2^30: 0..8. It
- * depends on their bits only, so that a slope of 0 rotates exactly as no slope
- * does: projection ignores the quaternion's length. */
+/* Returns the common shift, 0..8, that brings four values below 2^38 under
+ * 2^30. It depends on the values only, so that a slope of 0 gives the same
+ * rotation as no slope. The shift itself does not matter, since projection
+ * ignores the quaternion's length. */
 static int quat_shift(const int64_t *v)
 {
     uint64_t bits = 1;
@@ -85,7 +87,7 @@ static int quat_shift(const int64_t *v)
 
     for (i = 0; i < 4; i++)
         bits |= (uint64_t)(v[i] < 0 ? -v[i] : v[i]);
-    /* 64 - clz bits are there, 30 may stay. */
+    /* The values have 64 - clz bits, of which 30 may remain. */
     n = 34 - fx_clz64(bits);
     return n > 0 ? n : 0;
 }
@@ -107,8 +109,8 @@ static void animate_quat(saga_animated *out, const saga_primitive *p,
         out->quat[i] = (int32_t)fx_rshift64(v[i], n);
 }
 
-/* log2(e) u^2: u^2 <= 2^40 in Q32, the product below 2^61; result <= 370 * 2^20
- * < 2^29. */
+/* Returns log2(e) u^2 in Q20. u^2 <= 2^40 in Q32, the product is below 2^61,
+ * and the result is at most 370 * 2^20 < 2^29. */
 static int32_t fade_q20(int32_t dt, int16_t log2_width_q10)
 {
     const int64_t u = width_ratio_q16(dt, log2_width_q10);
@@ -128,8 +130,8 @@ void saga_animate(saga_animated *out, const saga_primitive *p,
     animate_quat(out, p, f, age);
     for (i = 0; i < 3; i++)
         out->log2_scale_q10[i] = p->log2_scale_q10[i];
-    /* With the head's o in log2 units opacity = 2^3 / (1 + 2^(3 - o)), so that
-     * q0 = 3 - log2(opacity) = log2(1 + 2^(3 - o)); a fading primitive's
+    /* With the network's o in log2 units opacity = 2^3 / (1 + 2^(3 - o)), so
+     * that q0 = 3 - log2(opacity) = log2(1 + 2^(3 - o)); a fading primitive's
      * exp(-u^2) adds log2(e) u^2. */
     out->q0_q20 = saga_softplus2_q12_q20(o_q12);
     if (f->has_width)

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Blending a splat into a tile, row by row; docs/arithmetic.md has the norm.
+ * Blends a splat into a tile, row by row; docs/arithmetic.md is normative.
  */
 #include "blend.h"
 
@@ -10,18 +10,19 @@
 #include "sqrt_up.h"
 
 #define LIMIT_TAME ((int64_t)7 << 28)
-#define LIMIT_W ((int64_t)7 << 27)   /* w^2 >= 12.25: beyond the cut */
+#define LIMIT_W ((int64_t)7 << 27)   /* w^2 >= 12.25 is beyond the cut */
 
-/* A line of a patch: s = s_line + v^2 is below its reach at no pixel outside
- * [lo, hi). */
+/* The part of a line that a splat may touch: outside [lo, hi), s = s_line + v^2
+ * is at or above the patch's reach. */
 typedef struct {
     int32_t v;                   /* Q28, at lo; exact for lo..hi-1 */
     int32_t s_line;              /* w^2, Q20 */
     int32_t lo, hi;
 } span;
 
-/* q0 + s, or q0 + s + s^2 / 2 with s in Q12 for the square: where s is within
- * reach, that is below 2^14. */
+/* Returns q at a pixel with the given s: q0 + s, or for steep splats q0 + s +
+ * s^2 / 2. The square uses s in Q12, which is below 2^14 for any s within
+ * reach; for larger s the result is above the cut. */
 static uint32_t q_of(uint32_t s, const saga_patch *p)
 {
     const uint32_t r = (s + 128) >> 8;
@@ -32,8 +33,9 @@ static uint32_t q_of(uint32_t s, const saga_patch *p)
     return p->tools & SAGA_TOOL_STEEP ? s + ((r * r + 16) >> 5) : s;
 }
 
-/* |v| < 8, so the square of its 17 bits is below 2^32; s_line is below 2^27.
- * The pixels below the cut follow one another, since v grows with i. */
+/* Blends one line. |v| < 8 has 17 bits in Q13, so that its square is below
+ * 2^32; s_line is below 2^27. Since v grows with i, the pixels below the cut
+ * are contiguous. */
 static void blend_line(uint32_t *t, uint32_t plane, const span *s,
                        const saga_patch *p)
 {
@@ -49,7 +51,7 @@ static void blend_line(uint32_t *t, uint32_t plane, const span *s,
                                 p);
         uint32_t w;
 
-        /* Behind the last pixel of the ellipse none follows in this line. */
+        /* The ellipse has no further pixels in this line. */
         if (q >= SAGA_CUT_Q20) {
             if (any)
                 return;
@@ -67,14 +69,15 @@ static void blend_line(uint32_t *t, uint32_t plane, const span *s,
     }
 }
 
-/* --- Tame patches -------------------------------------------------------- */
+/* --- Tame patches: v and w fit 32 bits everywhere in the box -------------- */
 
 static int is_small(int64_t x)
 {
     return x > -LIMIT_TAME && x < LIMIT_TAME;
 }
 
-/* v and w are linear, so their extremes are in the corners. */
+/* Returns whether v and w fit 32 bits in the whole box. They are linear, so
+ * that it is enough to test the corners. */
 static int is_tame(const saga_patch *p)
 {
     const int64_t down = p->n_rows - 1;
@@ -87,8 +90,8 @@ static int is_tame(const saga_patch *p)
            is_small(p->w + p->h * down);
 }
 
-/* All of the box's columns: to find where the ellipse begins and ends takes
- * longer than to look at the pixels between it and the box. */
+/* Tests all columns of the box, because finding the ends of the ellipse would
+ * take longer than testing the pixels between it and the box. */
 static void blend_tame(uint32_t *t, uint32_t side, const saga_patch *p)
 {
     uint32_t v = (uint32_t)p->v + (uint32_t)p->g * (uint32_t)p->x0;
@@ -103,14 +106,14 @@ static void blend_tame(uint32_t *t, uint32_t side, const saga_patch *p)
         s.s_line = (int32_t)((w13 * w13 + 32) >> 6);
         if (s.s_line < p->reach)
             blend_line(t, side * side, &s, p);
-        /* A line down is dy + 1: v = g dx - n dy and w = h dy. */
+        /* The next line has dy + 1, and v = g dx - n dy, w = h dy. */
         v -= (uint32_t)p->n;
         w += (uint32_t)p->h;
         t += side;
     }
 }
 
-/* --- Wild ones ----------------------------------------------------------- */
+/* --- Wild patches: all others --------------------------------------------- */
 
 /* v and w at the centre of a line's first pixel, and 1/g = recip * 2^-shift. */
 typedef struct {
@@ -119,12 +122,13 @@ typedef struct {
     int shift;
 } line;
 
-/* Finds where |v + g i| < L for i in x0..x1-1, L = sqrt(reach - s_line) rounded
- * up: -L - v < g i < L - v. A bound outside 0..x1 g needs no division; inside,
- * it is below 2^35, times the reciprocal below 2^52, and the quotient, at most
- * 64, is off by less than 2^-8. So [lo, hi) misses no pixel, and reaches no
- * further than 1 + 2^-8 pixels beyond L: |v| <= 3.32 + 2.70 = 6.02 < 8 fits
- * Q28. Returns 0 where no pixel can pass. */
+/* Finds a span [lo, hi) that contains all i in x0..x1-1 with |v + g i| < L,
+ * that is -L - v < g i < L - v, where L = sqrt(reach - s_line), rounded up. A
+ * bound outside 0..x1 g needs no division. A bound inside is below 2^35; its
+ * product with the reciprocal is below 2^52, and the quotient, at most 64, has
+ * an error below 2^-8. The span extends beyond L by at most 1 + 2^-8 pixels, so
+ * that |v| <= 3.32 + 2.70 = 6.02 < 8 fits Q28. Returns 0 if the span is empty.
+ */
 static int find_span(span *s, const line *l, const saga_patch *p)
 {
     const int64_t reach = (int64_t)p->g * p->x1;
@@ -133,18 +137,19 @@ static int find_span(span *s, const line *l, const saga_patch *p)
 
     if (l->w >= LIMIT_W || l->w <= -LIMIT_W)
         return 0;
-    /* The line's own part of s, and whether it leaves anything for v^2. */
+    /* If w^2 alone reaches the limit of s, no pixel passes. */
     w13 = fx_rshift((int32_t)l->w, 15);
     s->s_line = fx_rshift(w13 * w13, 6);
     if (s->s_line >= p->reach)
         return 0;
     limit = (int64_t)sqrt_up_q20_q12(p->reach - s->s_line) << 16;
-    /* g i runs from first to last; the box's ends need no division. */
+    /* g i must lie between first and last. */
     first = -limit - l->v;
     last = limit - l->v;
     if (last <= 0 || (first >= reach && first >= 0))
         return 0;
-    /* Rounded down, and two pixels up: the loop's own test decides. */
+    /* The lower end is rounded down, and the upper end is two pixels up; the
+     * loop tests each pixel anyway. */
     s->lo = first <= 0 ? 0 : (int32_t)(first * l->recip >> l->shift);
     s->hi = last >= reach ? p->x1
           : fx_min((int32_t)(last * l->recip >> l->shift) + 2, p->x1);
@@ -153,7 +158,8 @@ static int find_span(span *s, const line *l, const saga_patch *p)
     return s->lo < s->hi;
 }
 
-/* One line down dy grows by 256, so the steps are exact. */
+/* Blends a patch whose v or w may exceed 32 bits outside the spans. From line
+ * to line dy grows by 256, so that the steps are exact. */
 static void blend_wild(uint32_t *t, uint32_t side, const saga_patch *p)
 {
     line l = { p->v, p->w, 0, 0 };

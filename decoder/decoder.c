@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * The public functions that fill a decoder: a file's networks and base once,
- * its segments one after the other. probe.c has those before, draw.c those
- * behind.
+ * The public functions that fill a decoder: saga_open reads networks and base,
+ * saga_decode reads a segment. probe.c has the functions used before them,
+ * draw.c those used after them.
  */
 #include "animate.h"
 #include "head.h"
@@ -13,7 +13,7 @@
 
 /* --- Head ---------------------------------------------------------------- */
 
-/* Fills in everything but the networks. */
+/* Initialises everything except the networks. */
 static void begin(saga_decoder *dec)
 {
     uint8_t *const v = block_at(dec, dec->plan.vectors_at);
@@ -31,8 +31,9 @@ static void begin(saga_decoder *dec)
     dec->cpu = saga_cpu_best();
 }
 
-/* From here on the caller may stop the work, whose beginning is the first
- * reason to ask; or, with NULL, no more. Tells whether it was stopped. */
+/* Sets the watch that may stop the following work, or none if watch is NULL. It
+ * is called at the beginning of the work first. Returns whether the previous
+ * watch had stopped its work. */
 static int set_watch(saga_decoder *dec, const saga_watch *watch)
 {
     const saga_watch nobody = { NULL, NULL };
@@ -48,8 +49,8 @@ static int set_watch(saga_decoder *dec, const saga_watch *watch)
     return stopped;
 }
 
-/* The head is there whole. Bytes behind those of the networks are not looked
- * at, so that it does not matter how many a caller has. */
+/* Reads the networks; the head is complete. Does not read bytes after the
+ * networks, so that the result does not depend on n. */
 static saga_status read_networks(saga_decoder *dec, const uint8_t *head)
 {
     const size_t at = dec->header.header_nbytes + SAGA_CHUNK_NBYTES +
@@ -101,15 +102,15 @@ void saga_block_scaffold(saga_scaffold *sc, saga_decoder *dec,
     saga_bank_lay(&sc->bank, block_at(dec, p->bank_at));
 }
 
-/* Where the layers of a segment begin. */
+/* Returns the offset of the first layer in a segment. */
 static uint32_t layers_at(const saga_decoder *dec)
 {
     return SAGA_CHUNK_NBYTES +
            saga_segment_nbytes(saga_n_layers(&dec->header));
 }
 
-/* Counts are those that memory is there for, and the layers fill the segment.
- */
+/* Checks that the counts of all layers fit in the memory, and that several
+ * layers fill the segment exactly. */
 static saga_status check_layers(const saga_decoder *dec,
                                 const saga_segment_header *seg,
                                 uint32_t nbytes)
@@ -131,8 +132,8 @@ static saga_status check_layers(const saga_decoder *dec,
     return end != nbytes ? SAGA_ERR_DATA : SAGA_OK;
 }
 
-/* Bytes behind those that the index gives to the segment are not looked at. A
- * single layer has all that SEGM leaves. */
+/* Reads SEGM. Does not read bytes after those that the index assigns to the
+ * segment. A single layer consists of all bytes after SEGM. */
 static saga_status read_segment_header(saga_segment_header *seg,
                                        const saga_decoder *dec,
                                        const saga_segment *wanted,
@@ -164,7 +165,8 @@ static int code_chunk(const saga_scaffold *sc, int part, saga_coder *c)
          : part == 1 ? saga_syntax_fine(sc, c) : saga_syntax_prim(sc, c);
 }
 
-/* COAR, FINE or PRIM (part 0..2) at bytes[*at..n); moves *at past it. */
+/* Reads COAR, FINE or PRIM (part 0..2) at bytes[*at..n), and moves *at past it.
+ */
 static saga_status read_chunk(saga_decoder *dec, const saga_scaffold *sc,
                               int part, uint32_t *crc, const uint8_t *bytes,
                               size_t n, size_t *at)
@@ -190,8 +192,9 @@ static saga_status read_chunk(saga_decoder *dec, const saga_scaffold *sc,
     return SAGA_OK;
 }
 
-/* The scaffold of bytes[at..n) becomes primitives, the first of which has the
- * number `first`. With is_base = 1 what follows goes on from each chunk. */
+/* Decodes the scaffold in bytes[at..n) and computes its primitives, the first
+ * of which has the number `first`. If is_base is 1, the CRC of each chunk
+ * continues in the next chunk. */
 static saga_status read_primitives(saga_decoder *dec, const saga_counts *count,
                                    uint32_t first, int is_base,
                                    const uint8_t *bytes, size_t n, size_t at)
@@ -259,7 +262,7 @@ saga_status saga_open(saga_decoder **dec, void *work, size_t work_nbytes,
     return s;
 }
 
-/* The layers that are whole in bytes[0..n); together they fill the segment. */
+/* Decodes the layers that are complete in bytes[0..n). */
 static saga_status read_layers(saga_decoder *dec,
                                const saga_segment_header *seg,
                                const uint8_t *bytes, size_t n)

@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: MIT
  *
- * Radix sort, least significant byte first: four stable passes, less those
- * whose byte is the same in all keys (depths rarely need all 32 bits). 1 KiB
- * of counters on the stack.
+ * A radix sort, least significant byte first, in up to four stable passes. A
+ * pass is skipped if its byte is the same in all keys, which is common because
+ * depths rarely need all 32 bits. The counters take 1 KiB of stack.
  */
 #include "depth_sort.h"
 
-/* Counts the bytes at shift, then turns counts into first positions. Returns 0
- * when all bytes are equal: the pass would move nothing. */
+/* Counts the bytes at shift and converts the counts to first positions. Returns
+ * 0 if all bytes are equal, because the pass would then move nothing. */
 static int count_bytes(uint32_t *at, const saga_key *keys, uint32_t n,
                        int shift)
 {
@@ -18,7 +18,7 @@ static int count_bytes(uint32_t *at, const saga_key *keys, uint32_t n,
         at[i] = 0;
     for (i = 0; i < n; i++)
         at[keys[i].depth >> shift & 255]++;
-    /* All keys have the first one's byte. */
+    /* All keys have the same byte as the first key. */
     if (at[keys[0].depth >> shift & 255] == n)
         return 0;
     for (i = 0; i < 256; i++) {
@@ -45,7 +45,7 @@ void saga_depth_sort(saga_key *keys, saga_key *tmp, uint32_t n)
         to = from;
         from = from == keys ? tmp : keys;
     }
-    /* An odd number of passes leaves them in the other buffer. */
+    /* After an odd number of passes the keys are in the other buffer. */
     for (i = 0; from != keys && i < n; i++)
         keys[i] = from[i];
 }

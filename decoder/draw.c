@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The public functions of a view: which splats a camera sees at a time, in
- * which order, and the jobs that draw them.
+ * The public functions of a view: they find the splats that a camera sees at a
+ * time, sort them, and draw them in jobs.
  */
 #include "animate.h"
 #include "crc32c.h"
@@ -22,7 +22,7 @@ static const saga_key *keys_of(const saga_decoder *dec)
     return (const saga_key *)(const void *)const_at(dec, dec->plan.keys_at);
 }
 
-/* Colours of the last seen->n of n splats. */
+/* Computes the colours of the last seen->n of n splats. */
 static void shade(saga_splat *splats, uint32_t n, const saga_decoder *dec,
                   const saga_scaffold *sc, saga_seen *seen)
 {
@@ -31,7 +31,8 @@ static void shade(saga_splat *splats, uint32_t n, const saga_decoder *dec,
     seen->n = 0;
 }
 
-/* A splat has its colour at once, or waits for it in `seen`. */
+/* Sets the colour of a splat, or adds it to `seen`, whose colours are computed
+ * together. */
 static void see(saga_splat *splat, const saga_decoder *dec, uint32_t prim,
                 saga_seen *seen)
 {
@@ -50,7 +51,8 @@ static void see(saga_splat *splat, const saga_decoder *dec, uint32_t prim,
         splat->colour_q15[i] = (uint16_t)base[i];
 }
 
-/* All primitives that are visible, with keys by depth; returns their number. */
+/* Makes the splats of all visible primitives, with keys by depth. Returns their
+ * number. */
 static uint32_t make_splats(saga_splat *splats, saga_key *keys,
                             saga_decoder *dec, int32_t t)
 {
@@ -81,8 +83,9 @@ static uint32_t make_splats(saga_splat *splats, saga_key *keys,
     return n;
 }
 
-/* A splat that covers a picture covers a tiny one too, and so does any other.
- */
+/* Returns whether the boxes cover more pixels than the level allows. Small
+ * pictures count as SAGA_COVER_PIXELS, because any splat may cover a tiny
+ * picture entirely. */
 static int costs_too_much(const saga_decoder *dec)
 {
     const uint32_t pixels = (uint32_t)dec->camera.width * dec->camera.height;
@@ -92,8 +95,8 @@ static int costs_too_much(const saga_decoder *dec)
                (pixels < SAGA_COVER_PIXELS ? SAGA_COVER_PIXELS : pixels);
 }
 
-/* Views of one decoder differ by their number, those of two decoders by what
- * they show. */
+/* Identifies a view: views of one decoder differ in their number, views of
+ * different decoders in file, segment, time or camera. */
 static void number_view(saga_decoder *dec, int32_t t)
 {
     const uint8_t *const camera = (const uint8_t *)&dec->camera;
@@ -102,7 +105,7 @@ static void number_view(saga_decoder *dec, int32_t t)
     crc = saga_crc32c(crc, (const uint8_t *)dec->final_range,
                       sizeof dec->final_range);
     crc = saga_crc32c(crc, (const uint8_t *)&t, sizeof t);
-    /* Bytes behind the last field are not looked at. */
+    /* Padding after the last field is not included. */
     dec->view_digest = saga_crc32c(crc, camera,
                                    offsetof(saga_camera, background_q15) +
                                    sizeof dec->camera.background_q15);
@@ -142,9 +145,10 @@ saga_status saga_view(saga_decoder *dec, const saga_camera *camera, int32_t t)
 _Static_assert(offsetof(saga_job, cursor) ==
                24 + sizeof(void *) + sizeof(size_t), "jobs have no padding");
 
-/* The scratch of a job that has begun numbers the splats of its view and has
- * the layout that its first block gave: this tells them from others. A change
- * of one field always shows. */
+/* Returns a digest of a job's view and first block. The scratch of a job in
+ * progress contains splat numbers of its view, in a layout that its first block
+ * determines, so that neither may change. The digest changes with any change of
+ * one field. */
 static uint32_t digest_of(const saga_decoder *dec, const saga_job *job,
                           const saga_picture *picture)
 {

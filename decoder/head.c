@@ -4,8 +4,8 @@
 #include "crc32c.h"
 #include "fx.h"
 
-/* No version of the format has the number 0. The two reserved bytes behind the
- * version are the upper half of what is loaded. */
+/* Checks magic and version. No version of the format has the number 0. The load
+ * of 32 bits includes the two reserved bytes after the version. */
 static saga_status check_magic(const uint8_t *bytes, size_t n)
 {
     uint32_t version;
@@ -33,8 +33,8 @@ saga_status saga_head_read(saga_header *h, const uint8_t *bytes, size_t n)
     if (n < SAGA_HEADER_NBYTES)
         return SAGA_ERR_TRUNCATED;
     saga_header_io(&io, h);
-    /* A tool that this decoder does not know may make the header longer: where
-     * its CRC stands cannot be told. */
+    /* An unknown tool may lengthen the header, so that the place of the CRC is
+     * unknown. */
     if (h->model.tools & ~(uint32_t)SAGA_TOOLS_KNOWN)
         return SAGA_ERR_VERSION;
     end = saga_rig_end(h);

@@ -3,9 +3,9 @@
 #include "head.h"
 #include "saga.h"
 
-/* Bytes of the UTF-8 character that s begins with; 0 where it is none: a stray
- * or missing byte, a longer form than needed, a surrogate, beyond U+10FFFF. The
- * 0 behind a name is no byte of a longer character. */
+/* Returns the length in bytes of the UTF-8 character at s, or 0 if it is
+ * invalid: a stray or missing byte, an overlong form, a surrogate, or above
+ * U+10FFFF. The 0 at the end of a name cannot be part of a longer character. */
 static uint32_t character_nbytes(const char *s)
 {
     const uint8_t first = (uint8_t)s[0];
@@ -37,9 +37,9 @@ static int is_utf8(const char *s)
     return 1;
 }
 
-/* Reads the name behind `at` into naming->name, which holds the one before it:
- * a name begins with `shared` bytes of that one. Returns where it ends; 0 where
- * it is no name. */
+/* Reads the name at `at` into naming->name, which holds the previous name; the
+ * name begins with `shared` bytes of that. Returns the offset after the name,
+ * or 0 if it is invalid. */
 static uint32_t read_name(saga_naming *naming, const uint8_t *p, uint32_t at,
                           uint32_t n)
 {
@@ -64,8 +64,8 @@ static uint32_t read_name(saga_naming *naming, const uint8_t *p, uint32_t at,
     return is_utf8(naming->name) ? at + more : 0;
 }
 
-/* p[0..n) is the chunk's payload. All names are looked at, so that damage does
- * not hide behind the wanted one. */
+/* Reads the payload p[0..n). All names are checked, including those after the
+ * wanted one. */
 static saga_status read_payload(saga_naming *naming, const uint8_t *p,
                                 uint32_t n, uint32_t index, uint32_t n_cameras)
 {

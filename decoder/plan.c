@@ -6,13 +6,13 @@
 #include "fx_math.h"
 #include "primitive.h"
 
-/* Level 3's weights take far less; a head's size then fits 32 bits. So does it
- * with a base of at most MAX_BASE_NBYTES. */
+/* More than the weights of level 3 can need. With this limit, and that of
+ * MAX_BASE_NBYTES for the base, the size of a head fits in 32 bits. */
 #define MAX_NETS_NBYTES (1u << 28)
 #define MAX_BASE_NBYTES (1u << 30)
 
-/* The work block's size decides whether a file fits its level, so these sizes
- * are part of the format (docs/bitstream.md). */
+/* The size of the work block decides whether a file keeps to its level.
+ * Therefore these sizes are part of the format (docs/bitstream.md). */
 _Static_assert(sizeof(saga_models) == 6630, "format: adaptive models");
 _Static_assert(sizeof(saga_vectors) == 4224, "format: network vectors");
 _Static_assert(sizeof(saga_round) == 388, "format: round of the bank");
@@ -22,7 +22,7 @@ _Static_assert(sizeof(saga_fine) == 48, "format: fine anchor");
 _Static_assert(sizeof(saga_splat) == 44, "format: splat");
 _Static_assert(sizeof(saga_key) == 8, "format: sort key");
 
-/* --- What a header may say ----------------------------------------------- */
+/* --- Checks of a header -------------------------------------------------- */
 
 static saga_status check_version(const saga_header *h)
 {
@@ -47,7 +47,7 @@ static saga_status check_counts(const saga_header *h)
     return SAGA_OK;
 }
 
-/* Base and segment together keep to a level. */
+/* Returns whether the counts of base and segment together are within a cap. */
 static int within(uint32_t a, uint32_t b, uint32_t cap)
 {
     return a <= cap && b <= cap - a;
@@ -75,7 +75,7 @@ static saga_status check_level(const saga_header *h, const saga_nets *nets)
     return SAGA_OK;
 }
 
-/* Layers take time one after the other, and so do base and segment. */
+/* Computes and checks the work, which adds up over the base and all layers. */
 static saga_status check_work(saga_plan *p, const saga_header *h)
 {
     const saga_level_caps *const cap = &saga_caps[h->level];
@@ -106,8 +106,7 @@ static uint32_t larger(uint32_t a, uint32_t b)
     return a > b ? a : b;
 }
 
-/* Those of the base are there before those of any segment, those of a layer
- * before those of the next. */
+/* Places the anchors, in memory that base and layers use one after another. */
 static uint64_t lay_anchors(saga_plan *p, const saga_header *h, uint64_t at)
 {
     const uint64_t feature = 2u * h->model.features;
@@ -184,14 +183,15 @@ saga_status saga_plan_make(saga_plan *p, const saga_header *h,
 
 /* --- Cost ---------------------------------------------------------------- */
 
-/* A count adds up products, and `each` more for a run. */
+/* The parameters of a count: it adds up products, plus `each` for every run of
+ * a network. */
 typedef struct {
     const saga_nets *nets;
     const saga_model *model;
     uint32_t each;
 } count;
 
-/* One run on one point of network `net`. */
+/* Returns the cost of one run of network `net` on one point. */
 static uint32_t run_macs(const count *c, int net)
 {
     const saga_net_shape *const s = &c->nets->shape[net];
@@ -199,7 +199,8 @@ static uint32_t run_macs(const count *c, int net)
     return s->n_layers ? saga_net_macs(s) + c->each : 0;
 }
 
-/* One block's entropy parameters: its network's run, and its sources'. */
+/* Returns the cost of a block's entropy parameters: a run of the entropy
+ * network, and of the networks of its sources. */
 static uint32_t context_macs(const count *c, int kind)
 {
     const saga_model *const m = c->model;
@@ -214,10 +215,10 @@ static uint32_t context_macs(const count *c, int kind)
     return macs;
 }
 
-/* K groups make the most steps if every one of them has a last step of one
- * block: K + floor((n - K) / B). A quotient x below 2^23 times a reciprocal
- * good to 2^-30 errs by less than 2^-7 / B; (2x + 1) / 2B lies 1 / 2B or more
- * from a whole number. */
+/* K groups have the most rounds if the last round of each has one block: K +
+ * floor((n - K) / B). The division is by a reciprocal with a relative error of
+ * 2^-30. For x below 2^23 this is an error below 2^-7 / B, and (2x + 1) / 2B is
+ * at least 1 / 2B away from an integer, so that the floor is exact. */
 uint32_t saga_plan_rounds(const saga_model *m, int tier, uint32_t n)
 {
     const uint32_t groups = m->tier[tier].n_groups;
@@ -248,7 +249,7 @@ uint32_t saga_plan_round_macs(const saga_model *m, const saga_nets *nets)
     return round_macs(&c);
 }
 
-/* Start, tokens and writes of the bank. */
+/* Returns the cost of the bank's start, tokens and writes. */
 static uint64_t bank_macs(const count *c, const saga_counts *n)
 {
     const saga_model *const m = c->model;
@@ -265,8 +266,8 @@ static uint64_t bank_macs(const count *c, const saga_counts *n)
     return macs;
 }
 
-/* Multiply-accumulates of the networks. Nothing overflows: one coarse anchor,
- * fine anchor or primitive takes less than 2^24, a round less than 2^27. */
+/* Nothing overflows, since a coarse anchor, a fine anchor or a primitive takes
+ * less than 2^24, and a round less than 2^27. */
 uint64_t saga_plan_macs(const saga_model *m, const saga_nets *nets,
                         const saga_counts *n, uint32_t each)
 {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The public functions that need no decoder, only a file's head: what is in
- * the file, which segment has a frame, the rig's cameras.
+ * The public functions that need the head of a file but no decoder: the
+ * contents of the file, the segment of a frame, the cameras of the rig.
  */
 #include "head.h"
 #include "work_block.h"
@@ -75,8 +75,8 @@ saga_status saga_probe(saga_info *info, const uint8_t *bytes, size_t n)
     return s;
 }
 
-/* The index's payload in a head; every entry is inside it. Bytes behind it are
- * not looked at. */
+/* Finds and checks the payload of the index in a head, which contains all
+ * entries. Does not read bytes after it. */
 static saga_status index_of(const uint8_t **entries, saga_header *h,
                             const uint8_t *head, size_t n)
 {
@@ -98,8 +98,8 @@ static saga_status index_of(const uint8_t **entries, saga_header *h,
     return SAGA_OK;
 }
 
-/* floor(65536 rest / whole) for rest < whole, rest < 2^32: by long division,
- * since a 64-bit quotient is a library call on small machines. */
+/* Returns floor(65536 rest / whole) for rest < whole, rest < 2^32, by long
+ * division, because a 64-bit quotient is a library call on small machines. */
 static int32_t fraction_16(uint64_t rest, uint64_t whole)
 {
     uint32_t t = 0;
@@ -129,7 +129,7 @@ saga_status saga_find(saga_segment *seg, const uint8_t *head, size_t n,
         return s;
     if (frame_den == 0)
         return SAGA_ERR_ARG;
-    /* Entries are in the order of time, and end with the last frame. */
+    /* Entries are in order of time; the last ends with the last frame. */
     for (i = 0; i < h.n_segments; i++) {
         saga_io io = { p, NULL, i * SAGA_INDEX_ENTRY_NBYTES };
         saga_index_entry e;

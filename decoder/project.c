@@ -1,13 +1,14 @@
 /* SPDX-License-Identifier: MIT
  *
- * Projection of an animated primitive; docs/arithmetic.md has the norm.
+ * Projection of an animated primitive; docs/arithmetic.md is normative.
  *
- * With W the camera's rotation, R S the primitive's axes and J the Jacobian of
- * the projection, the 2-D covariance is T T^t + d I, T = J W R S (2 x 3), d the
- * low-pass. Its two rows t0, t1 are integers below 2^30 with one power of two
- * for the splat; what follows from them lives in mantissa-exponent pairs, since
- * standard deviations run from 0.01 to 10^6 pixels. The results, the Cholesky
- * factor of the conic, are bounded by sqrt(k / d) = 2.686 whatever the splat.
+ * Let W be the camera's rotation, R S the primitive's axes and J the Jacobian
+ * of the projection. Then the 2-D covariance is T T^t + d I, where T = J W R S
+ * (2 x 3) and d is the low-pass. The two rows t0, t1 of T are integers below
+ * 2^30 with a common power of two. Values computed from them are pairs of
+ * mantissa and exponent, because standard deviations range from 0.01 to 10^6
+ * pixels. The result, the Cholesky factor of the conic, is bounded by
+ * sqrt(k / d) = 2.686 for every splat.
  */
 #include "project.h"
 
@@ -20,14 +21,15 @@
 #define LIMIT_PRINCIPAL (1 << 30)
 #define LIMIT_SIDE 16384
 
-/* A point in front of the camera: z in [2^26, 2^27], x and y on its scale. */
+/* A point in front of the camera: z in [2^26, 2^27]; x and y have the same
+ * scale. */
 typedef struct {
     int32_t x, y, z;
     int32_t shift;               /* z = depth in box units * 2^(30 - shift) */
     uint32_t depth;
 } view_point;
 
-/* The projection of the centre leaves this for that of the shape. */
+/* Results of projecting the centre that the shape needs. */
 typedef struct {
     int32_t mean_q8[2];
     int64_t slope_q16[2];        /* focal * x/z and y/z, clamped */
@@ -51,7 +53,7 @@ static int64_t abs64(int64_t x)
     return x < 0 ? -x : x;
 }
 
-/* Bits of x: 0 for 0. */
+/* Returns the number of bits of x, 0 for 0. */
 static int n_bits(uint64_t x)
 {
     return x ? 64 - fx_clz64(x) : 0;
@@ -89,8 +91,8 @@ saga_status saga_camera_check(const saga_camera *c)
 
 /* --- Pairs --------------------------------------------------------------- */
 
-/* x * 2^exp for x < 2^63, rounded to 31 bits. Zero: mantissa 0, which add and
- * mul accept. Rounding up to 2^31 steps the exponent. */
+/* Returns x * 2^exp for x < 2^63, rounded to 31 bits. Zero has the mantissa 0,
+ * which pair_add and pair_mul accept. */
 static saga_float pair(uint64_t x, int32_t exp)
 {
     saga_float f = { 0, ZERO_EXP };
@@ -98,11 +100,11 @@ static saga_float pair(uint64_t x, int32_t exp)
 
     if (x == 0)
         return f;
-    /* The highest bit of x goes to bit 62, and 31 bits of it stay. */
+    /* Shift the highest bit of x to bit 62 and keep the upper 31 bits. */
     n = fx_clz64(x) - 1;
     f.mant_q30 = (uint32_t)(((x << n) + (1u << 31)) >> 32);
     f.exp = exp + 62 - n;
-    /* Rounded up to 2^31, which is 2^30 with the next exponent. */
+    /* Rounding gave 2^31, which is 2^30 with the next exponent. */
     if (f.mant_q30 >> 31) {
         f.mant_q30 = 1u << 30;
         f.exp++;
@@ -110,27 +112,28 @@ static saga_float pair(uint64_t x, int32_t exp)
     return f;
 }
 
-/* Mantissas below 2^31: the product is below 2^62. */
+/* Returns a b. Mantissas are below 2^31, so that the product is below 2^62. */
 static saga_float pair_mul(saga_float a, saga_float b)
 {
     return pair((uint64_t)a.mant_q30 * b.mant_q30, a.exp + b.exp - 60);
 }
 
-/* Terms >= 0. Mantissas go to 2^62: the sum is below 2^63. */
+/* Returns a + b for terms >= 0. Mantissas are scaled to at most 2^62, so that
+ * the sum is below 2^63. */
 static saga_float pair_add(saga_float a, saga_float b)
 {
     const saga_float hi = a.exp >= b.exp ? a : b;
     const saga_float lo = a.exp >= b.exp ? b : a;
     const int32_t n = hi.exp - lo.exp;
 
-    /* lo is below half a unit of hi's mantissa: the norm leaves it out. */
+    /* lo is below half a unit of hi's mantissa and is ignored. */
     if (n > 31)
         return hi;
     return pair(((uint64_t)hi.mant_q30 << 31) +
                 ((uint64_t)lo.mant_q30 << 31 >> n), hi.exp - 61);
 }
 
-/* A pair below 4 as Q28, rounded. */
+/* Converts a pair below 4 to Q28, rounded. */
 static int32_t pair_q28(saga_float a)
 {
     const int32_t n = 2 - a.exp;
@@ -140,7 +143,9 @@ static int32_t pair_q28(saga_float a)
 
 /* --- The centre ---------------------------------------------------------- */
 
-/* |d| <= 2^30 and a row's sum <= 1.7321 * 2^30: below 2^61. */
+/* Returns a coordinate of x - centre along a row of the rotation. |x - centre|
+ * <= 2^30 and a row's sum is at most 1.7321 * 2^30, so that the result is below
+ * 2^61. */
 static int64_t view_coordinate(const int32_t *row, const int32_t *x,
                                const int32_t *c)
 {
@@ -148,8 +153,9 @@ static int64_t view_coordinate(const int32_t *row, const int32_t *x,
            (int64_t)row[2] * (x[2] - c[2]);
 }
 
-/* The rules of near plane and of |x/z|, |y/z| < 8; then one shift so that z
- * has 27 bits: x and y stay within 8 * 2^27 = 2^30. */
+/* Applies the rules of near plane and |x/z|, |y/z| < 8, then shifts the point
+ * so that z has 27 bits. x and y are then within 8 * 2^27 = 2^30. Returns 0 if
+ * the primitive is dropped. */
 static int view(view_point *p, const int32_t *x, const saga_camera *c)
 {
     const int64_t vx = view_coordinate(c->rotation_q30, x, c->centre);
@@ -157,7 +163,7 @@ static int view(view_point *p, const int32_t *x, const saga_camera *c)
     const int64_t vz = view_coordinate(c->rotation_q30 + 6, x, c->centre);
     const int32_t depth = (int32_t)fx_rshift64(vz, 30);
 
-    /* Beyond 83 degrees off the axis a pinhole's Jacobian says nothing. */
+    /* The Jacobian of a pinhole is useless beyond 83 degrees off the axis. */
     if (depth < c->near_plane || abs64(vx) >> 3 >= vz || abs64(vy) >> 3 >= vz)
         return 0;
     p->depth = (uint32_t)depth;
@@ -168,18 +174,18 @@ static int view(view_point *p, const int32_t *x, const saga_camera *c)
     return 1;
 }
 
-/* One axis: x/z in Q28 (saturating just below 8), mean = principal + focal x/z
- * rounded once, and the clamped slope of the Jacobian.
+/* Projects one axis: x/z in Q28 (saturating just below 8), mean = principal +
+ * focal x/z rounded once, and the clamped slope of the Jacobian.
  *   x recip: 2^30 * 2^31;  recip_shift - 28 in 28..30, since z has 27 bits
  *   focal x/z: 2^31 * 2^31; principal in Q44: 2^58
- * Returns 0 when the mean is more than 2^15 px from the picture's centre. */
+ * Returns 0 if the mean is more than 2^15 px from the picture's centre. */
 static int project_axis(centre *o, const saga_camera *c, int axis, int32_t x,
                         int n)
 {
     const int32_t side = axis == 0 ? c->width : c->height;
     const int64_t principal = c->principal_q16[axis];
-    /* The Jacobian is taken no further out than BORDER beyond the picture:
-     * the linear shape of what lies far outside would cover all of it. */
+    /* The Jacobian is evaluated at most BORDER outside the picture, because the
+     * linearised shape of something far outside would cover all of it. */
     const int64_t lo = -(int64_t)side * BORDER_Q16 - principal;
     const int64_t hi = (int64_t)side * (65536 + BORDER_Q16) - principal;
     const int32_t ratio_q28 = fx_clamp64(
@@ -212,14 +218,14 @@ static int project_centre(centre *o, const int32_t *x, const saga_camera *c)
 
 /* --- The shape ----------------------------------------------------------- */
 
-/* Quaternion brought to 30 bits by a shift; all zeros count as (1, 0, 0, 0).
- * Rounding may reach 2^30. */
+/* Shifts a quaternion to 30 bits; all zeros become (1, 0, 0, 0). Rounding may
+ * give 2^30. */
 static void normalise_quat(int64_t *q, const int32_t *quat)
 {
     uint64_t bits = 0;
     int i, n;
 
-    /* The OR has the highest bit of any component, which is all that counts. */
+    /* The OR has the highest bit of all components. */
     for (i = 0; i < 4; i++)
         bits |= (uint64_t)abs64(quat[i]);
     n = 30 - n_bits(bits);
@@ -230,9 +236,10 @@ static void normalise_quat(int64_t *q, const int32_t *quat)
         q[0] = 1 << 29;
 }
 
-/* Rotation matrix times |q|^2, both shifted so that |q|^2 has 30 bits; returns
- * it. |q|^2 is in [2^58, 2^62] and bounds every entry: the products are below
- * 2^60, their doubled sums below 2^62. */
+/* Computes the rotation matrix times |q|^2, shifted so that |q|^2 has 30 bits,
+ * and returns the shifted |q|^2. Before the shift, |q|^2 is in [2^58, 2^62] and
+ * bounds every entry; products are below 2^60, their doubled sums below 2^62.
+ */
 static uint32_t rotation(int32_t *r, const int32_t *quat)
 {
     int64_t q[4], m[9];
@@ -240,7 +247,7 @@ static uint32_t rotation(int32_t *r, const int32_t *quat)
     int i, n;
 
     normalise_quat(q, quat);
-    /* R |q|^2, so that nothing is divided: the factor goes into the scales. */
+    /* R |q|^2 needs no division; the scales are divided by |q|^2 instead. */
     norm = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
     m[0] = q[0] * q[0] + q[1] * q[1] - q[2] * q[2] - q[3] * q[3];
     m[1] = 2 * (q[1] * q[2] - q[0] * q[3]);
@@ -251,15 +258,15 @@ static uint32_t rotation(int32_t *r, const int32_t *quat)
     m[6] = 2 * (q[1] * q[3] - q[0] * q[2]);
     m[7] = 2 * (q[2] * q[3] + q[0] * q[1]);
     m[8] = q[0] * q[0] - q[1] * q[1] - q[2] * q[2] + q[3] * q[3];
-    /* Norm and matrix take the same shift: R stays what it is. */
+    /* |q|^2 and the matrix are shifted alike, so that R does not change. */
     n = n_bits((uint64_t)norm) - 30;
     for (i = 0; i < 9; i++)
         r[i] = (int32_t)fx_rshift64(m[i], n);
     return (uint32_t)fx_rshift64(norm, n);
 }
 
-/* Rows of depth * J W: focal * (a row of W) - slope * (the third row), Q46,
- * brought to 30 bits with a common shift, which is returned: row = u * 2^shift.
+/* Computes the rows of depth * J W: focal * (a row of W) - slope * (the third
+ * row), Q46, shifted to 30 bits. Returns the common shift: row = u * 2^shift.
  * |slope| <= 2.15 * 2^30 and |focal| < 2 * 2^30 times entries of at most
  * 1.7321 * 2^30 sum to less than 2^62.9. */
 static int jacobian(int32_t *u, const centre *o, const saga_camera *c)
@@ -284,7 +291,8 @@ static int jacobian(int32_t *u, const centre *o, const saga_camera *c)
     return n;
 }
 
-/* u R, 3 * 2^30 * 2^30 at most, and by Cauchy 3^(1/2) 2^60: p < 2^31. */
+/* Computes u R. By Cauchy's inequality its entries are at most 3^(1/2) 2^60
+ * before the shift, so that p < 2^31. */
 static void turn_rows(int32_t p[2][3], const int32_t *u, const int32_t *r)
 {
     int i, k;
@@ -296,8 +304,8 @@ static void turn_rows(int32_t p[2][3], const int32_t *u, const int32_t *r)
                 (int64_t)u[3 * i + 2] * r[6 + k], 30);
 }
 
-/* Mantissa of scale / (depth |q|^2): < 2^31 * 2^31 twice, shifted to at most
- * 2^31 each time, at least 2^28. */
+/* Returns the mantissa of scale / (depth |q|^2), at least 2^28. Two products
+ * below 2^31 * 2^31 are each shifted to at most 2^31. */
 static int64_t scale_mant(int32_t log2_scale_q10, int64_t factor)
 {
     const uint32_t f = (uint32_t)log2_scale_q10 & 1023;
@@ -305,10 +313,10 @@ static int64_t scale_mant(int32_t log2_scale_q10, int64_t factor)
     return fx_rshift64(saga_exp2_frac_q16_q30(f << 6) * factor, 31);
 }
 
-/* t = p * scale / (depth |q|^2). Column k has the exponent of its scale; top
- * is the highest bit any column reaches, so |t| <= 2^30 after the shift by
- * 1 + top - exponent (at least 1 + the column's bits). Products < 2^62; from a
- * shift of 62 on they round to 0. */
+/* Computes t = p * scale / (depth |q|^2). Column k has the exponent of its
+ * scale, and top is the highest bit that any column reaches. The shift by 1 +
+ * top - exponent, which is at least 1 + the column's bits, makes |t| <= 2^30.
+ * Products are below 2^62 and round to 0 for shifts of 62 and more. */
 static void scale_columns(shape *s, int32_t p[2][3], const int32_t *log2_scale,
                           int64_t factor)
 {
@@ -316,14 +324,13 @@ static void scale_columns(shape *s, int32_t p[2][3], const int32_t *log2_scale,
     int k;
 
     for (k = 0; k < 3; k++) {
-        /* A column is at most 2^bits times its scale 2^(log2_scale >> 10). */
+        /* A column is below 2^bits times its scale 2^(log2_scale >> 10). */
         const int bits = n_bits((uint64_t)(abs64(p[0][k]) | abs64(p[1][k])));
 
         top = fx_max(top, (log2_scale[k] >> 10) + bits);
     }
     for (k = 0; k < 3; k++) {
-        /* A column far below the largest one is shifted out, as it should
-         * be. */
+        /* A column that is far smaller than the largest becomes 0. */
         const int64_t m = scale_mant(log2_scale[k], factor);
         const int32_t n = 1 + top - (log2_scale[k] >> 10);
 
@@ -333,8 +340,9 @@ static void scale_columns(shape *s, int32_t p[2][3], const int32_t *log2_scale,
     s->exp = top + 1;
 }
 
-/* The exponent adds up what was shifted: u (Q46, shift), p (30), scale (Q30,
- * and 62 from its two products), 1/depth and 1/|q|^2. */
+/* Computes the rows of T. Their exponent is the sum of all shifts: of u (Q46
+ * and its shift), p (30), scale (Q30, and 62 for its two products), 1/depth and
+ * 1/|q|^2. */
 static void project_shape(shape *s, const saga_animated *a, const centre *o,
                           const saga_camera *c)
 {
@@ -345,7 +353,7 @@ static void project_shape(shape *s, const saga_animated *a, const centre *o,
 
     shift = jacobian(u, o, c);
     recip = saga_recip32(rotation(r, a->quat), &n);
-    /* Both divisions of the shape in one factor: 1 / (depth |q|^2). */
+    /* One factor for both divisions: 1 / (depth |q|^2). */
     factor = (int64_t)(((uint64_t)recip * o->recip + (1u << 30)) >> 31);
     turn_rows(p, u, r);
     scale_columns(s, p, a->log2_scale_q10, factor);
@@ -354,13 +362,14 @@ static void project_shape(shape *s, const saga_animated *a, const centre *o,
 
 /* --- The conic ----------------------------------------------------------- */
 
-/* 3 * 2^60 at most. */
+/* Returns an inner product, at most 3 * 2^60. */
 static int64_t dot3(const int32_t *a, const int32_t *b)
 {
     return (int64_t)a[0] * b[0] + (int64_t)a[1] * b[1] + (int64_t)a[2] * b[2];
 }
 
-/* |t0 x t1|^2: components below 2^61, shifted to 30 bits, squared. */
+/* Returns |t0 x t1|^2. Components are below 2^61; they are shifted to 30 bits
+ * and squared. */
 static saga_float cross_squared(const shape *s)
 {
     const int32_t *const a = s->t[0];
@@ -373,8 +382,8 @@ static saga_float cross_squared(const shape *s)
     c[1] = (int64_t)a[2] * b[0] - (int64_t)a[0] * b[2];
     c[2] = (int64_t)a[0] * b[1] - (int64_t)a[1] * b[0];
     bits = (uint64_t)(abs64(c[0]) | abs64(c[1]) | abs64(c[2]));
-    /* Nearly parallel rows keep 30 bits of their small area, of which
-     * a c - b^2 would cancel all. */
+    /* If the rows are nearly parallel, this keeps 30 bits of their small area,
+     * all of which would cancel in a c - b^2. */
     n = fx_max(n_bits(bits) - 30, 0);
     for (i = 0; i < 3; i++) {
         const int64_t m = fx_rshift64(c[i], n);
@@ -384,8 +393,8 @@ static saga_float cross_squared(const shape *s)
     return pair(sum, 4 * s->exp + 2 * n);
 }
 
-/* Covariance A B / B C (low-pass d included), det = |t0 x t1|^2 + d (A0 + C0)
- * + d^2 > 0 without cancellation, and
+/* Computes the conic of the covariance (A B; B C), which includes the low-pass
+ * d. det = |t0 x t1|^2 + d (A0 + C0) + d^2 > 0 has no cancellation, and
  *   h = sqrt(k / C),  m = sqrt(k / (C det)),  g = C m,  n = B m. */
 static void conic(int32_t *chol_q28, const shape *s)
 {
@@ -408,14 +417,15 @@ static void conic(int32_t *chol_q28, const shape *s)
 
 /* --- The box ------------------------------------------------------------- */
 
-/* L / h in pixels, Q8, rounded up; h in Q28, L in Q12 < 2^14. recip16 is
- * within 2^-15 of 1/h: two units of its mantissa (17 bits) make it a bound. */
+/* Returns L / h in pixels, Q8, rounded up; h is in Q28, L in Q12 and < 2^14.
+ * recip16 is within 2^-15 of 1/h; adding two units to its mantissa (17 bits)
+ * makes it an upper bound. */
 static int32_t extent_y(int32_t l_q12, int32_t h)
 {
     int64_t e;
     int n;
 
-    /* The ellipse is flat beyond what Q28 holds: the whole picture. */
+    /* h is below the resolution of Q28: the splat covers whole columns. */
     if (h == 0)
         return LIMIT_EXTENT;
     e = l_q12 * (int64_t)(saga_recip16((uint32_t)h, &n) + 2);
@@ -423,10 +433,11 @@ static int32_t extent_y(int32_t l_q12, int32_t h)
                       LIMIT_EXTENT);
 }
 
-/* L |(h, n)| / (g h). |(h, n)|^2 in Q56 has b <= 60 bits; an even shift 2 j
- * leaves it 22 or 23 for sqrt_up: root = 2^(j-2) sqrt_up. The product of
- * L (14 bits), the root (14) and two reciprocals (17) is below 2^62, and the
- * final shift below 62, since j >= (bits of h) - 12. */
+/* Returns L |(h, n)| / (g h), rounded up. |(h, n)|^2 in Q56 has b <= 60 bits.
+ * An even shift 2 j leaves 22 or 23 of them for sqrt_up, and the root is
+ * 2^(j-2) times the result of sqrt_up. The product of L (14 bits), the root
+ * (14) and two reciprocals (17) is below 2^62, and the final shift below 62,
+ * since j >= (bits of h) - 12. */
 static int32_t extent_x(int32_t l_q12, int32_t g, int32_t n, int32_t h)
 {
     const uint64_t square = (uint64_t)((int64_t)h * h + (int64_t)n * n);
@@ -436,7 +447,7 @@ static int32_t extent_x(int32_t l_q12, int32_t g, int32_t n, int32_t h)
 
     if (g == 0 || h == 0)
         return LIMIT_EXTENT;
-    /* A rest that is shifted out counts as a unit more, which makes a bound. */
+    /* Adding 1 for the bits that are shifted out makes this an upper bound. */
     root = j > 0 ? (int64_t)(square >> 2 * j) + 1
                  : (int64_t)(square << -2 * j);
     e = l_q12 * (int64_t)sqrt_up_q20_q12((int32_t)root);
@@ -446,8 +457,8 @@ static int32_t extent_x(int32_t l_q12, int32_t g, int32_t n, int32_t h)
     return fx_clamp64(sg > 0 ? (e >> sg) + 1 : LIMIT_EXTENT, 0, LIMIT_EXTENT);
 }
 
-/* Pixels whose centre lies within extent of the mean, cut to the picture.
- * Everything below 2^27. */
+/* Finds the pixels of the picture whose centre is within extent of the mean.
+ * All values are below 2^27. Returns 0 if there are none. */
 static int pixel_range(int16_t *from, int16_t *to, int32_t mean_q8,
                        int32_t extent_q8, int32_t side)
 {
@@ -459,11 +470,11 @@ static int pixel_range(int16_t *from, int16_t *to, int32_t mean_q8,
     return *from < *to;
 }
 
-/* Where q < 11, |(v, w)| < L, the root of saga_reach_q20 (rounded up by
- * sqrt_up). From v = g dx - n dy and w = h dy,
- *   |dy| < L / h,  |dx| < L |(h, n)| / (g h) = (L / g) |(1, n/h)|:
- * bounds made of the integer factors the blending uses, so that their own
- * rounding cannot lose a pixel. */
+/* Computes the box of a splat. q < 11 implies |(v, w)| < L, where L is the root
+ * of saga_reach_q20, rounded up by sqrt_up. With v = g dx - n dy and w = h dy,
+ *   |dy| < L / h,  |dx| < L |(h, n)| / (g h) = (L / g) |(1, n/h)|.
+ * The bounds use the same integer factors as the blending, so that the rounding
+ * of these factors cannot exclude a pixel. */
 static int box(saga_splat *s, const saga_camera *c, uint32_t tools)
 {
     const int32_t *const f = s->chol_q28;
@@ -482,7 +493,7 @@ int saga_project(saga_splat *s, const saga_animated *a, const saga_camera *c,
     centre o;
     shape t;
 
-    /* Nothing transparent, behind or aside costs a shape. */
+    /* Transparent primitives and those outside the view need no shape. */
     if (a->q0_q20 >= SAGA_CUT_Q20 || !project_centre(&o, a->x, c))
         return 0;
     project_shape(&t, a, &o, c);

@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: MIT */
 #include "range_dec.h"
 
-/* Renormalisation keeps range >= 2^24, so range >> 15 is at least 2^9 and
- * every frequency of 1 or more has a non-empty interval. */
+/* Renormalisation keeps range >= 2^24. Therefore range >> 15 is at least 2^9,
+ * and every symbol with a frequency of 1 or more has a non-empty interval. */
 #define RANGE_MIN (1u << 24)
 
-/* Zero bytes the encoder drops at the end of a chunk, always: its last value is
- * a multiple of 2^24. */
+/* Number of zero bytes that the encoder always omits at the end of a chunk,
+ * since its last value is a multiple of 2^24. */
 enum { TAIL = 3 };
 
 static uint32_t next_byte(saga_range_dec *d)
@@ -28,8 +28,8 @@ static void renormalise(saga_range_dec *d)
     }
 }
 
-/* Keeps the interval [start, end) of 2^15; the last symbol (end = 2^15) takes
- * the remainder of the range. r = range >> 15. */
+/* Reduces the range to the interval [start, end) of 2^15. The last symbol (end
+ * = 2^15) gets the remainder of the range. r = range >> 15. */
 static void narrow(saga_range_dec *d, uint32_t r, uint32_t start,
                    uint32_t end)
 {
@@ -50,7 +50,7 @@ static uint32_t bypass(saga_range_dec *d, uint32_t bits)
         bit = d->code >= d->range;
         if (bit)
             d->code -= d->range;
-        /* An odd range loses its last value, which no encoder uses. */
+        /* Halving an odd range drops its last value, which no encoder uses. */
         if (d->code >= d->range)
             d->coder.error = 1;
         v = v << 1 | bit;
@@ -59,7 +59,8 @@ static uint32_t bypass(saga_range_dec *d, uint32_t bits)
     return v;
 }
 
-/* A residual beyond the table is Exp-Golomb of |q| - M - 1, then the sign. */
+/* Reads a residual beyond the table: |q| - M - 1 as an Exp-Golomb code, then
+ * the sign. */
 static int32_t escaped(saga_range_dec *d, uint32_t max)
 {
     uint32_t bits = SAGA_ESCAPE_ORDER, v = 0, sign;
@@ -77,14 +78,14 @@ static int32_t escaped(saga_range_dec *d, uint32_t max)
     return sign ? -(int32_t)v : (int32_t)v;
 }
 
-/* Some symbols are read. */
+/* Counts n symbols as work. */
 static void count(saga_range_dec *d, uint32_t n)
 {
     d->coder.error |= saga_tally_add(d->tally, n * SAGA_TALLY_SYMBOL);
 }
 
-/* Pairs of +m and -m are searched from the centre outwards, by multiplication.
- */
+/* Reads a residual. The search goes through the pairs +m, -m from the centre
+ * outwards, and compares by multiplication instead of division. */
 static int32_t one_residual(saga_range_dec *d, uint32_t scale)
 {
     const saga_scale_row row = saga_prob_scale(scale);
@@ -165,7 +166,7 @@ void saga_range_dec_init(saga_range_dec *d, const uint8_t *p, size_t n)
     d->code = 0;
     for (i = 0; i < 4; i++)
         d->code = d->code << 8 | next_byte(d);
-    /* The code lies inside the range, always; here it may not. */
+    /* The code must lie inside the range, which is not certain at the start. */
     if (d->code >= d->range)
         d->coder.error = 1;
 }

@@ -1,42 +1,44 @@
 /* SPDX-License-Identifier: MIT
  *
- * Blending; docs/arithmetic.md has the norm. What a pixel is depends on
- * nothing but the splats' order:
+ * Blending; docs/arithmetic.md is normative. The value of a pixel depends only
+ * on the order of the splats:
  *
  *     for each splat, front to back:
  *         if T < 8 or q >= 11: next
  *         alpha = min(2^(3 - q), cap); w = alpha T; T -= w; C += w colour
  *
- * The rest of this file is about doing that for many pixels at a time. The
- * job's rectangle is cut into tiles, tiles are grouped into bands: as many
- * columns as the scratch holds, and once all columns fit, as many rows. For
- * each band the splats are looked at once, in order, and listed with each tile
- * they may touch; when the list is full, and at the end, each tile blends its
- * splats and the list starts anew. A tile in which every pixel is finished
- * (T < 8) is neither listed for nor blended again: that follows from the rule
- * per pixel and cannot show.
+ * This file does so for many pixels at a time. The job's rectangle is divided
+ * into tiles, and the tiles are grouped into bands: as many columns as the
+ * scratch has room for and, if it has room for all columns, as many rows. For
+ * each band, the splats are visited once, in order, and entered in a list for
+ * each tile that they may touch. When the list is full, and at the end, each
+ * tile blends its splats, and the list is emptied. A tile in which every pixel
+ * is finished (T < 8) gets no further entries; by the rule above, this does not
+ * change its pixels.
  *
- * Where one list holds all of a band, its tiles are done one after the other,
- * from clearing to writing, in the pixels of the first, which then stay in the
- * cache. Where a row of tiles takes several bands, half of the list keeps the
- * keys of the splats that touch the row, as many as fit, so that not every band
- * looks at every splat.
+ * If one list is enough for a band, its tiles are processed one after another,
+ * from clearing to writing, all in the pixel memory of the first tile, which
+ * stays in the cache. If a row of tiles has several bands, half of the list
+ * stores the keys of splats that touch the row, as many as fit, so that the
+ * later bands need not visit every splat.
  *
- * Scratch: a raster_state in the first 256 bytes; for each tile of the band
- * four planes T, R, G, B of uint32; a raster_queue per tile; the list. All
- * progress is in raster_state, so that a call may stop after any unit of work.
+ * The scratch contains a raster_state in the first 256 bytes; four planes T, R,
+ * G, B of uint32 for each tile of the band; a raster_queue for each tile; the
+ * list. All progress is in raster_state, so that a call may stop after any unit
+ * of work.
  *
- * cursor[0]: 0 not begun, 1 begun (raster_state is valid), 2 finished. The
- * others belong to the caller, who keeps a job with its view and first block.
+ * cursor[0] is 0 before the job begins, 1 while it is in progress (raster_state
+ * is valid), and 2 when it is finished. draw.c uses the other elements.
  */
 #include "blend.h"
 #include "fx.h"
 #include "raster_state.h"
 #include "sqrt_up.h"
 
-#define AHEAD 4                      /* splats from the one that is fetched */
-#define CHECK_EVERY 32               /* splats between looks for a finished
-                                      * tile */
+#define AHEAD 4                      /* prefetch the splat that comes this
+                                      * number of splats later */
+#define CHECK_EVERY 32               /* splats between tests whether a tile is
+                                      * finished */
 
 /* --- Tiles --------------------------------------------------------------- */
 
@@ -48,7 +50,7 @@ static uint32_t spend(raster *r, uint32_t wanted)
     return n;
 }
 
-/* Keys to look at for this band. */
+/* Returns the number of keys to visit for this band. */
 static uint32_t n_keys(const raster *r)
 {
     return r->s->n_kept + (r->n - r->s->n_passed);
@@ -67,7 +69,8 @@ static uint32_t *tile_pixels(const raster *r, uint32_t tx, uint32_t ty)
                        N_PLANES;
 }
 
-/* Next tile of the band, in rows; 0 after the last, with tx = ty = 0. */
+/* Moves to the next tile of the band, row by row. After the last tile returns 0
+ * and sets tx = ty = 0. */
 static int next_tile(raster *r)
 {
     raster_state *const s = r->s;
@@ -83,7 +86,7 @@ static int next_tile(raster *r)
     return 0;
 }
 
-/* Every T below the floor, which is a power of two. */
+/* Returns whether every T is below the floor, which is a power of two. */
 static int is_finished(const uint32_t *t, uint32_t n)
 {
     uint32_t any = 0;
@@ -96,8 +99,8 @@ static int is_finished(const uint32_t *t, uint32_t n)
 
 _Static_assert((SAGA_T_FLOOR_Q16 & (SAGA_T_FLOOR_Q16 - 1)) == 0, "is_finished");
 
-/* T = 1 and C = 0, one line of a tile per unit. Pixels of the tile outside the
- * job's rectangle are finished from the start. */
+/* Sets T = 1 and C = 0, one line of a tile per unit. Pixels of the tile outside
+ * the job's rectangle start as finished. */
 static void step_clear(raster *r)
 {
     raster_state *const s = r->s;
@@ -124,7 +127,7 @@ static void step_clear(raster *r)
     s->step = STEP_BLEND;
 }
 
-/* The next list begins where the last one ended. */
+/* Begins the next list with the key at which the previous list ended. */
 static void begin_list(raster_state *s)
 {
     s->listed = s->counted;
@@ -132,7 +135,7 @@ static void begin_list(raster_state *s)
     s->n_listed = 0;
 }
 
-/* One unit per tile. */
+/* Opens the queues of all tiles, one tile per unit. */
 static void step_open(raster *r)
 {
     raster_state *const s = r->s;
@@ -152,7 +155,7 @@ static void step_open(raster *r)
 
 /* --- Blending ------------------------------------------------------------ */
 
-/* Goes on to the next tile, or with what is not listed yet. */
+/* Goes on to the next tile, or after the last tile to the next list. */
 static void leave_tile(raster *r)
 {
     raster_state *const s = r->s;
@@ -160,14 +163,14 @@ static void leave_tile(raster *r)
     s->step = s->is_first ? STEP_CLEAR : STEP_BLEND;
     if (next_tile(r))
         return;
-    /* All tiles are through this list: the walk goes on where it was full. */
+    /* All tiles have blended this list; the next begins where it was full. */
     begin_list(s);
     s->is_first = 0;
     s->step = STEP_COUNT;
 }
 
-/* dx, dy from the mean to the centre of pixel (x, y), Q8, below 2^24: products
- * below 2^53. */
+/* Sets v and w from dx, dy, the distance from the mean to the centre of pixel
+ * (x, y). In Q8 these are below 2^24, so that products are below 2^53. */
 static void begin_patch(saga_patch *p, const saga_splat *s, int32_t x,
                         int32_t y, uint32_t tools)
 {
@@ -184,8 +187,9 @@ static void begin_patch(saga_patch *p, const saga_splat *s, int32_t x,
     p->w = fx_rshift64(p->h * dy, 8);
 }
 
-/* A depth of 32 bits is blended as three colours, 10 bits of it and twice 11:
- * their sums are at most 2^16 (2^11 - 1). */
+/* Sets the colours. For depth pictures, the 32 bits of a depth are blended as
+ * three colours of 10, 11 and 11 bits, whose sums are at most 2^16 (2^11 - 1).
+ */
 static void colour_patch(saga_patch *p, const saga_splat *s, int bits)
 {
     if (bits == SAGA_DEPTH) {
@@ -199,8 +203,8 @@ static void colour_patch(saga_patch *p, const saga_splat *s, int bits)
     }
 }
 
-/* Blends a splat into the tile at work, one unit per line. Returns 0 when the
- * budget ends before it is through. */
+/* Blends a splat into the current tile, one line per unit. Returns 0 if the
+ * budget is used up before the last line. */
 static int blend_splat(raster *r, const saga_splat *splat)
 {
     raster_state *const s = r->s;
@@ -220,7 +224,7 @@ static int blend_splat(raster *r, const saga_splat *splat)
         return 1;
     begin_patch(&p, splat, x, y + (int32_t)first, r->tools);
     colour_patch(&p, splat, r->pic->bits);
-    /* As many lines as the budget has; the others come with the next call. */
+    /* Lines that exceed the budget are blended by the next call. */
     p.n_rows = spend(r, end - s->line);
     s->line += p.n_rows;
     if (p.n_rows > 0)
@@ -231,15 +235,15 @@ static int blend_splat(raster *r, const saga_splat *splat)
     return 1;
 }
 
-/* Splats lie in memory as primitives do, so the next ones are asked for early.
- */
+/* Prefetches a splat. Splats are stored in the order of their primitives, so
+ * that in drawing order they are scattered in memory. */
 static void fetch(const saga_splat *s)
 {
     __builtin_prefetch(s);
     __builtin_prefetch((const uint8_t *)(s + 1) - 1);
 }
 
-/* The tile at work: its queue, then one unit for the tile. */
+/* Blends the queue of the current tile, then spends one unit for the tile. */
 static void step_blend(raster *r)
 {
     raster_state *const s = r->s;
@@ -252,8 +256,8 @@ static void step_blend(raster *r)
             return;
         q->first++;
         q->n--;
-        /* To look at all pixels takes as long as a few splats, so it is not
-         * done after each. */
+        /* Testing all pixels takes as long as a few splats, so that it is not
+         * done after each splat. */
         if ((++s->count % CHECK_EVERY == 0 || q->n == 0) &&
             is_finished(tile_pixels(r, s->tx, s->ty), 1u << 2 * r->log2_side))
             q->n = CLOSED;
@@ -267,8 +271,8 @@ static void step_blend(raster *r)
         leave_tile(r);
 }
 
-/* Places the band's arrays behind one another; see the head of this file. The
- * keys kept for a row begin where they do for its first band. */
+/* Places the band's arrays one after another (see the top of this file). The
+ * keys kept for a row have the same place in all bands of the row. */
 static void lay_out_band(raster *r)
 {
     const raster_state *const s = r->s;
@@ -280,13 +284,13 @@ static void lay_out_band(raster *r)
     r->queues = (raster_queue *)(r->pixels +
                                  (n << 2 * r->log2_side) * N_PLANES);
     r->kept = (saga_key *)(r->queues + n);
-    /* Keys are worth keeping only where several bands share a row of tiles. */
+    /* Keeping keys pays only if a row of tiles has several bands. */
     r->kept_capacity = s->band_cols < r->cols ? capacity / 2 : 0;
     r->list = (uint32_t *)(r->kept + r->kept_capacity);
     r->capacity = 2 * (capacity - r->kept_capacity);
 }
 
-/* Returns 1 after the last band. */
+/* Moves to the next band. Returns 1 after the last. */
 static int next_band(raster *r)
 {
     raster_state *const s = r->s;
@@ -296,7 +300,7 @@ static int next_band(raster *r)
     if (s->col >= r->cols) {
         s->col = 0;
         s->row += s->band_rows;
-        /* A new row of tiles: what was kept is of the last one. */
+        /* The kept keys belong to the previous row of tiles. */
         s->n_kept = 0;
         s->n_passed = 0;
     }
@@ -306,7 +310,8 @@ static int next_band(raster *r)
     return 0;
 }
 
-/* One unit per line. Returns 1 when the last band is written. */
+/* Writes finished lines, one line per unit. Returns 1 when the last band has
+ * been written. */
 static int step_write(raster *r)
 {
     raster_state *const s = r->s;
@@ -321,15 +326,15 @@ static int step_write(raster *r)
                               y + (int32_t)s->line);
     if (s->line < r->side)
         return 0;
-    /* With one list the tiles take turns in the first one's pixels. */
+    /* With a single list all tiles use the pixel memory of the first tile. */
     s->step = s->is_first ? STEP_CLEAR : STEP_BLEND;
     return !next_tile(r) && next_band(r);
 }
 
 /* --- The job ------------------------------------------------------------- */
 
-/* Tiles that fit n_bytes, at most all of them. Their pixels alone bound the
- * number by n; the queues then take 8 bytes in 2^shift of each. */
+/* Returns the number of tiles that fit in n_bytes, at most all. Counting pixels
+ * alone gives an upper bound n; the queues take 8 bytes more for each tile. */
 static uint32_t count_tiles(size_t n_bytes, uint32_t log2_side, uint32_t all)
 {
     const uint32_t shift = 2 * log2_side + 4;
@@ -344,7 +349,8 @@ static uint32_t count_tiles(size_t n_bytes, uint32_t log2_side, uint32_t all)
     return (uint32_t)n;
 }
 
-/* The largest band: a part of a row of tiles, or as many full rows as fit. */
+/* Sets the largest band: a part of a row of tiles, or as many whole rows as
+ * fit. */
 static void begin(raster *r, uint32_t n_tiles)
 {
     raster_state *const s = r->s;
@@ -360,7 +366,8 @@ static uint32_t log2_of_side(int32_t tile)
     return tile == 8 ? 3 : tile == 16 ? 4 : tile == 32 ? 5 : tile == 64 ? 6 : 0;
 }
 
-/* Bytes of scratch left for tiles after state and list; 0 when too small. */
+/* Returns the number of bytes of scratch for tiles, without state and list; 0
+ * if the scratch is too small. */
 static size_t tile_nbytes(const saga_job *job)
 {
     const size_t capacity = job->list_capacity;
@@ -383,14 +390,15 @@ static uint32_t pixel_nbytes(int bits)
     return bits == SAGA_DEPTH ? sizeof(saga_depth) : bits == 16 ? 6 : 3;
 }
 
-/* Rows and samples are aligned to this plus 1. */
+/* Returns the alignment of rows and samples, less 1. */
 static uint32_t alignment(int bits)
 {
     return bits == SAGA_DEPTH ? 7 : bits == 16 ? 1 : 0;
 }
 
-/* Rows that overlap are refused with the sizes: width < 2^14.1 and height
- * <= 2^14, so that a stride of 2^48 is far beyond any capacity. */
+/* Checks the destination, including that rows do not overlap. The width is
+ * below 2^14.1 and the height at most 2^14, so that a stride of 2^48 exceeds
+ * any capacity. */
 static saga_status check_picture(const saga_picture *pic,
                                  const saga_job *job)
 {
@@ -435,7 +443,8 @@ static void open_job(raster *r, saga_job *job)
         !((uint32_t)(job->x0 | job->y0) & ((1u << r->box_shift) - 1));
     r->s = job->scratch;
     r->pixels = (uint32_t *)job->scratch + STATE_NBYTES / 4;
-    /* The first call writes all of the state, since scratch holds anything. */
+    /* The first call writes the whole state, since the scratch has arbitrary
+     * bytes. */
     if (job->cursor[0] == CURSOR_NEW)
         begin(r, count_tiles(tile_nbytes(job), r->log2_side,
                              r->cols * r->rows));
@@ -443,7 +452,7 @@ static void open_job(raster *r, saga_job *job)
     lay_out_band(r);
 }
 
-/* Returns 1 when the job is finished, 0 when the budget is spent. */
+/* Works on the job. Returns 1 if it is finished, 0 if the budget is used up. */
 static int work(raster *r)
 {
     while (r->budget > 0) {

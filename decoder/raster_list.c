@@ -1,23 +1,25 @@
 /* SPDX-License-Identifier: MIT
  *
- * Which splats touch which tile: the keys of a view as boxes, those kept for a
- * row of tiles, and the lists of a band, counted first and then filled.
+ * Finds which splats touch which tile: boxes in the keys of a view, the keys
+ * kept for a row of tiles, and the lists of a band, which are counted first and
+ * then filled.
  */
 #include "fx.h"
 #include "raster_state.h"
 
 /* --- Keys ---------------------------------------------------------------- */
 
-/* Bytes of seven bits: the first column and row of the box in units of
- * 2^shift pixels, and 127 less the last ones. So boxes overlap where no byte of
- * one key is above that of another rectangle's limit. */
+/* Packs a box into four bytes of seven bits: its first column and row in units
+ * of 2^shift pixels, and 127 minus its last column and row. A box overlaps a
+ * rectangle if no byte of its key exceeds that of the rectangle's limit. */
 static uint32_t pack(uint32_t x0, uint32_t x1, uint32_t y0, uint32_t y1)
 {
     return x0 | (127 - x1) << 8 | y0 << 16 | (127 - y1) << 24;
 }
 
-/* A side of a box has seven bits in a key: returns by how many bits the
- * camera's sides are longer, or 3, a tile of eight, where that is more. */
+/* A coordinate of a box has seven bits in a key. Returns the number of bits by
+ * which the camera's longer side exceeds that, but at least 3, for a tile of
+ * eight pixels. */
 uint32_t saga_raster_box_shift(const saga_camera *cam)
 {
     const uint32_t side = cam->width > cam->height ? cam->width : cam->height;
@@ -49,8 +51,8 @@ uint64_t saga_raster_boxes(saga_key *order, const saga_splat *splats,
 
 #define GUARDS 0x80808080u       /* no byte borrows from the next */
 
-/* The upper bound of the keys of splats that may touch these tiles of the
- * band. */
+/* Returns the limit, byte by byte, of the keys of splats that may touch these
+ * tiles of the band. */
 static uint32_t limit_of(const raster *r, uint32_t nx, uint32_t ny)
 {
     const uint32_t shift = r->box_shift;
@@ -58,8 +60,8 @@ static uint32_t limit_of(const raster *r, uint32_t nx, uint32_t ny)
     const uint32_t x1 = (uint32_t)fx_min(tile_x(r, nx), r->job->x1) - 1;
     const uint32_t y1 = (uint32_t)fx_min(tile_y(r, ny), r->job->y1) - 1;
 
-    /* The rectangle's ends in the places of a key's beginnings: a box
-     * overlaps if it begins before they end, and ends after they begin. */
+    /* The ends of the rectangle are where a key has its beginnings: a box
+     * overlaps if it begins before the ends and ends after the beginnings. */
     return GUARDS | pack(x1 >> shift, x >> shift, y1 >> shift, y >> shift);
 }
 
@@ -68,7 +70,7 @@ static int touches(saga_key key, uint32_t limit)
     return ((limit - key.depth) & GUARDS) == GUARDS;
 }
 
-/* Keeps keys for the row of tiles, one unit per key looked at. */
+/* Collects the keys that touch the row of tiles, one key tested per unit. */
 void saga_raster_keep(raster *r)
 {
     raster_state *const s = r->s;
@@ -80,8 +82,8 @@ void saga_raster_keep(raster *r)
     while (i < end && n < r->kept_capacity) {
         const saga_key key = r->order[i++];
 
-        /* Written in any case and kept by the count: no branch to
-         * mispredict. */
+        /* The key is always stored, and kept by incrementing the count, which
+         * avoids a branch that would be mispredicted. */
         r->kept[n] = key;
         n += (uint32_t)touches(key, limit);
     }
@@ -94,12 +96,12 @@ void saga_raster_keep(raster *r)
 
 /* --- Listing ------------------------------------------------------------- */
 
-/* Pixels. */
+/* A rectangle in pixels. */
 typedef struct {
     int32_t x0, y0, x1, y1;
 } box;
 
-/* The tiles of the band a splat may touch, inclusive. */
+/* The tiles of the band that a splat may touch, both ends included. */
 typedef struct {
     uint32_t x0, y0, x1, y1;
 } tile_range;
@@ -121,8 +123,8 @@ static int box_tiles(tile_range *t, const raster *r, const box *b)
     return 1;
 }
 
-/* Where tiles begin at whole units of the keys, a key says as much as the
- * splat, which lies anywhere in memory. */
+/* Finds the tiles that a splat may touch. If tiles begin at whole units of the
+ * keys, the key is enough, and the splat need not be read from memory. */
 static int splat_tiles(tile_range *t, const raster *r, saga_key key)
 {
     const uint32_t shift = r->box_shift;
@@ -145,8 +147,8 @@ static int splat_tiles(tile_range *t, const raster *r, saga_key key)
     return box_tiles(t, r, &b);
 }
 
-/* Counts a splat's tiles, or lists it with them, one unit each. Returns 0 when
- * the budget is spent or the list full. */
+/* Counts a splat's tiles, or enters the splat in their lists, one tile per
+ * unit. Returns 0 if the budget is used up or the list is full. */
 static int visit_tiles(raster *r, raster_progress *at, const tile_range *t,
                        uint32_t splat)
 {
@@ -158,8 +160,7 @@ static int visit_tiles(raster *r, raster_progress *at, const tile_range *t,
     while (at->y <= t->y1) {
         raster_queue *const q = tile_queue(r, at->x, at->y);
 
-        /* A finished tile takes no room in the list, so it passes a full
-         * one. */
+        /* A finished tile needs no entry, even if the list is full. */
         if (r->budget == 0 || (q->n != CLOSED && *n == end))
             return 0;
         r->budget--;
@@ -177,7 +178,7 @@ static int visit_tiles(raster *r, raster_progress *at, const tile_range *t,
     return *n < end;
 }
 
-/* A splat that may touch the band: one unit, and its tiles. Returns 0 when
+/* Tests a splat for the band, one unit, and visits its tiles. Returns 0 if
  * interrupted. */
 static int visit_splat(raster *r, raster_progress *at, saga_key key)
 {
@@ -199,8 +200,8 @@ static int visit_splat(raster *r, raster_progress *at, saga_key key)
     return 1;
 }
 
-/* keys[0..n) from `from` on, one unit each. Returns where it was interrupted,
- * or n. */
+/* Visits keys[from..n), one key per unit. Returns the index at which it was
+ * interrupted, or n. */
 static uint32_t visit_keys(raster *r, raster_progress *at, const saga_key *keys,
                            uint32_t from, uint32_t n)
 {
@@ -218,7 +219,7 @@ static void visit_all(raster *r, raster_progress *at)
 {
     const raster_state *const s = r->s;
 
-    /* First what is kept for this row, then what nobody has looked at. */
+    /* First the keys kept for this row, then those not yet tested. */
     if (at->key < s->n_kept)
         at->key = visit_keys(r, at, r->kept, at->key, s->n_kept);
     if (at->key >= s->n_kept)
@@ -234,7 +235,8 @@ static void step_count(raster *r)
         r->s->step = STEP_SUM;
 }
 
-/* Counts become places, one unit per tile. n_listed is the sum meanwhile. */
+/* Converts counts to places in the list, one tile per unit. n_listed holds the
+ * sum meanwhile. */
 static void step_sum(raster *r)
 {
     raster_state *const s = r->s;
@@ -260,8 +262,7 @@ static void step_list(raster *r)
 {
     raster_state *const s = r->s;
 
-    /* The same walk as when they were counted, so that each entry has its
-     * place. */
+    /* This repeats the visit that counted, so that each entry has a place. */
     if (s->n_listed < s->n_counted)
         visit_all(r, &s->listed);
     if (s->n_listed == s->n_counted)

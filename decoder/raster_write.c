@@ -1,21 +1,22 @@
 /* SPDX-License-Identifier: MIT
  *
- * From a finished line of a tile, planes T, R, G, B, to samples of the caller's
- * picture: over the background, in 8 or 16 bits, or as depths.
+ * Converts a finished line of a tile, planes T, R, G, B, to samples of the
+ * caller's picture: over the background in 8 or 16 bits, or as depths.
  */
 #include "fx.h"
 #include "raster_state.h"
 
-/* s = C + T background <= 2^16 * 2^15, since all weights and the last T sum to
- * 65536, becomes (s max + 2^30) >> 31, which is max at most. */
+/* Returns (s max + 2^30) >> 31, which is at most max, for s = C + T background.
+ * s <= 2^16 * 2^15, since all weights and the last T add up to 65536. */
 static uint16_t finish16(uint32_t s)
 {
     FX_ASSERT(s <= 1u << 31);
     return (uint16_t)(((uint64_t)s * 65535 + (1u << 30)) >> 31);
 }
 
-/* With s = a 2^23 + b, 255 s is a 2^31 + 256 b - s: what is added to a is the
- * rest, halved so that it fits 32 bits, and shifted by 30. */
+/* The same for max = 255, in 32 bits. With s = a 2^23 + b, 255 s is
+ * a 2^31 + 256 b - s. The term after a is halved to fit 32 bits, and shifted by
+ * 30 instead of 31. */
 static uint8_t finish8(uint32_t s)
 {
     const int32_t rest = (int32_t)((s & 0x7fffff) << 7) + (1 << 29) -
@@ -24,7 +25,7 @@ static uint8_t finish8(uint32_t s)
     return (uint8_t)((int32_t)(s >> 23) + (rest >> 30));
 }
 
-/* Channel k of a line: n samples of 8 bits. */
+/* Writes channel k of a line: n samples of 8 bits. */
 static void finish_line8(uint8_t *restrict v, const uint32_t *restrict t,
                          const uint32_t *restrict c, uint32_t background,
                          int32_t n)
@@ -66,7 +67,8 @@ static void write_line16(const raster *r, uint16_t *p, const uint32_t *t,
                             *t * r->cam->background_q15[k]);
 }
 
-/* The parts of the depth come together again (colour_patch). */
+/* Writes depths, which are put together from their three parts (colour_patch).
+ */
 static void write_depths(const raster *r, saga_depth *p, const uint32_t *t,
                          int32_t n)
 {
@@ -85,10 +87,10 @@ void saga_raster_write(const raster *r, const uint32_t *t, int32_t x,
                        int32_t y)
 {
     const int32_t width = fx_min((int32_t)r->side, r->job->x1 - x);
-    /* The picture begins at the job's corner: a band's buffer suffices. */
+    /* The caller's picture begins at the corner of the job. */
     void *const line = (uint8_t *)r->pic->rgb +
                        (size_t)(y - r->job->y0) * r->pic->stride_nbytes;
-    /* Pixels of the job, not of the camera's picture. */
+    /* Coordinates of the job, not of the camera's picture. */
     const int32_t at = x - r->job->x0;
 
     if (r->pic->bits == SAGA_DEPTH)

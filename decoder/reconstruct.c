@@ -23,21 +23,23 @@ void saga_prim_format_of(saga_prim_format *f, const saga_model *m)
     f->tools = m->tools;
 }
 
-/* mu_t = t + support_t * out, |support_t * out| <= 2^16 * 2^15. */
+/* Returns mu_t = t + support_t * out, where |support_t * out| <= 2^16 * 2^15.
+ */
 static int32_t centre_time(int32_t t, int32_t support_t, int16_t out, int q)
 {
     return fx_clamp64(t + fx_rshift64((int64_t)support_t * out, q),
                       SAGA_CENTRE_T_MIN, SAGA_CENTRE_T_END - 1);
 }
 
-/* A log2 size in Q10, from an output relative to the coarse cell's
- * half-size. */
+/* Returns a log2 size in Q10 from an output, which is relative to the coarse
+ * cell's half-size. */
 static int16_t log2_size_q10(int16_t out, int q, int log2_half)
 {
     return fx_sat16(fx_requant32(out, q, 10) + log2_half * 1024);
 }
 
-/* The values of an output at `to`: zeros for rows that do not exist. */
+/* Copies the values of an output to `to`; sets zeros if its rows do not exist.
+ */
 static void take(int16_t *to, uint32_t n, const int16_t *out, saga_rows rows)
 {
     uint32_t i;
@@ -46,7 +48,7 @@ static void take(int16_t *to, uint32_t n, const int16_t *out, saga_rows rows)
         to[i] = i < rows.n ? out[rows.first + i] : 0;
 }
 
-/* Rows of F_geo become a primitive. */
+/* Sets the fields of a primitive from the rows of F_geo. */
 static void set_geometry(saga_primitive *p, const saga_model *m,
                          const saga_rows rows[SAGA_N_OUTS],
                          const int16_t *out, const saga_position *position,
@@ -65,9 +67,9 @@ static void set_geometry(saga_primitive *p, const saga_model *m,
     take(&p->opacity, 1, out, rows[SAGA_OUT_OPACITY]);
     take(p->quat, 4, out, rows[SAGA_OUT_QUAT]);
     take(p->slope, 4, out, rows[SAGA_OUT_SLOPE]);
-    /* The network says how far a rotation is from none, (1, 0, 0, 0). */
+    /* The network's output is relative to no rotation, (1, 0, 0, 0). */
     p->quat[0] = fx_sat16(p->quat[0] + (1 << q[SAGA_OUT_QUAT]));
-    /* Without a row of its own the life's middle is where the anchor is. */
+    /* Without an output for it, the temporal centre is at the primitive. */
     p->t_centre = position->t;
     if (rows[SAGA_OUT_TIME].n)
         p->t_centre = centre_time(position->t, position->support[3],
@@ -80,14 +82,14 @@ static void set_geometry(saga_primitive *p, const saga_model *m,
             SAGA_LOG2_HALF_T - cell->depth_t);
 }
 
-/* clamp(1/2 + out, 0, 1) in Q15. */
+/* Returns clamp(1/2 + out, 0, 1) in Q15. */
 static uint16_t colour_of(int16_t out, int q)
 {
     return (uint16_t)fx_clamp(16384 + fx_requant32(out, q, 15), 0, 32768);
 }
 
-/* F_color's layers after the first, on the n points whose pre-activations are
- * z, which may be sc->net.v->in. */
+/* Runs the layers of F_color after the first, on n points with pre-activations
+ * z, which may be in sc->net.v->in. */
 static void finish_colours(const saga_scaffold *sc, const int16_t *z,
                            uint32_t n)
 {
@@ -111,15 +113,15 @@ static void get_colour(uint16_t colour_q15[3], const saga_scaffold *sc,
                                   sc->model->out_q[SAGA_OUT_COLOUR]);
 }
 
-/* Primitives that run through the networks together. */
+/* Primitives that pass through the networks together. */
 typedef struct {
     uint32_t first, n;
     uint32_t fine[SAGA_MAX_POINTS];      /* their anchors */
     saga_position position[SAGA_MAX_POINTS];
 } run;
 
-/* F_color's first layer without the direction; all of F_color if there is
- * none. */
+/* Runs the part of F_color's first layer that does not depend on the direction;
+ * all of F_color if nothing depends on it. */
 static void set_colours(int16_t *colours, uint32_t stride,
                         const saga_scaffold *sc, const run *r)
 {
@@ -130,8 +132,7 @@ static void set_colours(int16_t *colours, uint32_t stride,
     saga_in_local(sc, SAGA_NET_COLOUR_BASE, SAGA_TIER_FINE, r->n);
     saga_net_run(&sc->net, SAGA_NET_COLOUR_BASE, r->n);
     colours += (size_t)r->first * stride;
-    /* A colour that depends on the view waits for it: pre-activations are
-     * kept. */
+    /* If colours depend on the view, store their pre-activations. */
     if (sc->model->tools & SAGA_TOOL_VIEW) {
         for (i = 0; i < r->n; i++) {
             const int16_t *const out = saga_out_point(
@@ -142,7 +143,7 @@ static void set_colours(int16_t *colours, uint32_t stride,
         }
         return;
     }
-    /* Otherwise the colour is final now, and a view costs no network. */
+    /* Otherwise colours are final, and views need no network. */
     finish_colours(sc, sc->net.v->out, r->n);
     for (i = 0; i < r->n; i++) {
         get_colour(colour_q15, sc, i);
@@ -170,17 +171,18 @@ static void set_geometries(saga_primitive *prims, const saga_scaffold *sc,
     }
 }
 
-/* The next primitive under the anchor `fine` or a later one: returns that. */
+/* Adds the next primitive, whose anchor is `fine` or a later one. Returns the
+ * rank of its anchor. */
 static uint32_t add_primitive(run *r, const saga_scaffold *sc, uint32_t fine)
 {
     const uint32_t prim = r->first + r->n;
     const int16_t *const offset = sc->prim_offset[prim];
     saga_position *const position = &r->position[r->n];
 
-    /* Anchors without primitives are passed over. */
+    /* Skip anchors without primitives. */
     while (prim - sc->fine[fine].first_prim >= sc->fine[fine].n_prim)
         fine++;
-    /* The place is the anchor's, moved by the coded offset. */
+    /* Its position is the anchor's, moved by the coded offset. */
     saga_position_fine(position, &sc->fine[fine]);
     saga_position_move(position, offset);
     saga_keep_local(sc, SAGA_TIER_FINE, r->n, position, fine, offset);
@@ -202,7 +204,7 @@ void saga_reconstruct(const saga_scaffold *sc, saga_primitive *prims,
     for (r.first = 0; r.first < sc->n.prim &&
                       !saga_tally_add(sc->net.tally, 0); r.first += r.n) {
         r.n = 0;
-        /* As many points as both networks take at a time. */
+        /* Collect as many points as both networks accept. */
         while (r.n < most && r.first + r.n < sc->n.prim)
             fine = add_primitive(&r, sc, fine);
         set_geometries(prims, sc, &r, rows);
@@ -210,8 +212,8 @@ void saga_reconstruct(const saga_scaffold *sc, saga_primitive *prims,
     }
 }
 
-/* Gives primitives a life so wide that it never fades: |dt| < 2^17 is u <= 2
- * in Q16, and u^2 log2(e) rounds to 0. */
+/* Sets the temporal width so large that the primitives never fade: |dt| < 2^17
+ * gives u <= 2 in Q16, and u^2 log2(e) rounds to 0. */
 void saga_stand_still(saga_primitive *prims, uint32_t n)
 {
     uint32_t i;
@@ -227,10 +229,10 @@ void saga_stand_still(saga_primitive *prims, uint32_t n)
     }
 }
 
-/* Unit vector from centre to x in Q14, so at most 2^14 + 1 per axis; zero for
- * zero. |x| and |centre| are at most 2^29 per axis, so the squares' sum is at
- * most 3 * 2^60 and the product below 2^61. 1/sqrt(n2) <= 1, so the shift is 16
- * or more. */
+/* Computes the unit vector from centre to x in Q14, at most 2^14 + 1 per axis;
+ * it is zero if x equals centre. |x| and |centre| are at most 2^29 per axis, so
+ * that the sum of squares is at most 3 * 2^60 and the product below 2^61. The
+ * shift is 16 or more, since 1/sqrt(n2) <= 1. */
 static void direction_q14(int16_t d[3], const int32_t x[3],
                           const int32_t centre[3])
 {
@@ -247,7 +249,7 @@ static void direction_q14(int16_t d[3], const int32_t x[3],
         d[i] = 0;
     if (sum == 0)
         return;
-    /* 1 / |v| from |v|^2 as a pair with 31 bits, z = v / |v|. */
+    /* Compute 1 / |v| from |v|^2, as a pair with 31 bits; d = v / |v|. */
     zeros = fx_clz64(sum);
     n2.mant_q30 = (uint32_t)(sum << zeros >> 33);
     n2.exp = 63 - zeros;
@@ -286,8 +288,8 @@ void saga_shade(saga_splat *splats, const saga_scaffold *sc,
                        saga_in_point(&sc->net, SAGA_NET_COLOUR_VIEW, i), d, 3,
                        14);
     }
-    /* The first layer is linear: its part for the direction is added to what
-     * the rest of its inputs gave when the segment was decoded. */
+    /* The sum of the first layer is linear: its part for the direction is added
+     * to the part that was computed when the segment was decoded. */
     saga_net_run(&sc->net, SAGA_NET_COLOUR_VIEW, seen->n);
     for (i = 0; i < seen->n; i++)
         add_saturated(sc->net.v->in +
