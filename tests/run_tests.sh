@@ -246,6 +246,7 @@ many() {
     check exchange python3 tests/cli/check_exchange.py
     check web python3 tests/cli/check_web.py
     check player python3 tests/cli/check_player.py
+    check sound python3 tests/cli/check_sound.py
     check stream python3 tests/cli/check_stream.py
     check engines python3 tests/cli/check_engines.py
     check headset python3 tests/cli/check_headset.py

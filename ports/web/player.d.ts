@@ -2,8 +2,9 @@
 import type { SagaCamera, SagaInfo } from './saga.js';
 import type { Viewer } from './viewer.js';
 
-/** <saga-player src autoplay loop camera poster controls draw="exact">.
- * Events: loadeddata, play, pause, ended, timeupdate, ratechange, camerachange;
+/** <saga-player src autoplay loop camera poster controls muted draw="exact">.
+ * Events: loadeddata, play, pause, ended, timeupdate, ratechange, volumechange,
+ * camerachange;
  * waiting and playing where a segment is late and has come; progress, whose
  * detail is { segment, got, nbytes }, segment -1 for the head; error, whose
  * detail is a sentence. */
@@ -18,6 +19,9 @@ export class SagaPlayer extends HTMLElement {
     /** Seconds. */
     currentTime: number;
     playbackRate: number;
+    muted: boolean;
+    /** Of the sound, 0 to 1. */
+    volume: number;
     src: string;
     /** Of the rig, from 0; -1 where it was moved. */
     camera: number;

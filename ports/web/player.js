@@ -7,15 +7,17 @@
 //
 // Attributes: src; autoplay, which those who want little motion do not get;
 // loop; camera, of the rig, from 0; poster, a picture until the first one is
-// drawn; controls, the bar; draw="exact", the decoder's own pixels.
+// drawn; controls, the bar; draw="exact", the decoder's own pixels; muted, no
+// sound until it is asked for.
 //
 // Events: loadeddata, play, pause, waiting, playing, progress, ended,
-// timeupdate, ratechange, camerachange, error. It is as large as its style says,
-// 16:9 of the width otherwise. What stands in it with
+// timeupdate, ratechange, volumechange, camerachange, error. It is as large as
+// its style says, 16:9 of the width otherwise. What stands in it with
 // slot="buttons" is added to the bar. player.d.ts has properties and methods.
 
 import { addControls, moveByKey } from './controls.js';
 import { heightOf, widthOf } from './camera.js';
+import { Sound } from './sound.js';
 import { Viewer } from './viewer.js';
 import { enterHeadset, hasHeadset } from './xr.js';
 
@@ -73,6 +75,9 @@ select, ::slotted(select) { max-width: 10em; padding: 4px 9px; font: inherit;
 :focus-visible { outline: 2px solid var(--accent); outline-offset: 1px; }
 .pauses, .playing .plays { display: none; }
 .playing .pauses { display: inline; }
+.waves { display: none; }
+.heard .waves { display: inline; }
+.heard .cross { display: none; }
 @container (max-width: 640px) {
     #clock { display: none; }
     select { max-width: 6em; }
@@ -99,6 +104,9 @@ select, ::slotted(select) { max-width: 10em; padding: 4px 9px; font: inherit;
         </option>`).join('')}</select>
   ${icon('reset', 'Back to the camera (R)',
         '<path class="stroke" d="M5 5v5h5M5.5 10a7.5 7.5 0 1 1-1 5"/>')}
+  ${icon('sound', 'Sound on (M)', `<path d="M4 9h4l5-4v14l-5-4H4z"/><path
+      class="stroke waves" d="M16 9a4 4 0 0 1 0 6M18.5 6a8 8 0 0 1 0 12"/><path
+      class="stroke cross" d="M16 9.5l5 5M21 9.5l-5 5"/>`)}
   <slot name="buttons"></slot>
   ${icon('headset', 'In a headset (V)', `<path class="stroke"
       d="M3 7h18v10h-6l-3-3-3 3H3z"/>`)}
@@ -108,7 +116,7 @@ select, ::slotted(select) { max-width: 10em; padding: 4px 9px; font: inherit;
 
 export class SagaPlayer extends HTMLElement {
     static observedAttributes = ['src', 'camera', 'controls', 'draw', 'loop',
-        'poster'];
+        'muted', 'poster'];
 
     constructor() {
         super();
@@ -118,6 +126,7 @@ export class SagaPlayer extends HTMLElement {
         // For those who need more than the element offers.
         this.viewer = new Viewer(this.canvas);
         this.viewer.loop = false;
+        this.sound = new Sound(this.viewer);
         this.watcher = new ResizeObserver(() => this.fit());
         this.listen();
     }
@@ -129,6 +138,7 @@ export class SagaPlayer extends HTMLElement {
     disconnectedCallback() {
         this.watcher.disconnect();
         this.viewer.clear();
+        this.sound.clear();
         this.opened = null;
     }
 
@@ -145,6 +155,8 @@ export class SagaPlayer extends HTMLElement {
             viewer.setExact(now === 'exact');
         else if (name === 'loop')
             viewer.loop = now !== null;
+        else if (name === 'muted')
+            this.muted = now !== null;
         else if (name === 'poster')
             this.showPoster(now);
     }
@@ -181,6 +193,9 @@ export class SagaPlayer extends HTMLElement {
             this.playbackRate = this.$('rate').value;
         });
         on('reset', 'click', () => viewer.selectCamera(viewer.camera));
+        on('sound', 'click', () => this.sound.toggle());
+        this.sound.addEventListener('change', () => this.showSound());
+        this.showSound();
         on('full', 'click', () => this.toggleFull());
         on('headset', 'click', () => this.enterHeadset());
         this.$('headset').hidden = true;
@@ -285,6 +300,17 @@ export class SagaPlayer extends HTMLElement {
         this.wake();
     }
 
+    showSound() {
+        const { exists, isHeard } = this.sound;
+        const label = `Sound ${isHeard ? 'off' : 'on'} (M)`;
+
+        this.$('sound').hidden = !exists;
+        this.$('sound').classList.toggle('heard', isHeard);
+        this.$('sound').setAttribute('aria-label', label);
+        this.$('sound').title = label;
+        this.emit('volumechange');
+    }
+
     showDrawn() {
         this.$('poster').hidden = true;
         [...this.$('parts').children].forEach((part, i) => {
@@ -359,6 +385,7 @@ export class SagaPlayer extends HTMLElement {
             ',': () => this.step(-1),
             '.': () => this.step(1),
             f: () => this.toggleFull(),
+            m: () => this.sound.toggle(),
             v: () => this.enterHeadset(),
             r: () => viewer.selectCamera(viewer.camera),
             g: () => viewer.setExact(!viewer.exact),
@@ -406,6 +433,15 @@ export class SagaPlayer extends HTMLElement {
         this.viewer.rate = Math.max(0, Number(rate) || 0);
         this.$('rate').value = this.viewer.rate; // nothing where it is no choice
         this.emit('ratechange');
+    }
+
+    get muted() { return this.sound.muted; }
+    set muted(muted) { this.sound.muted = muted; }
+
+    get volume() { return this.sound.audio.volume; }
+    set volume(volume) {
+        this.sound.audio.volume = volume;
+        this.emit('volumechange');
     }
 
     get src() { return this.getAttribute('src') || ''; }

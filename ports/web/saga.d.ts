@@ -137,6 +137,13 @@ export class SagaFile {
     /** Milliseconds of the last segment, view and picture. */
     readonly times: { segment: number; view: number; draw: number };
 
+    /** Whether there is a sound; it may be damaged. */
+    readonly hasSound: boolean;
+
+    /** The film's sound, fetched now, or null: the time of the film at which it
+     * begins, in seconds, and an Ogg stream of Opus. Rejects if it is damaged. */
+    sound(): Promise<{ start: number; bytes: Uint8Array } | null>;
+
     /** The segment that shows the time num / den, in frames. */
     find(num: number, den: number): SagaSegment;
 

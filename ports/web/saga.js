@@ -11,6 +11,7 @@
 // picture at a time; saga.d.ts has the types.
 
 import { GAUSSIAN_INTS, planesOf } from './gaussians.js';
+import { readOptional } from './optional.js';
 
 // Positions of saga_web.c's structures, in 32-bit integers.
 const INFO = {
@@ -26,8 +27,7 @@ const CAMERA_LENGTH = 22; // and the camera's number behind them
 const TRUNCATED = -11;
 const STOPPED = -21;
 const SECONDS = 30; // of decoding, where nobody says otherwise
-const CHUNK_NBYTES = 12; // before a payload
-const MOST_NAMES = 2 ** 17; // bytes
+const SOUND_RATE = 48000; // in whose periods a sound's start is told
 const FIRST_NBYTES = 4096; // header and rig of a usual file
 const KEPT_SEGMENTS = 64;  // coded ones
 
@@ -224,17 +224,23 @@ export class SagaFile {
     // decoding the head, or a segment, may take.
     static async open(source, { module, seconds = SECONDS } = {}) {
         const compiled = module || await loadModule();
-        const clock = { end: Infinity };
-        const instance = await WebAssembly.instantiate(compiled,
-            { env: { stop: () => Number(performance.now() > clock.end) } });
-        const file = new SagaFile(instance.exports, sourceOf(source), seconds,
-            clock);
+        const file = await SagaFile.make(compiled, sourceOf(source), seconds);
 
         await file.readHead();
         return file;
     }
 
-    constructor(wasm, source, seconds, clock) {
+    // An instance with nothing in it.
+    static async make(module, source, seconds) {
+        const clock = { end: Infinity };
+        const instance = await WebAssembly.instantiate(module,
+            { env: { stop: () => Number(performance.now() > clock.end) } });
+
+        return new SagaFile(module, instance.exports, source, seconds, clock);
+    }
+
+    constructor(module, wasm, source, seconds, clock) {
+        this.module = module;
         this.wasm = wasm;
         this.source = source;
         this.seconds = seconds;
@@ -293,8 +299,7 @@ export class SagaFile {
         }
         this.check(status, 'is not a .saga file that can be shown');
         this.tellInfo();
-        if (bytes.length < this.info.headNbytes)
-            bytes = await this.readOn(bytes, this.info.headNbytes);
+        bytes = await this.readOn(bytes, this.info.headNbytes);
         this.write(this.wasm.saga_web_head(bytes.length), bytes);
         this.head = bytes;
         this.check(this.wasm.saga_web_probe(), 'its header is refused');
@@ -303,38 +308,7 @@ export class SagaFile {
         this.rig = Array.from({ length: this.info.nCameras },
             (_, i) => this.readCamera(i));
         this.segments = this.listSegments();
-        await this.readNames(bytes);
-    }
-
-    // Names of the rig's cameras may lie between the head and the segments; no
-    // pixel needs them.
-    async readNames(bytes) {
-        const at = this.info.headNbytes, begin = at + CHUNK_NBYTES;
-
-        if (begin + 8 > Math.min(...this.segments.map((s) => s.offset)))
-            return;
-        if (bytes.length < begin)
-            bytes = await this.readOn(bytes, begin);
-        if (String.fromCharCode(...bytes.subarray(at, at + 4)) !== 'NAME')
-            return;
-        const nbytes = new DataView(bytes.buffer, bytes.byteOffset)
-            .getUint32(at + 4, true);
-
-        if (nbytes > MOST_NAMES)
-            return;
-        if (bytes.length < begin + nbytes)
-            bytes = await this.readOn(bytes, begin + nbytes);
-        let from = at + CHUNK_NBYTES + 8;
-        let name = new Uint8Array();
-
-        for (const camera of this.rig) {
-            const [shared, more] = bytes.subarray(from, from + 2);
-
-            name = new Uint8Array([...name.subarray(0, shared),
-                ...bytes.subarray(from + 2, from + 2 + more)]);
-            camera.name = new TextDecoder().decode(name);
-            from += 2 + more;
-        }
+        this.soundEnd = await readOptional(this, bytes);
     }
 
     probe(bytes) {
@@ -342,7 +316,10 @@ export class SagaFile {
         return this.wasm.saga_web_probe();
     }
 
+    // The first nbytes of the file, of which `bytes` are there.
     async readOn(bytes, nbytes) {
+        if (nbytes <= bytes.length)
+            return bytes;
         const more = await this.source.read(bytes.length,
             nbytes - bytes.length);
 
@@ -389,6 +366,31 @@ export class SagaFile {
         return { number: told[0], firstFrame: told[1], nFrames: told[2],
             offset: (told[3] >>> 0) + 2 ** 32 * (told[4] >>> 0),
             nbytes: told[5] >>> 0, t: told[6] };
+    }
+
+    // --- Sound
+
+    get hasSound() {
+        return this.soundEnd > 0;
+    }
+
+    // The film's sound, or null. An instance of its own checks it: this one
+    // keeps its segment and its memory.
+    async sound() {
+        if (!this.hasSound)
+            return null;
+        // And the type of the chunk behind it.
+        const bytes = await this.readOn(this.head, this.soundEnd + 4);
+        const other = await SagaFile.make(this.module, this.source,
+            this.seconds);
+
+        other.write(other.wasm.saga_web_head(bytes.length), bytes);
+        other.check(other.wasm.saga_web_find_sound(), 'its sound is refused');
+        const [offset, nbytes, start] =
+            other.ints(other.wasm.saga_web_sound(), 3);
+
+        return { start: start / SOUND_RATE,
+            bytes: bytes.slice(offset, offset + nbytes) };
     }
 
     // --- Segments

@@ -45,6 +45,12 @@ typedef struct {
     int32_t t;
 } web_segment;
 
+typedef struct {
+    uint32_t offset;        /* in the head's memory */
+    uint32_t nbytes;
+    int32_t start;
+} web_sound;
+
 /* A primitive at a time: what saga_primitive_at and saga_colour_at say. */
 typedef struct {
     saga_animated at;
@@ -79,6 +85,11 @@ EXPORT(saga_web_open) int32_t saga_web_open(void);
 /* Where a camera lies: saga_web_rig writes it, saga_web_view reads it. */
 EXPORT(saga_web_camera) web_camera *saga_web_camera(void);
 EXPORT(saga_web_rig) int32_t saga_web_rig(uint32_t index);
+
+/* saga_find_sound, told at saga_web_sound. At the head lies the file up to the
+ * end of its sound, and 4 bytes; it need not be open. */
+EXPORT(saga_web_find_sound) int32_t saga_web_find_sound(void);
+EXPORT(saga_web_sound) const web_sound *saga_web_sound(void);
 
 /* saga_find, told at saga_web_segment. */
 EXPORT(saga_web_find)
@@ -137,6 +148,7 @@ static struct {
     web_info told;
     web_camera camera;
     web_segment segment;
+    web_sound sound;
     web_picture picture;
 } web;
 
@@ -264,6 +276,26 @@ int32_t saga_web_rig(uint32_t index)
     to->height = c.height;
     to->number = (int32_t)number;
     return SAGA_OK;
+}
+
+/* --- Sound --------------------------------------------------------------- */
+
+int32_t saga_web_find_sound(void)
+{
+    saga_sound found;
+    const saga_status s = saga_find_sound(&found, web.head, web.head_nbytes);
+
+    if (s)
+        return s;
+    web.sound.offset = (uint32_t)found.offset;
+    web.sound.nbytes = found.nbytes;
+    web.sound.start = found.start;
+    return SAGA_OK;
+}
+
+const web_sound *saga_web_sound(void)
+{
+    return &web.sound;
 }
 
 /* --- A segment ----------------------------------------------------------- */

@@ -17,7 +17,7 @@ export interface KeyCamera {
 /** A canvas that shows a file: decoded in a worker, drawn by the graphics
  * processor or, with exact, by the decoder. Events: `opened`, `change`, `drawn`,
  * `ended`; `waiting` and `resumed` where a segment is late; `progress`, with
- * { segment, got, nbytes }; and `failed`, whose detail is a sentence. Until a
+ * { segment, got, nbytes }; `sound`, of askSound; and `failed`, whose detail is a sentence. Until a
  * file is open, what would change its camera or time does nothing; setScale
  * holds. */
 export class Viewer extends EventTarget {
@@ -31,6 +31,7 @@ export class Viewer extends EventTarget {
     readonly info: SagaInfo | null;
     readonly rig: SagaCamera[];
     readonly segments: SagaSegment[];
+    readonly hasSound: boolean;
     readonly name: string;
     /** In frames. */
     readonly frame: number;
@@ -95,6 +96,9 @@ export class Viewer extends EventTarget {
     key(seconds?: number): KeyCamera | null;
     goToKey(key: KeyCamera): void;
     seek(frame: number): void;
+    /** Fetches the film's sound for the event `sound`, whose detail is
+     * { start, bytes }, or null if the sound is damaged; sound.js plays it. */
+    askSound(): void;
     play(): void;
     pause(): void;
     playPath(keys: KeyCamera[]): void;

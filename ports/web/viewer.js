@@ -19,7 +19,7 @@
 // Events: `opened`, `change` (camera, time or playing), `drawn` (viewer.drawn
 // has the picture's numbers), `waiting` and `resumed` (a segment is late, and
 // is there), `progress` (detail: { segment, got, nbytes } of a transfer),
-// `failed` (detail: a sentence).
+// `sound` (of askSound), `failed` (detail: a sentence).
 
 import * as cam from './camera.js';
 import { GpuScreen, PlainScreen } from './gpu.js';
@@ -59,6 +59,7 @@ export class Viewer extends EventTarget {
         this.nextFrame = onPage;
         this.rig = [];
         this.segments = [];
+        this.hasSound = false;
         this.clear();
     }
 
@@ -102,6 +103,8 @@ export class Viewer extends EventTarget {
                     this.show(data.drawn);
                 else if (data.progress)
                     this.emit('progress', data.progress);
+                else if (data.sound !== undefined)
+                    this.emit('sound', data.sound);
                 else if (data.opened)
                     resolve(this.begin(data.opened));
                 else
@@ -114,8 +117,8 @@ export class Viewer extends EventTarget {
         });
     }
 
-    begin({ info, rig, segments, name, size, simd }) {
-        Object.assign(this, { info, rig, segments, name, size,
+    begin({ info, rig, segments, hasSound, name, size, simd }) {
+        Object.assign(this, { info, rig, segments, hasSound, name, size,
             usesSimd: simd });
         const poses = rig.map((camera) => cam.poseOf(camera.values));
 
@@ -469,6 +472,14 @@ export class Viewer extends EventTarget {
             return;
         this.waiting = false;
         this.emit('resumed');
+    }
+
+    // --- Sound
+
+    // Fetches the film's sound for the event `sound`, whose detail is
+    // { start, bytes }, or null if it is damaged. sound.js plays it.
+    askSound() {
+        this.worker.postMessage({ sound: true });
     }
 
     // --- Pictures

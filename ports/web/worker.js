@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: MIT
 //
 // A worker that has one file open and draws it, so that the page stays
-// responsive. It answers every message but `ahead` once, in their order:
+// responsive. It answers `open` and `draw` once, in their order:
 //
 //     { open: address or File, simd, seconds } -> { opened } or { failed }
 //     { draw: { values, num, den, make, crc, buffer } } -> { drawn } or
 //         { failed }: what SagaFile's method `make` gives, `draw`, `splats` or
 //         `gaussians`; buffer is used again
+//     { sound: true } -> { sound }: what SagaFile's sound() gives, or null if
+//         that fails, as soon as it is there
 //     { ahead: segments }: the one that is shown, and those that come then;
 //         they are fetched in this order, the second is decoded elsewhere
 //
@@ -71,9 +73,13 @@ function watched(source) {
 
         if (now - told < TELL_MS && got !== nbytes)
             return;
+        const segment = file?.segments.findIndex(
+            (s) => s.offset === offset) ?? -1;
+
+        if (file && segment < 0)
+            return; // the sound, for which no picture waits
         told = now;
-        postMessage({ progress: { got, nbytes, segment: file?.segments?.
-            findIndex((s) => s.offset === offset) ?? -1 } });
+        postMessage({ progress: { got, nbytes, segment } });
     };
     return http;
 }
@@ -85,10 +91,10 @@ async function open({ open: source, simd = hasSimd(), seconds }) {
     file = await SagaFile.open(watched(source), { module, seconds });
     next = file.segments.length > 1 && globalThis.Worker
         ? new Next(file, module) : null;
-    const { info, rig, segments } = file;
+    const { info, rig, segments, hasSound } = file;
     const { name, size } = file.source;
 
-    return { opened: { info, rig, segments, name, size, simd } };
+    return { opened: { info, rig, segments, hasSound, name, size, simd } };
 }
 
 async function lookAhead(numbers) {
@@ -154,12 +160,22 @@ async function answer(message) {
     }
 }
 
+async function sendSound() {
+    const sound = await file.sound().catch(() => null);
+
+    postMessage({ sound }, sound ? [sound.bytes.buffer] : []);
+}
+
 let last = Promise.resolve();
 
 onmessage = ({ data }) => {
     if (data.ahead) {
         if (file)
             lookAhead(data.ahead).catch(() => {}); // drawing it tells
+        return;
+    }
+    if (data.sound) {
+        sendSound();
         return;
     }
     last = last.then(() => answer(data)).then((reply) =>

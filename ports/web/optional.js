@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: MIT
+//
+// The chunks that a file may have between its head and its segments, which no
+// pixel needs: names of its cameras, and its sound.
+
+const CHUNK_NBYTES = 12;   // before a payload
+const MOST_NAMES = 2 ** 17; // bytes
+const USUAL_NBYTES = 4096; // names of most files, and the next chunk's header
+
+// Names the cameras of the file's rig. Returns where its sound ends, in bytes
+// from the start of the file, or 0 if it has none. bytes: the head.
+export async function readOptional(file, bytes) {
+    const end = Math.min(...file.segments.map(({ offset }) => offset));
+    const readOn = (to) => file.readOn(bytes, Math.min(to, end));
+    let at = file.info.headNbytes;
+
+    bytes = await readOn(at + USUAL_NBYTES);
+    const names = chunkAt(bytes, at, 'NAME', Math.min(end, at + MOST_NAMES));
+
+    if (names) {
+        at = names.end;
+        bytes = await readOn(at + CHUNK_NBYTES);
+        nameCameras(file.rig, bytes.subarray(names.begin + 8, names.end));
+    }
+    return chunkAt(bytes, at, 'OPUS', end)?.end ?? 0;
+}
+
+// Where the payload of the chunk at byte `at` lies; null if another chunk is
+// there, or the payload goes on beyond `end`.
+function chunkAt(bytes, at, type, end) {
+    const begin = at + CHUNK_NBYTES;
+
+    if (bytes.length < begin ||
+        String.fromCharCode(...bytes.subarray(at, at + 4)) !== type)
+        return null;
+    const nbytes = new DataView(bytes.buffer, bytes.byteOffset)
+        .getUint32(at + 4, true);
+
+    return begin + nbytes <= end ? { begin, end: begin + nbytes } : null;
+}
+
+// Each name goes on from the first bytes of the one before it.
+function nameCameras(rig, bytes) {
+    let at = 0;
+    let name = new Uint8Array();
+
+    for (const camera of rig) {
+        const [shared, more] = bytes.subarray(at, at + 2);
+
+        name = new Uint8Array([...name.subarray(0, shared),
+            ...bytes.subarray(at + 2, at + 2 + more)]);
+        camera.name = new TextDecoder().decode(name);
+        at += 2 + more;
+    }
+}

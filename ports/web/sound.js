@@ -1,0 +1,209 @@
+// SPDX-License-Identifier: MIT
+//
+// The sound of a viewer's film, by an <audio> element that follows the viewer's
+// clock: play, pause, seek, loop, rate, segments that are late.
+//
+//     const sound = new Sound(viewer);
+//     sound.muted = true;
+//
+// The sound is fetched once, when it is first to be heard. It is silent along a
+// path of key cameras, where time passes as the path says, and until the
+// browser allows sound, which may take a gesture of the user.
+//
+// Event: `change` (of exists, muted or isBlocked).
+
+const OFF_SECONDS = 0.08; // from the picture's time, until it is set anew
+const AGAIN_MS = 250;     // from one such setting to the next, at least
+const MOST_LEAD = 0.3;    // seconds
+const STILL_MS = 500;     // without a word of the clock: the clock stands
+const RATES = [1 / 16, 16]; // that browsers play
+const TYPE = 'audio/ogg; codecs=opus';
+const GESTURES = ['click', 'keydown'];
+
+export class Sound extends EventTarget {
+    constructor(viewer) {
+        super();
+        const follow = () => this.follow();
+
+        this.viewer = viewer;
+        this.audio = new Audio();
+        this.wantsSilence = false;
+        this.lead = 0;           // seconds that a browser takes to play on
+        this.unblock = () => setTimeout(() => this.allow());
+        this.clear();
+        viewer.addEventListener('opened', () => this.begin());
+        viewer.addEventListener('sound', ({ detail }) => this.take(detail));
+        for (const type of ['change', 'waiting', 'resumed'])
+            viewer.addEventListener(type, follow);
+        for (const type of ['loadedmetadata', 'seeked'])
+            this.audio.addEventListener(type, follow);
+        this.audio.addEventListener('error', () => this.clear());
+    }
+
+    // No sound, until a file with one is opened.
+    clear() {
+        clearTimeout(this.still);
+        this.exists = false;
+        this.isAsked = false;
+        this.start = 0;          // seconds of the film
+        this.setAt = -Infinity;  // when its time was set
+        this.setTo = 0;
+        this.isFresh = false;    // since then it has run, unmeasured
+        this.audio.pause();
+        this.allow();
+        if (this.audio.src) {
+            URL.revokeObjectURL(this.audio.src);
+            this.audio.removeAttribute('src');
+            this.audio.load();
+        }
+        this.changed();
+    }
+
+    begin() {
+        this.clear();
+        this.exists = this.viewer.hasSound &&
+            this.audio.canPlayType(TYPE) !== '';
+        this.changed();
+    }
+
+    // What the worker found; null where it is damaged.
+    take(found) {
+        if (!found) {
+            this.clear();
+            return;
+        }
+        this.start = found.start;
+        this.audio.src = URL.createObjectURL(
+            new Blob([found.bytes], { type: TYPE }));
+    }
+
+    changed() {
+        this.dispatchEvent(new Event('change'));
+        this.follow();
+    }
+
+    // --- Who hears it
+
+    get muted() { return this.wantsSilence; }
+    set muted(muted) {
+        this.wantsSilence = Boolean(muted);
+        this.changed();
+    }
+
+    // Whether it is heard while the film plays.
+    get isHeard() {
+        return this.exists && !this.muted && !this.isBlocked;
+    }
+
+    // The user's word, which is a gesture too.
+    toggle() {
+        const muted = this.isHeard;
+
+        this.allow();
+        this.muted = muted;
+    }
+
+    // Browsers refuse sound until the user has done something on the page.
+    block() {
+        this.isBlocked = true;
+        for (const type of GESTURES)
+            document.addEventListener(type, this.unblock);
+        this.changed();
+    }
+
+    // A gesture that mutes comes here after it has.
+    allow() {
+        const wasBlocked = this.isBlocked;
+
+        this.isBlocked = false;
+        for (const type of GESTURES)
+            document.removeEventListener(type, this.unblock);
+        if (wasBlocked)
+            this.changed();
+    }
+
+    // --- The clock
+
+    // Plays, pauses and sets the time as the viewer's clock wants it.
+    follow() {
+        const { viewer, audio } = this;
+        const isWanted = this.isHeard && viewer.playing && !viewer.path;
+
+        if (isWanted && !this.isAsked) {
+            this.isAsked = true;
+            viewer.askSound();
+        }
+        if (!viewer.info ||
+            audio.readyState < HTMLMediaElement.HAVE_METADATA)
+            return;
+        const seconds = viewer.frame / viewer.info.fps - this.start;
+        const runs = isWanted && this.setRate(viewer.rate) &&
+            seconds >= 0 && seconds < audio.duration;
+
+        clearTimeout(this.still);
+        if (runs)
+            this.still = setTimeout(() => audio.pause(), STILL_MS);
+        if (runs || !viewer.playing)
+            this.setTime(seconds, runs);
+        this.run(runs && !viewer.waiting && !this.isEarly(seconds));
+    }
+
+    // Returns whether the browser can play at that rate.
+    setRate(rate) {
+        const can = rate >= RATES[0] && rate <= RATES[1];
+
+        if (can)
+            this.audio.playbackRate = rate;
+        return can;
+    }
+
+    // What is heard while a picture is late is not heard again.
+    isEarly(seconds) {
+        return this.viewer.isLate() &&
+            this.audio.currentTime > seconds + OFF_SECONDS;
+    }
+
+    // What runs is set to where the picture will be when it sounds.
+    setTime(seconds, runs) {
+        const { audio } = this;
+        const now = performance.now();
+        const place = (time) => Math.max(0, Math.min(time, audio.duration));
+
+        if (audio.seeking || (runs && now - this.setAt < AGAIN_MS))
+            return;
+        this.measureLead(now);
+        if (Math.abs(audio.currentTime - place(seconds)) < OFF_SECONDS ||
+            (runs && this.isEarly(seconds)))
+            return;
+        this.setAt = now;
+        this.setTo = place(
+            runs ? seconds + this.lead * audio.playbackRate : seconds);
+        this.isFresh = runs;
+        audio.currentTime = this.setTo;
+    }
+
+    // lead = seconds since it was set - seconds played since then
+    measureLead(now) {
+        const { audio } = this;
+        const played = (audio.currentTime - this.setTo) / audio.playbackRate;
+
+        if (this.isFresh)
+            this.lead = Math.max(0, Math.min(
+                (now - this.setAt) / 1000 - played, MOST_LEAD));
+        this.isFresh = false;
+    }
+
+    // At its end it would begin anew.
+    run(runs) {
+        const { audio } = this;
+
+        this.isFresh &&= runs;
+        if (!runs)
+            audio.pause();
+        else if (audio.paused && !audio.ended)
+            audio.play().catch(({ name }) => {
+                if (name === 'NotAllowedError')
+                    this.block();
+            });
+    }
+}
