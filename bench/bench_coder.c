@@ -6,7 +6,6 @@
  * thread, minimum and median of the repetitions.
  */
 #include "bench_table.h"
-#include "freed.h"
 #include "gen_stream.h"
 #include "prob.h"
 #include "range_dec.h"
@@ -70,7 +69,7 @@ static void run_residuals(const char *what, uint32_t index)
 {
     static int32_t want[N];
     const size_t cap = N;
-    FREED uint8_t *const bytes = malloc(cap);
+    uint8_t *const bytes = malloc(cap);
     bench_times t = { { 0 }, 0 };
     uint8_t scale[BLOCK];
     saga_range_enc e;
@@ -103,6 +102,7 @@ static void run_residuals(const char *what, uint32_t index)
             check(q[i] == want[i]);
     }
     report(what, &t, n, ideal);
+    free(bytes);
 }
 
 /* --- Adaptive symbols ---------------------------------------------------- */
@@ -113,7 +113,7 @@ static void run_adaptive(const char *what, uint32_t n_sym, int one_in)
 {
     static uint8_t want[N];
     const size_t cap = N;
-    FREED uint8_t *const bytes = malloc(cap);
+    uint8_t *const bytes = malloc(cap);
     const double rare = 1.0 / one_in;
     const double ideal =
         -N * ((1 - rare) * log2(1 - rare) + rare * log2(rare / (n_sym - 1)));
@@ -153,6 +153,7 @@ static void run_adaptive(const char *what, uint32_t n_sym, int one_in)
             check(got[i] == want[i]);
     }
     report(what, &t, n, ideal);
+    free(bytes);
 }
 
 void bench_coder(void)

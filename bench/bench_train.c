@@ -5,7 +5,6 @@
  * at 480x270.
  */
 #include "bench_table.h"
-#include "freed.h"
 #include "synth.h"
 #include "synth_room.h"
 #include "train.h"
@@ -82,7 +81,7 @@ void bench_train(void)
 {
     saga_train_options o = saga_train_defaults();
     saga_error error = { "" };
-    FREED_BY(saga_capture_free) saga_capture capture;
+    saga_capture capture;
     saga_train *train;
     watch w;
 
@@ -109,4 +108,5 @@ void bench_train(void)
         snprintf(r->note, sizeof r->note, "%.2f dB", w.psnr[s]);
     }
     saga_train_free(train);
+    saga_capture_free(&capture);
 }

@@ -19,7 +19,7 @@ static void make_stream(gen_stream *g, uint32_t i)
                             .tools = i % 32, .tools_fixed = 1,
                             .bank = (int)(i % 3), .linear = i % 5 == 0 };
 
-    *g = gen_stream_make(&o);
+    gen_stream_make(g, &o);
     g->n_frames[0] = 1;
 }
 

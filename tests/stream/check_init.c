@@ -17,7 +17,6 @@
 #include "cpu.c"
 #undef saga_cpu_best
 
-#include "freed.h"
 #include "head.h"
 #include "plan.h"
 #include "primitive.h"
@@ -484,7 +483,7 @@ int main(int argc, char **argv)
 
     for (int i = 1; i < argc; i++) {
         size_t n = 0;
-        FREED uint8_t *const bytes = read_file(argv[i], &n);
+        uint8_t *const bytes = read_file(argv[i], &n);
 
         if (!bytes) {
             printf("FAIL %s: cannot be read\n", argv[i]);
@@ -496,6 +495,7 @@ int main(int argc, char **argv)
                 n_passed++;
             else
                 n_failed++;
+        free(bytes);
     }
     printf("%d passed, %d failed\n", n_passed, n_failed);
     return n_failed != 0 || n_passed == 0;
