@@ -672,11 +672,11 @@ expect 0 check "$tmp/wide"
     complain "check: the forecast of photographs: $(grep preset "$tmp/out")"
 # Four cameras of a still, 16 degrees apart, have teachers but with preset fast:
 # two take half as long again. Two frames may move: they have none.
-for frames in 1 2; do
-    expect 0 synth "$tmp/apart$frames" --size 40x25 --cameras 4 --hold-out 0 \
-        --frames $frames --samples 1 --depth-every 0 --points 100
-    expect 0 check "$tmp/apart$frames" --json
-    mv "$tmp/out" "$tmp/teachers$frames"
+for n_moments in 1 2; do
+    expect 0 synth "$tmp/apart$n_moments" --size 40x25 --cameras 4 --hold-out 0 \
+        --frames $n_moments --samples 1 --depth-every 0 --points 100
+    expect 0 check "$tmp/apart$n_moments" --json
+    mv "$tmp/out" "$tmp/teachers$n_moments"
 done
 python3 - "$tmp"/teachers1 "$tmp"/teachers2 >>"$tmp/bad" 2>&1 <<'PYTHON'
 import json, sys
