@@ -48,30 +48,20 @@ typedef struct finder {
 
 /* ------------------------------------------------------------------ corners */
 
-/* Sums up by how much all views change from frame k to the next, every
- * hundredth number. */
-static double change_at(const saga_capture *c, int k)
-{
-    double sum = 0.0;
-    for (int v = 0; v < c->n_views; v++) {
-        const size_t size = saga_view_frame_nbytes(&c->views[v]);
-        const uint8_t *const a = saga_capture_frame(c, v, k);
-        const uint8_t *const b = saga_capture_frame(c, v, k + 1);
-        for (size_t i = 1; i < size; i += 99)
-            sum += abs(a[i] - b[i]);
-    }
-    return sum;
-}
-
 /* Finds where the stretch with most change begins. */
 static int find_stretch(const saga_capture *c)
 {
-    double sum = 0.0, most = -1.0;
+    /* Changes of the last STRETCH steps of time, in a ring, and their sum. All
+     * are integers, so that adding and subtracting them is exact. */
+    double change[STRETCH] = {0.0}, sum = 0.0, most = -1.0;
     int first = 0;
     for (int k = 0; k + 1 < c->n_frames; k++) {
-        sum += change_at(c, k);
-        if (k >= STRETCH)
-            sum -= change_at(c, k - STRETCH);
+        double *const at = &change[k % STRETCH];
+        sum -= *at;
+        *at = 0.0;
+        for (int v = 0; v < c->n_views; v++)
+            *at += saga_change_at(c, v, k, 33);
+        sum += *at;
         if (k >= STRETCH - 1 && sum > most) {
             most = sum;
             first = k - (STRETCH - 1);

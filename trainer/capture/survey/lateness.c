@@ -62,15 +62,14 @@ static void normalise(double *row, int n)
         row[k] = variance > 1e-9 ? (row[k] - mean) / sqrt(variance) : 0.0;
 }
 
-/* Sums up what changes from frame k to the next, in green, every fifth pixel.
- */
-static double change_at(const saga_capture *c, int v, int k)
+double saga_change_at(const saga_capture *c, int v, int k, size_t pixels)
 {
     const size_t size = saga_view_frame_nbytes(&c->views[v]);
     const uint8_t *const a = saga_capture_frame(c, v, k);
     const uint8_t *const b = saga_capture_frame(c, v, k + 1);
     double sum = 0.0;
-    for (size_t i = 1; i < size; i += 15)
+    /* The samples are R, G, B; green is the second. */
+    for (size_t i = 1; i < size; i += 3 * pixels)
         sum += abs(a[i] - b[i]);
     return sum;
 }
@@ -82,7 +81,7 @@ static void fill_row(double *row, const saga_capture *c, int v)
     const int n = c->n_frames - 1;
     double mean = 0.0;
     for (int k = 0; k < n; k++) {
-        row[k] = change_at(c, v, k);
+        row[k] = saga_change_at(c, v, k, 5);
         mean += row[k] / n;
     }
     /* Logarithms of what changes, in parts of the mean. */

@@ -22,6 +22,11 @@ typedef struct saga_lateness {
 bool saga_lateness_find(saga_lateness *late, const saga_capture *capture,
                         saga_error *error);
 
+/* Returns the sum of absolute differences between frames k and k + 1 of a view,
+ * in green, at every `pixels`-th pixel. */
+double saga_change_at(const saga_capture *capture, int view, int k,
+                      size_t pixels);
+
 /* Returns the variance of a mean, estimated from n results, each without one of
  * n groups. */
 double saga_jackknife(const double *x, int n);
