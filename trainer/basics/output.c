@@ -298,6 +298,15 @@ bool saga_output_open_alone(saga_output *out, const char *path,
     return open_output(out, path, true, error);
 }
 
+bool saga_output_write(const char *path, const uint8_t *bytes, size_t n,
+                       saga_error *error)
+{
+    saga_output out;
+
+    return saga_output_open(&out, path, error) &&
+           saga_output_close(&out, fwrite(bytes, 1, n, out.file) == n, error);
+}
+
 bool saga_output_close(saga_output *out, bool ok, saga_error *error)
 {
     /* errno of the write that failed, if the caller has just seen it. */

@@ -16,6 +16,7 @@
 
 #include "error.h"
 
+#include <stdint.h>
 #include <stdio.h>
 
 typedef struct saga_output {
@@ -36,6 +37,10 @@ bool saga_output_open_alone(saga_output *out, const char *path,
 /* Flushes to the disk, checks for errors and renames. If anything fails, or ok
  * is false, removes the part and returns false with *error set. */
 bool saga_output_close(saga_output *out, bool ok, saga_error *error);
+
+/* Writes a whole file: opens it, writes bytes[0..n) and closes it. */
+bool saga_output_write(const char *path, const uint8_t *bytes, size_t n,
+                       saga_error *error);
 
 /* Removes the parts of at most 64 open files. It is for a signal handler after
  * which the program ends, and is async-signal-safe. */

@@ -46,7 +46,7 @@ static bool read_child(saga_bytes *to, saga_child *child, saga_error *error)
 /* Has ffmpeg code the sound of a file of any kind, a video's as well. */
 static bool code_sound(saga_bytes *to, const char *path, saga_error *error)
 {
-    char name[FILENAME_MAX];
+    char *const name = saga_child_path(path, error);
     const char *const argv[] = {
         "ffmpeg", "-v", "error", "-i", name, "-vn", "-map", "0:a:0", "-c:a",
         "libopus", "-map_metadata", "-1", "-fflags", "+bitexact", "-f", "ogg",
@@ -55,9 +55,9 @@ static bool code_sound(saga_bytes *to, const char *path, saga_error *error)
     saga_child child;
     bool ok;
 
-    /* Without "file:", a name might look like an option or an address. */
-    (void)snprintf(name, sizeof name, "file:%s", path);
-    if (!saga_child_start(&child, argv, error))
+    ok = name && saga_child_start(&child, argv, error);
+    free(name);
+    if (!ok)
         return false;
     ok = read_child(to, &child, error);
     if (saga_child_end(&child, !ok) == 0 && ok)
@@ -70,23 +70,17 @@ static bool code_sound(saga_bytes *to, const char *path, saga_error *error)
 /* Reads an Ogg stream of Opus as it is, and has anything else coded. */
 static bool read_sound(saga_bytes *to, const char *path, saga_error *error)
 {
-    if (!saga_read_file(to, path, error))
-        return false;
-    if (saga_is_ogg_opus(to->data, to->nbytes))
-        return true;
-    saga_bytes_free(to);
-    return code_sound(to, path, error);
-}
+    uint8_t begin[512];      /* more than a page's header and its first packet's
+                              * name */
+    FILE *const file = fopen(path, "rb");
+    const size_t n = file ? fread(begin, 1, sizeof begin, file) : 0;
 
-static bool write_film(const char *path, const saga_bytes *film,
-                       saga_error *error)
-{
-    saga_output out;
-
-    if (!saga_output_open(&out, path, error))
-        return false;
-    return saga_output_close(&out, fwrite(film->data, 1, film->nbytes,
-                                          out.file) == film->nbytes, error);
+    if (file)
+        (void)fclose(file);
+    /* A file that cannot be opened gets its error here too. A video, which may
+     * be large, is left to ffmpeg. */
+    return !file || saga_is_ogg_opus(begin, n) ? saga_read_file(to, path, error)
+                                               : code_sound(to, path, error);
 }
 
 /* Returns 0 or the exit status, with an error. */
@@ -105,7 +99,7 @@ static int mux(const options *o, const char *name, const saga_bytes *film,
     take.nbytes = sound.nbytes;
     if (!saga_sound_put(&whole, name, film, &take, error))
         status = SAGA_EXIT_DATA;
-    else if (!write_film(o->out, &whole, error))
+    else if (!saga_output_write(o->out, whole.data, whole.nbytes, error))
         status = SAGA_EXIT_USAGE;
     else
         printf("%s: %zu bytes, %zu of sound\n", o->out, whole.nbytes,

@@ -12,6 +12,7 @@
 #include "orbit.h"
 #include "render_path.h"
 #include "render_picture.h"
+#include "ogg_opus.h"
 #include "render_video.h"
 #include "view.h"
 
@@ -334,9 +335,8 @@ static saga_film_sound sound_of(const session *s, double fps)
               "file.\n", stderr);
         return to;
     }
-    /* Opus counts in 48000ths of a second. */
     return (saga_film_sound){ film->name, sound.offset, sound.nbytes,
-                              sound.start / 48000.0 - from };
+                              (double)sound.start / SAGA_OPUS_RATE - from };
 }
 
 static bool open_video(session *s)

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 #include "render_video.h"
 
+#include "ogg_opus.h"
+
 #include <inttypes.h>
 #include <stdio.h>
 
@@ -19,7 +21,7 @@ static void add(arguments *a, const char *const *more)
     a->argv[a->n] = NULL;
 }
 
-/* What ffmpeg is told in words that are made for it. */
+/* The arguments of ffmpeg that are formatted from a plan. */
 typedef struct {
     char size[32], rate[32], seconds[32], shift[64], name[FILENAME_MAX],
          sound[FILENAME_MAX + 96];
@@ -32,7 +34,7 @@ static void write_shift(char *to, size_t n, double start)
     if (start < 0.0)
         (void)snprintf(to, n, "atrim=start=%.6f,asetpts=PTS-STARTPTS", -start);
     else
-        (void)snprintf(to, n, "adelay=%.0fS:all=1", 48000.0 * start);
+        (void)snprintf(to, n, "adelay=%.0fS:all=1", SAGA_OPUS_RATE * start);
 }
 
 static void write_words(words *w, const saga_film_plan *plan, const char *out)

@@ -23,15 +23,6 @@ typedef struct {
     int n_layers;           /* of cut; 0: all */
 } options;
 
-static bool write_file(const char *path, const uint8_t *bytes, size_t n,
-                       saga_error *error)
-{
-    saga_output out;
-
-    if (!saga_output_open(&out, path, error))
-        return false;
-    return saga_output_close(&out, fwrite(bytes, 1, n, out.file) == n, error);
-}
 
 static bool has_sound(const uint8_t *bytes, size_t n)
 {
@@ -40,16 +31,15 @@ static bool has_sound(const uint8_t *bytes, size_t n)
     return saga_find_sound(&sound, bytes, n) == SAGA_OK;
 }
 
-/* Says so where a part has sound and the whole has not. */
+/* Reports if a part has sound but the whole file has none. */
 static void tell_sound(const uint8_t *bytes, size_t n,
                        const saga_splice_part *part, int n_parts)
 {
-    bool lost = false;
+    bool had = false;
 
-    for (int i = 0; i < n_parts && !lost; i++)
-        lost = has_sound(part[i].bytes, part[i].nbytes) &&
-               !has_sound(bytes, n);
-    if (lost)
+    for (int i = 0; i < n_parts && !had; i++)
+        had = has_sound(part[i].bytes, part[i].nbytes);
+    if (had && !has_sound(bytes, n))
         printf("The sound is left out; `saga mux` gives the film another.\n");
 }
 
@@ -63,7 +53,7 @@ static int write_splice(const char *command, const char *path,
 
     if (!saga_splice(&bytes, &n, part, n_parts, &error))
         status = SAGA_EXIT_DATA;
-    else if (!write_file(path, bytes, n, &error))
+    else if (!saga_output_write(path, bytes, n, &error))
         status = SAGA_EXIT_USAGE;
     if (status) {
         saga_cli_error(status, "%s: %s", command, error.message);

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "child.h"
 
+#include "alloc.h"
 #include "error.h"
 
 #include <errno.h>
@@ -16,6 +17,15 @@
 #include <unistd.h>
 
 extern char **environ;
+
+char *saga_child_path(const char *path, saga_error *error)
+{
+    const size_t n = strlen(path) + sizeof "file:";
+    char *const url = saga_alloc(n, 1, path, error);
+    if (url)
+        (void)snprintf(url, n, "file:%s", path);
+    return url;
+}
 
 static void close_fd(int *fd)
 {

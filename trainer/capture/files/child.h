@@ -40,4 +40,9 @@ size_t saga_child_read(saga_child *child, void *buffer, size_t n);
  * Returns its exit status, or -1 if a signal ended it. May be called twice. */
 int saga_child_end(saga_child *child, bool kill_it);
 
+/* Returns a path as ffmpeg takes it, "file:PATH", which the caller frees; or
+ * NULL with *error set. Without the prefix, a path that begins with '-' or
+ * looks like a protocol would not be taken as a path. */
+char *saga_child_path(const char *path, saga_error *error);
+
 #endif

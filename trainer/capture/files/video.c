@@ -10,16 +10,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* A path that starts with '-' or looks like a protocol must stay a path. */
-static char *file_url(const char *path, saga_error *error)
-{
-    const size_t n = strlen(path) + sizeof "file:";
-    char *const url = saga_alloc(n, 1, path, error);
-    if (url)
-        (void)snprintf(url, n, "file:%s", path);
-    return url;
-}
-
 enum { MOST_ARGUMENTS = 40 };
 
 /* Appends words to an argument list of MOST_ARGUMENTS; both end with NULL. */
@@ -124,7 +114,7 @@ static void probe_rotation(saga_video_info *info, const char *text)
 static bool run_ffprobe(const char *path, const char *still, char *text,
                         size_t n, saga_error *error)
 {
-    char *const url = file_url(path, error);
+    char *const url = saga_child_path(path, error);
     if (!url)
         return false;
     static const char entries[] =
@@ -198,7 +188,7 @@ static bool start_ffmpeg(saga_video *video, saga_error *error)
     /* One more than wanted, so that a surplus shows. */
     const bool all = video->n_wanted == video->info.n_frames;
     (void)snprintf(count, sizeof count, "%d", video->n_wanted + (all ? 1 : 0));
-    char *const url = file_url(video->path, error);
+    char *const url = saga_child_path(video->path, error);
     if (!url)
         return false;
     const char *argv[MOST_ARGUMENTS] = {"ffmpeg", "-nostdin", "-v", "error"};
