@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Where the sound of a film is. Nothing here listens to it.
+ * Finds the sound of a film, and checks that its chunk is valid. The stream in
+ * it is not decoded.
  */
 #include "fx.h"
 #include "head.h"
@@ -17,7 +18,7 @@ static saga_status type_at(uint32_t *type, const uint8_t *bytes, size_t n,
     return SAGA_OK;
 }
 
-/* Moves *at, behind the head, past the names, which a file may do without. */
+/* Moves *at, the end of the head, past the chunk of names if there is one. */
 static saga_status skip_names(size_t *at, uint32_t networks,
                               const uint8_t *bytes, size_t n)
 {
@@ -33,7 +34,8 @@ static saga_status skip_names(size_t *at, uint32_t networks,
     return s;
 }
 
-/* Looks at what the chunk at byte `at` holds, and that it is the only one. */
+/* Checks the payload of the chunk at byte `at`, and that no second one follows.
+ */
 static saga_status check_payload(const saga_chunk *c, const uint8_t *bytes,
                                  size_t n, size_t at)
 {
@@ -60,6 +62,7 @@ saga_status saga_find_sound(saga_sound *sound, const uint8_t *bytes, size_t n)
 
     if (s)
         return s;
+    /* The chunk follows the head and the names; both continue NETS' CRC. */
     at = (size_t)saga_head_nbytes(&h);
     networks = saga_head_networks_crc(&h, bytes);
     s = skip_names(&at, networks, bytes, n);
@@ -74,6 +77,7 @@ saga_status saga_find_sound(saga_sound *sound, const uint8_t *bytes, size_t n)
         s = check_payload(&c, bytes, n, at);
     if (s)
         return s;
+    /* The payload is the start, then the stream. */
     at += SAGA_CHUNK_NBYTES;
     sound->start = (int32_t)fx_load32_le(bytes + at);
     sound->offset = at + SAGA_SOUND_NBYTES;

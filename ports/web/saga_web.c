@@ -452,6 +452,7 @@ int32_t saga_web_draw(void)
 
     if (!web.dec || !width)
         return SAGA_ERR_STATE;
+    /* The input's memory is used for R, G, B, then R, G, B, A, then scratch. */
     if (!reach(rgb, 7 * (uint64_t)n_pixels + nbytes + 2 * ALIGN))
         return SAGA_ERR_SPACE;
     rgba = align_up(rgb + 3 * n_pixels);

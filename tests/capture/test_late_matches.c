@@ -19,7 +19,7 @@ static saga_capture film(const char *path, saga_synth_scene scene)
 {
     saga_synth_options s = saga_synth_defaults(scene);
 
-    /* What moves in the room is small. */
+    /* Moving things in the room are small. */
     s.width = scene == SAGA_SYNTH_ROOM ? 320 : 240;
     s.height = scene == SAGA_SYNTH_ROOM ? 180 : 135;
     s.n_cameras = N_VIEWS;

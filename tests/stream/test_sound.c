@@ -196,7 +196,8 @@ TEST(sound_should_stay_with_all_frames_alone)
     saga_bytes_free(&f);
 }
 
-/* What signs a file anew goes from chunk to chunk. */
+/* saga_file_sign goes from chunk to chunk, so that there must be no other
+ * bytes. */
 TEST(film_with_bytes_behind_it_should_be_refused)
 {
     static const saga_recording silence = { NULL, 0, 0 };

@@ -114,6 +114,8 @@ static void exchange(json_t *frames, const saga_mistake *m,
     json_t *const before = json_deep_copy(frames);
     const json_t *first[2] = { NULL, NULL };
 
+    /* The first entry of each of the two views has the pose to be given away.
+     */
     for (size_t i = 0; i < json_array_size(before); i++)
         for (int k = 0; k < 2; k++)
             if (!first[k] && view_of(json_array_get(before, i), c) ==
@@ -129,6 +131,7 @@ static void exchange(json_t *frames, const saga_mistake *m,
             continue;
         saga_json_set_value(entry, "transform_matrix", json_deep_copy(
             json_object_get(other, "transform_matrix")));
+        /* A lens that stands at the top of the file is not in the entries. */
         for (size_t k = 0; k < sizeof lens_keys / sizeof *lens_keys; k++) {
             json_t *const x = json_object_get(other, lens_keys[k]);
 

@@ -274,6 +274,8 @@ static void put_table(FILE *to, const saga_survey *s, const saga_capture *c)
         const saga_survey_view *const one = &s->views[v];
         const saga_shot *const shot = &c->views[v];
 
+        /* The camera, then its measurements in the order of the heading; "-"
+         * for one that is unknown. */
         fputs("<tr><td>", to);
         put_escaped(to, shot->name);
         fprintf(to, "%s<td>%d x %d", shot->held_out ? " (held out)" : "",

@@ -217,8 +217,8 @@ static json_t *segments_of(const subject *s)
     return list;
 }
 
-/* The sizes of the file cut behind each layer; none for a file of one layer,
- * or a damaged one. */
+/* Lists the sizes of the file truncated after each layer; the list is empty for
+ * a file with one layer, or a damaged one. */
 static json_t *cuts_of(const subject *s)
 {
     const saga_layout *const l = &s->layout;
@@ -233,6 +233,7 @@ static json_t *cuts_of(const subject *s)
             json_decref(o);
             break;
         }
+        /* Layer k adds up over all segments. */
         for (uint32_t i = 0; i < l->n_segments; i++) {
             const saga_layout_layer *const y = &l->segment[i].layer[k];
 
@@ -293,8 +294,8 @@ static json_t *rig_of(const subject *s)
     return list;
 }
 
-/* What the sound's own headers say; empty of a silent film, and of one whose
- * sound is no stream of Opus. */
+/* Makes the object about the sound, from the headers of its stream. It is empty
+ * if the film has no sound, or if the sound is not a stream of Opus. */
 static json_t *sound_of(const subject *s)
 {
     json_t *const o = json_object();

@@ -53,7 +53,8 @@ typedef struct saga_path {
     } clock;
 } saga_path;
 
-/* Reads a path; false: *error says why, and there is nothing to free. */
+/* Reads a path. Returns false, with *error set and nothing to free, if it
+ * fails. */
 bool saga_path_read(saga_path *path, const char *name, saga_error *error);
 void saga_path_free(saga_path *path);
 

@@ -23,7 +23,7 @@ typedef struct saga_film_writer {
     size_t picture_nbytes;
 } saga_film_writer;
 
-/* What is to be filmed. */
+/* The pictures and the sound of a film. */
 typedef struct saga_film_plan {
     int width, height, n_pictures;
     double fps;

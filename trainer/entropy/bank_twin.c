@@ -62,6 +62,7 @@ static bool reserve(saga_bank_twin *m, const saga_scene *s,
         if (!saga_net_reserve(&k->query.work, &net[SAGA_NET_QUERY], blocks,
                               error))
             return false;
+        /* Primitives read the bank but do not write. */
         if (kind == SAGA_KIND_PRIM)
             continue;
         if (!saga_net_reserve(&k->token.work, &net[SAGA_NET_AGG], blocks,
@@ -72,6 +73,7 @@ static bool reserve(saga_bank_twin *m, const saga_scene *s,
                               runs * m->n_slots, error))
             return false;
     }
+    /* Each thread needs scratch for the operators; slots are embedded once. */
     m->n_threads = saga_n_threads();
     m->scratch = saga_alloc(m->n_threads *
                             saga_bank_float_scratch(m->n_slots, m->width),

@@ -37,8 +37,8 @@ static bool take_apart(parts *p, const char *name, const saga_bytes *film,
     return true;
 }
 
-/* What moves the places and signs anew goes from chunk to chunk, so that whole
- * segments must follow one another up to the file's end. */
+/* Checks that whole segments follow one another up to the end of the file,
+ * because saga_file_sign goes from chunk to chunk. */
 static bool check_segments(const parts *p, const char *name, size_t n,
                            saga_error *error)
 {

@@ -260,7 +260,7 @@ static void take_entry(walk *w, uint32_t i, uint32_t first_frame)
             w->to->part_nbytes[p] += s->payload_nbytes[p];
         return;
     }
-    /* The segment counts as damaged until all of it has been taken: sums
+    /* Counts taken before the damage was found are cleared, so that sums
      * include whole segments only. */
     s->damaged = true;
     s->n = (saga_counts){ 0, 0, 0 };

@@ -212,12 +212,14 @@ bool saga_orbit_of(saga_orbit *orbit, const saga_film *film,
     bool ok = shots && angle &&
               saga_film_rig(film, 0, &orbit->lens, &number, error);
 
+    /* The cameras of the rig, in metres. */
     for (int i = 0; i < n && ok; i++) {
         saga_camera c;
 
         ok = saga_film_rig(film, (uint32_t)i, &c, &number, error);
         saga_shot_of_camera(&shots[i], &film->metric, &c);
     }
+    /* Find what they look at, which way is up, and the arc that they span. */
     if (ok) {
         find_focus(orbit->focus, &film->metric, shots, n);
         find_up(orbit->up, shots, n);

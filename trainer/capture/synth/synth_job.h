@@ -22,8 +22,8 @@ typedef struct saga_synth_job {
 
 enum { SAGA_SYNTH_PATH = 1200 };
 
-/* Finds the direction of a pixel position, with z = 1 in the camera: the
- * distance along it is the depth. */
+/* Computes the direction through a pixel position, with z = 1 in the camera's
+ * axes, so that the distance along it is the depth. */
 void saga_synth_direction(const saga_shot *view, double u, double v,
                           double d[3]);
 
