@@ -5,6 +5,7 @@
  * second cache, multiply-adds of int16 and of float in its registers.
  */
 #include "bench_table.h"
+#include "freed.h"
 
 #include <stdint.h>
 #include <string.h>
@@ -50,29 +51,18 @@ static void copy_near(void *data)
  * every time. */
 #ifdef __AVX2__
 enum { MACS = 16 };
-
-static void multiply_int16(void *data)
-{
-    __m256i sum[CHAINS], x = _mm256_set1_epi16(3), w = x;
-
-    for (int k = 0; k < CHAINS; k++)
-        sum[k] = x;
-    for (int i = 0; i < TIMES; i++)
-        UNROLL
-        for (int k = 0; k < CHAINS; k++) {
-            __asm__ volatile("" : "+x"(x));
-            sum[k] = _mm256_add_epi32(sum[k], _mm256_madd_epi16(x, w));
-        }
-    for (int k = 1; k < CHAINS; k++)
-        sum[0] = _mm256_add_epi32(sum[0], sum[k]);
-    memcpy(data, &sum[0], sizeof *sum);
-}
+typedef __m256i vector;
+#define VECTOR(name) _mm256_##name
 #elif defined __SSE2__
 enum { MACS = 8 };
+typedef __m128i vector;
+#define VECTOR(name) _mm_##name
+#endif
 
+#ifdef VECTOR
 static void multiply_int16(void *data)
 {
-    __m128i sum[CHAINS], x = _mm_set1_epi16(3), w = x;
+    vector sum[CHAINS], x = VECTOR(set1_epi16)(3), w = x;
 
     for (int k = 0; k < CHAINS; k++)
         sum[k] = x;
@@ -80,10 +70,10 @@ static void multiply_int16(void *data)
         UNROLL
         for (int k = 0; k < CHAINS; k++) {
             __asm__ volatile("" : "+x"(x));
-            sum[k] = _mm_add_epi32(sum[k], _mm_madd_epi16(x, w));
+            sum[k] = VECTOR(add_epi32)(sum[k], VECTOR(madd_epi16)(x, w));
         }
     for (int k = 1; k < CHAINS; k++)
-        sum[0] = _mm_add_epi32(sum[0], sum[k]);
+        sum[0] = VECTOR(add_epi32)(sum[0], sum[k]);
     memcpy(data, &sum[0], sizeof *sum);
 }
 #else
@@ -159,7 +149,7 @@ static void ceiling(const char *name, void (*stage)(void *), void *data,
 
 void bench_ceilings(void)
 {
-    uint8_t *const p = bench_need(2 * (size_t)BLOCK);
+    FREED uint8_t *const p = bench_need(2 * (size_t)BLOCK);
 
     ceiling("ceiling: additions", add, p, BENCH_CYCLES, ADDS);
     ceiling("ceiling: memory copied", copy, p, BENCH_BYTES, BLOCK);
@@ -169,5 +159,4 @@ void bench_ceilings(void)
             (double)TIMES * CHAINS * MACS);
     ceiling("ceiling: float multiply-adds", multiply_float, p, BENCH_FLOPS,
             2.0 * TIMES * FLOAT_CHAINS * LANES);
-    free(p);
 }

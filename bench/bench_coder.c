@@ -6,6 +6,7 @@
  * thread, minimum and median of the repetitions.
  */
 #include "bench_table.h"
+#include "freed.h"
 #include "gen_stream.h"
 #include "prob.h"
 #include "range_dec.h"
@@ -69,7 +70,7 @@ static void run_residuals(const char *what, uint32_t index)
 {
     static int32_t want[N];
     const size_t cap = N;
-    uint8_t *const bytes = malloc(cap);
+    FREED uint8_t *const bytes = malloc(cap);
     bench_times t = { { 0 }, 0 };
     uint8_t scale[BLOCK];
     saga_range_enc e;
@@ -102,7 +103,6 @@ static void run_residuals(const char *what, uint32_t index)
             check(q[i] == want[i]);
     }
     report(what, &t, n, ideal);
-    free(bytes);
 }
 
 /* --- Adaptive symbols ---------------------------------------------------- */
@@ -113,7 +113,7 @@ static void run_adaptive(const char *what, uint32_t n_sym, int one_in)
 {
     static uint8_t want[N];
     const size_t cap = N;
-    uint8_t *const bytes = malloc(cap);
+    FREED uint8_t *const bytes = malloc(cap);
     const double rare = 1.0 / one_in;
     const double ideal =
         -N * ((1 - rare) * log2(1 - rare) + rare * log2(rare / (n_sym - 1)));
@@ -153,7 +153,6 @@ static void run_adaptive(const char *what, uint32_t n_sym, int one_in)
             check(got[i] == want[i]);
     }
     report(what, &t, n, ideal);
-    free(bytes);
 }
 
 void bench_coder(void)

@@ -5,6 +5,7 @@
  * trained scene; `bench_share FILE` tells the shares of a file.
  */
 #include "bench_table.h"
+#include "freed.h"
 #include "gen_stream.h"
 #include "saga.h"
 
@@ -50,8 +51,8 @@ static void run_once(const uint8_t *bytes, size_t n, const saga_info *info,
 {
     const size_t scratch_nbytes = SAGA_JOB_NBYTES(64, LIST) +
                                   64u * WIDTH * 16u;
-    void *const scratch = bench_need(scratch_nbytes);
-    uint8_t *const pixels = bench_need(3 * WIDTH * HEIGHT);
+    FREED void *const scratch = bench_need(scratch_nbytes);
+    FREED uint8_t *const pixels = bench_need(3 * WIDTH * HEIGHT);
     saga_decoder *dec;
     saga_segment seg;
     saga_camera camera;
@@ -77,8 +78,6 @@ static void run_once(const uint8_t *bytes, size_t n, const saga_info *info,
     t[N_STAGES] = bench_now_ms();
     for (int k = 0; k < N_STAGES; k++)
         bench_add(&times[k], t[k + 1] - t[k]);
-    free(pixels);
-    free(scratch);
 }
 
 /* The rows of a file's stages, each by a number from its header. */
@@ -102,20 +101,16 @@ void bench_decode(void)
     const gen_options o = { .seed = 12, .level = 3, .picture = 1,
                             .tools_fixed = 1, .tools = SAGA_TOOLS_PICTURE,
                             .n_coarse = 600 };
-    gen_stream g;
     saga_info info;
-    uint8_t *bytes;
+    FREED uint8_t *bytes;
     size_t n;
-    void *work;
+    FREED void *work;
+    FREED_BY(gen_stream_free) gen_stream g = gen_stream_make(&o);
 
-    gen_stream_make(&g, &o);
     gen_stream_encode(&g, &bytes, &n);
     check(saga_probe(&info, bytes, n), "probe");
     work = bench_need(info.work_nbytes);
     for (int i = 0; i < REPETITIONS; i++)
         run_once(bytes, n, &info, work);
     report(&info);
-    free(work);
-    free(bytes);
-    gen_stream_free(&g);
 }

@@ -5,6 +5,7 @@
  * together.
  */
 #include "bench_table.h"
+#include "freed.h"
 #include "mlp.h"
 
 #include <stdint.h>
@@ -120,7 +121,7 @@ static void run(bench *b, const uint16_t *dim, int int8, uint32_t batch)
 
 void bench_mlp(void)
 {
-    bench *const b = bench_need(sizeof *b);
+    FREED bench *const b = bench_need(sizeof *b);
 
     for (size_t i = 0; i < sizeof shapes / sizeof *shapes; i++) {
         run(b, shapes[i], 0, 1);
@@ -128,5 +129,4 @@ void bench_mlp(void)
         run(b, shapes[i], 1, 1);
         run(b, shapes[i], 1, BATCH);
     }
-    free(b);
 }

@@ -5,6 +5,7 @@
 #include "adam.h"
 #include "bench_table.h"
 #include "embedding.h"
+#include "freed.h"
 #include "net.h"
 #include "rng.h"
 
@@ -74,7 +75,7 @@ static void run_rest(size_t m, int reps)
     enum { AXES = 4, OCTAVES = 4, PE = 2 * AXES * OCTAVES };
     real *const x = calloc(m * PE, sizeof *x), *const g = x + m * 8;
     real *const m1 = g + m * 8, *const m2 = m1 + m * 8;
-    real *const pe = calloc(m * PE, sizeof *pe);
+    FREED real *const pe = calloc(m * PE, sizeof *pe);
     const saga_adam adam = saga_adam_default();
     const saga_adam_tensor t = { "x", x, g, m1, m2, m * 8, R(0.01) };
     saga_error error = { "" };
@@ -100,7 +101,6 @@ static void run_rest(size_t m, int reps)
     row->count = (double)m * 8;
     row->each = "a parameter";
     free(x);
-    free(pe);
 }
 
 void bench_net(void)

@@ -587,42 +587,6 @@ static void prepare_places(data *d, gen_rng *r)
         d->feature_f32[i] = (float)d->feature_f64[i];
 }
 
-static void prepare_scores(data *d, gen_rng *r)
-{
-    for (int i = 0; i < VALUES; i++)
-        set_x(d, i, gen_int(r, -(1 << 24), 1 << 24), 1 / 4194304.0);
-}
-
-static void prepare_exponents(data *d, gen_rng *r)
-{
-    for (int i = 0; i < VALUES; i++)
-        set_x(d, i, gen_int(r, 0, (16 << 20) - 1), 1 / 1048576.0);
-}
-
-static void prepare_phases(data *d, gen_rng *r)
-{
-    for (int i = 0; i < VALUES; i++)
-        set_in(d, i, gen_int(r, -32768, 32767), 1 / 65536.0);
-}
-
-static void prepare_q12(data *d, gen_rng *r)
-{
-    for (int i = 0; i < VALUES; i++)
-        set_x(d, i, gen_int(r, -32768, 32767), 1 / 4096.0);
-}
-
-static void prepare_q11(data *d, gen_rng *r)
-{
-    for (int i = 0; i < VALUES; i++)
-        set_x(d, i, gen_int(r, -16384, 16384), 1 / 2048.0);
-}
-
-static void prepare_positive(data *d, gen_rng *r)
-{
-    for (int i = 0; i < VALUES; i++)
-        set_x(d, i, gen_int(r, 1, INT32_MAX), 1);
-}
-
 static void prepare_bank(data *d, gen_rng *r)
 {
     if (!d->bank.slot) {
@@ -722,12 +686,6 @@ static void prepare_splats(data *d, gen_rng *r)
 {
     prepare_prims(d, r);
     make_splats(d);
-}
-
-static void prepare_alphas(data *d, gen_rng *r)
-{
-    for (int i = 0; i < VALUES; i++)
-        set_x(d, i, gen_int(r, 0, SAGA_CUT_Q20 - 1), 1 / 1048576.0);
 }
 
 static void prepare_picture(data *d, gen_rng *r)
@@ -834,55 +792,57 @@ static void prepare_file(data *d, gen_rng *r)
 
 typedef struct {
     operator op;
-    void (*prepare)(data *, gen_rng *);
+    void (*prepare)(data *, gen_rng *); /* NULL: VALUES lo..hi, times step */
+    int32_t lo, hi;
+    double step;
 } entry;
 
 static const entry entries[] = {
     { { "dense layer 64-64", "point", POINTS, POINTS * WIDTH,
         { dense, dense_float, dense_f64 }, of_out, 1 / 4096.0 },
-      prepare_dense },
+      .prepare = prepare_dense },
     { { "interpolation, 8 of 33", "query", ANCHORS, ANCHORS * FEATURES,
-        RUNS(interpolate), of_out, 1 / 4096.0 }, prepare_places },
+        RUNS(interpolate), of_out, 1 / 4096.0 }, .prepare = prepare_places },
     { { "softmax of 64", "value", VALUES, VALUES, RUNS(softmax), of_y,
-        1 / 16384.0 }, prepare_scores },
+        1 / 16384.0 }, NULL, -(1 << 24), 1 << 24, 1 / 4194304.0 },
     { { "2^-x", "value", VALUES, VALUES, { exp2_of, exp2_f32, exp2_f64 },
-        of_y, 1 / 32768.0 }, prepare_exponents },
+        of_y, 1 / 32768.0 }, NULL, 0, (16 << 20) - 1, 1 / 1048576.0 },
     { { "sine", "value", VALUES, VALUES, RUNS(sine), of_out, 1 / 32768.0 },
-      prepare_phases },
+      NULL, -32768, 32767, 1 / 65536.0 },
     { { "softplus", "value", VALUES, VALUES, RUNS(softplus), of_y,
-        1 / 1048576.0 }, prepare_q12 },
+        1 / 1048576.0 }, NULL, -32768, 32767, 1 / 4096.0 },
     { { "sigmoid", "value", VALUES, VALUES, RUNS(sigmoid), of_y,
-        1 / 32768.0 }, prepare_q11 },
+        1 / 32768.0 }, NULL, -16384, 16384, 1 / 2048.0 },
     { { "1/x, 16 bits", "value", VALUES, VALUES,
         { recip16, reciprocal_f32, reciprocal_f64 }, of_scaled, 0 },
-      prepare_positive },
+      NULL, 1, INT32_MAX, 1 },
     { { "1/x, 32 bits", "value", VALUES, VALUES,
         { recip32, reciprocal_f32, reciprocal_f64 }, of_scaled, 0 },
-      prepare_positive },
+      NULL, 1, INT32_MAX, 1 },
     { { "1/sqrt(x)", "value", VALUES, VALUES, RUNS(root), of_scaled, 0 },
-      prepare_positive },
+      NULL, 1, INT32_MAX, 1 },
     { { "embedding, 4 octaves", "position", POINTS, POINTS * 8 * OCTAVES,
-        RUNS(embed), of_out, 1 / 32768.0 }, prepare_places },
+        RUNS(embed), of_out, 1 / 32768.0 }, .prepare = prepare_places },
     { { "memory read, 64 slots", "query", QUERIES, QUERIES * SLOTS,
-        RUNS(bank_read), of_out, 1 / 4096.0 }, prepare_read },
+        RUNS(bank_read), of_out, 1 / 4096.0 }, .prepare = prepare_read },
     { { "memory write", "slot", SLOTS, SLOTS * SLOTS, RUNS(bank_write),
-        of_slots, 1 / 4096.0 }, prepare_write },
+        of_slots, 1 / 4096.0 }, .prepare = prepare_write },
     { { "animate", "primitive", PRIMS, 3 * PRIMS, RUNS(animate), of_moved,
-        0 }, prepare_prims },
+        0 }, .prepare = prepare_prims },
     { { "project: mean", "primitive", PRIMS, 2 * PRIMS, RUNS(project),
-        of_mean, 1 / 256.0 }, prepare_moved },
+        of_mean, 1 / 256.0 }, .prepare = prepare_moved },
     { { "project: conic", "primitive", PRIMS, 3 * PRIMS, RUNS(project),
-        of_conic, 1 / 268435456.0 }, prepare_moved },
+        of_conic, 1 / 268435456.0 }, .prepare = prepare_moved },
     { { "animate and project", "primitive", PRIMS, 2 * PRIMS,
-        RUNS(make_splats), of_splats, 1 / 256.0 }, prepare_splats },
+        RUNS(make_splats), of_splats, 1 / 256.0 }, .prepare = prepare_splats },
     { { "alpha", "value", VALUES, VALUES, RUNS(alpha), of_y, 1 / 65536.0 },
-      prepare_alphas },
+      NULL, 0, SAGA_CUT_Q20 - 1, 1 / 1048576.0 },
     { { "blend", "pixel of a splat", 0, 3 * PIXELS, RUNS(blend), of_picture,
-        0 }, prepare_picture },
+        0 }, .prepare = prepare_picture },
     { { "segment (demo)", "primitive", 0, 0,
-        { segment, NULL, segment_f64 }, NULL, 0 }, prepare_file },
+        { segment, NULL, segment_f64 }, NULL, 0 }, .prepare = prepare_file },
     { { "picture (demo)", "pixel", 0, 0,
-        { picture, NULL, picture_f64 }, NULL, 0 }, prepare_file }
+        { picture, NULL, picture_f64 }, NULL, 0 }, .prepare = prepare_file }
 };
 
 enum { N_OPERATORS = (int)(sizeof entries / sizeof entries[0]) };
@@ -942,6 +902,17 @@ static void print_errors(const operator *o, int variant, const data *d)
     }
     printf(", \"rms\": %.5g, \"max\": %.5g, \"peak\": %.5g, \"n\": %u",
            sqrt(sum / o->n_values), max, peak, (unsigned)o->n_values);
+}
+
+static void prepare(const entry *e, data *d)
+{
+    gen_rng r = { 1 };
+
+    if (e->prepare)
+        e->prepare(d, &r);
+    else
+        for (int i = 0; i < VALUES; i++)
+            set_in(d, i, gen_int(&r, e->lo, e->hi), e->step);
 }
 
 /* Some are known when their inputs are. */
@@ -1011,9 +982,7 @@ int main(int argc, char **argv)
     if (!counts)
         printf("{ \"operators\": [");
     for (int i = 0; i < N_OPERATORS; i++) {
-        gen_rng r = { 1 };
-
-        entries[i].prepare(&d, &r);
+        prepare(&entries[i], &d);
         if (counts)
             count(&entries[i], &d);
         else

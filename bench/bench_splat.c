@@ -3,6 +3,7 @@
  * The trainer's float rasteriser, stage by stage.
  */
 #include "bench_table.h"
+#include "freed.h"
 #include "rng.h"
 #include "splat_animate.h"
 #include "splat_project.h"
@@ -85,7 +86,7 @@ static void run(uint32_t n, int width, int height, double sigma_px,
     saga_splat_params d = random_scene(n, &cam, 0, 0);
     const saga_range all = { 0, n };
     saga_error error = { "" };
-    saga_canvas c;
+    FREED_BY(saga_canvas_free) saga_canvas c;
     bench_times times[N_STAGES];
 
     memset(times, 0, sizeof times);
@@ -129,7 +130,6 @@ static void run(uint32_t n, int width, int height, double sigma_px,
     }
     saga_params_free(&p);
     saga_params_free(&d);
-    saga_canvas_free(&c);
 }
 
 void bench_splat(void)

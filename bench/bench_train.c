@@ -5,6 +5,7 @@
  * at 480x270.
  */
 #include "bench_table.h"
+#include "freed.h"
 #include "synth.h"
 #include "synth_room.h"
 #include "train.h"
@@ -81,7 +82,7 @@ void bench_train(void)
 {
     saga_train_options o = saga_train_defaults();
     saga_error error = { "" };
-    saga_capture capture;
+    FREED_BY(saga_capture_free) saga_capture capture;
     saga_train *train;
     watch w;
 
@@ -108,5 +109,4 @@ void bench_train(void)
         snprintf(r->note, sizeof r->note, "%.2f dB", w.psnr[s]);
     }
     saga_train_free(train);
-    saga_capture_free(&capture);
 }

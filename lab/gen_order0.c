@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "gen_order0.h"
 
+#include "freed.h"
 #include "morton.h"
 
 #include <math.h>
@@ -22,7 +23,7 @@ void order0_channel(order0_row *row, const int32_t *v, size_t stride,
                     size_t n)
 {
     int32_t lo = 0, hi = 0;
-    uint32_t *count;
+    FREED uint32_t *count;
     double alphabet;
 
     for (size_t i = 0; i < n; i++) {
@@ -42,7 +43,6 @@ void order0_channel(order0_row *row, const int32_t *v, size_t stride,
             row->entropy -= count[k] * log2(count[k] / (double)n);
     row->adaptive += 2 * BOUND_BITS;
     row->n += n;
-    free(count);
 }
 
 /* Adds (n, channels) symbols in rank order, by channel. */
@@ -57,13 +57,12 @@ static void add_values(order0_row *row, const ref_file *f, int step)
 {
     const size_t channels = ref_file_channels(f, step);
     const size_t n = channels * ref_file_rows(f, step);
-    int32_t *const v = must(calloc(n + 1, sizeof *v));
+    FREED int32_t *const v = must(calloc(n + 1, sizeof *v));
 
     for (size_t i = 0; i < n; i++)
         v[i] = (int32_t)lrint(f->value[step][i] * 65536.0 /
                               f->h.model.step_q16[step]);
     add_channels(row, v, channels, n / channels);
-    free(v);
 }
 
 /* Lists leaves in rank order: coordinates, depths, how many fine anchors. */
@@ -88,24 +87,22 @@ static void add_tree(order0_row *row, const ref_file *f)
 static void add_suffixes(order0_row *row, const uint32_t *suffix, uint32_t n,
                          uint32_t bits)
 {
-    int32_t *const v = must(calloc(4 * (size_t)n + 1, sizeof *v));
+    FREED int32_t *const v = must(calloc(4 * (size_t)n + 1, sizeof *v));
 
     for (uint32_t i = 0; i < n; i++)
         for (uint32_t axis = 0; axis < 4; axis++)
             v[4 * (size_t)i + axis] = (int32_t)saga_morton_axis(suffix[i],
                                                                 bits, axis);
     add_channels(row, v, 4, n);
-    free(v);
 }
 
 static void add_counts(order0_row *row, const ref_file *f)
 {
-    int32_t *const v = must(calloc(f->s.n.fine + 1u, sizeof *v));
+    FREED int32_t *const v = must(calloc(f->s.n.fine + 1u, sizeof *v));
 
     for (uint32_t i = 0; i < f->s.n.fine; i++)
         v[i] = f->s.n_prim[i];
     add_channels(row, v, 1, f->s.n.fine);
-    free(v);
 }
 
 int order0_is_structure(saga_component c)

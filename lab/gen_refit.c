@@ -3,6 +3,7 @@
 
 #include "adam.h"
 #include "encode.h"
+#include "freed.h"
 #include "morton.h"
 #include "pack.h"
 #include "quantise.h"
@@ -319,12 +320,11 @@ static bool write_segment(saga_encoder *e, const ref_file *in,
     const saga_targets t = {
         .value = (const int16_t *const *)in->value
     };
-    saga_symbols y = begin_symbols(in);
+    FREED_BY(end_symbols) saga_symbols y = begin_symbols(in);
     saga_quantise_report report;
     const bool ok = saga_quantise_segment(&y, &report, e, &t, NULL, error) &&
                     saga_encoder_segment(e, &y, in->segment.n_frames, error);
 
-    end_symbols(&y);
     return ok;
 }
 
@@ -368,7 +368,7 @@ static const char *finish(uint8_t **out, size_t *n, refit_report *r, fit *f)
 {
     const saga_rate_input x = { &f->s, &f->twin, f->feature };
     saga_error error = { "" };
-    saga_rate_choice c;
+    FREED_BY(saga_rate_choice_free) saga_rate_choice c;
     const char *why;
 
     need(saga_rate_choice_init(&c, &f->rate, &x, &error), &error);
@@ -379,7 +379,6 @@ static const char *finish(uint8_t **out, size_t *n, refit_report *r, fit *f)
     memcpy(r->estimate, c.bits, sizeof r->estimate);
     r->decision = f->rate.decision;
     why = write_file(out, n, f, &c);
-    saga_rate_choice_free(&c);
     return why;
 }
 
@@ -391,13 +390,12 @@ refit_options refit_defaults(void)
 const char *refit_make(uint8_t **out, size_t *n, refit_report *report,
                        const ref_file *in, const refit_options *options)
 {
-    fit f = { .in = in, .o = *options };
+    FREED_BY(end) fit f = { .in = in, .o = *options };
     const char *why;
 
     begin(&f);
     why = run(&f);
     if (!why)
         why = finish(out, n, report, &f);
-    end(&f);
     return why;
 }

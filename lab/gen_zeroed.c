@@ -3,6 +3,7 @@
 
 #include "container.h"
 #include "encode.h"
+#include "freed.h"
 #include "head.h"
 #include "ref_recorder.h"
 #include "saga.h"
@@ -192,16 +193,14 @@ static saga_rig_camera *read_rig(const saga_header *h, const uint8_t *bytes)
 static saga_encoder *begin(const saga_header *h, const uint8_t *bytes,
                            size_t n)
 {
-    saga_rig_camera *const rig = read_rig(h, bytes);
+    FREED saga_rig_camera *const rig = read_rig(h, bytes);
     saga_encoder *e = NULL;
-    saga_net_symbols nets;
+    FREED_BY(saga_net_symbols_free) saga_net_symbols nets;
     saga_error error = { "" };
 
     memset(&nets, 0, sizeof nets);
     if (recorder_read(&nets, NULL, 0, NULL, bytes, n))
         e = saga_encoder_open(h, rig, &nets, &error);
-    saga_net_symbols_free(&nets);
-    free(rig);
     return e;
 }
 

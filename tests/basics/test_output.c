@@ -252,7 +252,7 @@ TEST_WITH(folders_of_killed_runs_should_be_removed, NULL, clear)
 {
     const mode_t old = umask(027);
     saga_error error = { "" };
-    char *name;
+    FREED char *name;
     int lock;
 
     die_filling("a");
@@ -266,7 +266,6 @@ TEST_WITH(folders_of_killed_runs_should_be_removed, NULL, clear)
     close(lock);
     assert_false(saga_output_sweep("a"));
     assert_int_equal(count(), 0);
-    free(name);
 }
 
 TEST_WITH(parts_should_go_when_abandoned, NULL, clear)

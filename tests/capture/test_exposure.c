@@ -1,14 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "exposure.h"
-
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdlib.h>
-
-#include <cmocka.h>
+#include "testing.h"
 
 enum { N_VIEWS = 5, N_PAIRS = 400 };
 
@@ -34,14 +26,13 @@ static void make_pairs(saga_exposure_pair *at)
     }
 }
 
-static void pairs_should_give_the_factors_back(void **state)
+TEST(pairs_should_give_the_factors_back)
 {
     saga_exposure_pair at[N_PAIRS];
     const saga_exposure_pairs pairs = { at, N_PAIRS, N_VIEWS, train, 4 };
     double found[3 * N_VIEWS], sum[3] = { 0 };
     saga_error error;
 
-    (void)state;
     make_pairs(at);
     assert_true(saga_exposure_solve(found, &pairs, &error));
     for (int v = 0; v < 4; v++)
@@ -60,12 +51,11 @@ static void pairs_should_give_the_factors_back(void **state)
     assert_true(fabs(saga_exposure_span(found, &pairs) - log(3)) < 0.04);
 }
 
-static void places_should_tell_stops_unless_cut_off(void **state)
+TEST(places_should_tell_stops_unless_cut_off)
 {
     static const double grey[] = { 100, 100, 100 }, white[] = { 250, 250, 250 };
     double stops, twice[3];
 
-    (void)state;
     /* Twice the light is 2^(1 / 2.2) of a display value. */
     for (int k = 0; k < 3; k++)
         twice[k] = 100 * exp2(1 / 2.2);
@@ -75,7 +65,7 @@ static void places_should_tell_stops_unless_cut_off(void **state)
     assert_false(saga_exposure_compare(&stops, grey, white));
 }
 
-static void error_should_be_what_the_best_factor_leaves(void **state)
+TEST(error_should_be_what_the_best_factor_leaves)
 {
     /* Red is half of the truth, green is right but for one of two pixels, blue
      * is nothing where 3 is true. */
@@ -83,13 +73,12 @@ static void error_should_be_what_the_best_factor_leaves(void **state)
     static const uint8_t truth[] = { 20, 20, 3, 60, 10, 3 };
     saga_exposure_sums sums[3] = { { 0 } };
 
-    (void)state;
     assert_int_equal(saga_exposure_add(sums, made, truth, NULL, 2), 2);
     /* Green: f = 600 / 800, (15 - 20)^2 + (15 - 10)^2 = 50; blue: 9 + 9. */
     assert_true(fabs(saga_exposure_error(sums) - 68) < 1e-9);
 }
 
-static void masked_pixels_should_not_hold_the_factor(void **state)
+TEST(masked_pixels_should_not_hold_the_factor)
 {
     /* The first pixel is half as bright as it should be, which a factor of two
      * mends; the second, which does not count, is right. */
@@ -98,18 +87,6 @@ static void masked_pixels_should_not_hold_the_factor(void **state)
     static const uint8_t mask[] = { 1, 0 };
     saga_exposure_sums sums[3] = { { 0 } };
 
-    (void)state;
     assert_int_equal(saga_exposure_add(sums, made, truth, mask, 2), 1);
     assert_true(fabs(saga_exposure_error(sums)) < 1e-9);
-}
-
-int main(void)
-{
-    static const struct CMUnitTest tests[] = {
-        cmocka_unit_test(pairs_should_give_the_factors_back),
-        cmocka_unit_test(places_should_tell_stops_unless_cut_off),
-        cmocka_unit_test(error_should_be_what_the_best_factor_leaves),
-        cmocka_unit_test(masked_pixels_should_not_hold_the_factor),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -99,12 +99,11 @@ static void check_loop(uint32_t i)
     saga_encode_sizes sizes;
     saga_encoder *e;
     uint32_t range[3];
-    uint8_t *bytes;
-    FREED_BY(gen_stream_free) gen_stream g;
+    FREED uint8_t *bytes;
     FREED_BY(free_wanted) wanted w;
     size_t n;
+    FREED_BY(gen_stream_free) gen_stream g = gen_stream_make(&o);
 
-    gen_stream_make(&g, &o);
     assert_done(e = saga_encoder_open(&g.header, g.rig, &g.nets, &error));
     make_wanted(&w, &g.segment[0].n, g.header.model.features, &r);
     quantise(&g, e, &w);
@@ -113,7 +112,6 @@ static void check_loop(uint32_t i)
     assert_done(saga_encoder_finish(e, &bytes, &n, &sizes, &error));
     assert_true(recorder_read(&nets, &back, 0, range, bytes, n));
     assert_same(&g.segment[0], &back, g.header.model.features);
-    free(bytes);
     saga_encoder_free(e);
 }
 

@@ -135,7 +135,7 @@ static saga_encode_sizes encode(const gen_stream *g, uint32_t first,
     saga_error error = { "" };
     saga_encoder *const e = saga_encoder_open(&g->header, g->rig, &g->nets,
                                               &error);
-    uint8_t *bytes;
+    FREED uint8_t *bytes;
     size_t n;
 
     if (!e)
@@ -145,7 +145,6 @@ static saga_encode_sizes encode(const gen_stream *g, uint32_t first,
             fail_msg("%s", error.message);
     if (!saga_encoder_finish(e, &bytes, &n, &sizes, &error))
         fail_msg("%s", error.message);
-    free(bytes);
     saga_encoder_free(e);
     return sizes;
 }
@@ -196,11 +195,9 @@ TEST(spent_should_be_the_bytes_of_random_streams)
             .n_coarse = k % 5 ? 0 : 100, .picture = k % 8 == 7
         };
         double bits[N_CHUNKS], nbytes[N_CHUNKS];
-        saga_encode_sizes z;
-        FREED_BY(gen_stream_free) gen_stream g;
+        FREED_BY(gen_stream_free) gen_stream g = gen_stream_make(&o);
+        saga_encode_sizes z = encode(&g, 0, 1);
 
-        gen_stream_make(&g, &o);
-        z = encode(&g, 0, 1);
         sum_chunks(bits, z.spent);
         chunk_bytes(nbytes, &z);
         for (int i = 0; i < N_CHUNKS; i++)
@@ -215,9 +212,8 @@ TEST(segments_should_add_up)
 {
     const gen_options o = { .seed = testing_seed(1), .n_segments = 3 };
     saga_encode_sizes all, one[3];
-    FREED_BY(gen_stream_free) gen_stream g;
+    FREED_BY(gen_stream_free) gen_stream g = gen_stream_make(&o);
 
-    gen_stream_make(&g, &o);
     all = encode(&g, 0, 3);
     for (uint32_t i = 0; i < 3; i++)
         one[i] = encode(&g, i, 1);
@@ -322,9 +318,8 @@ TEST(length_should_be_the_bytes_of_likely_streams)
         uint64_t r = o.seed;
         double bits[N_CHUNKS], nbytes[N_CHUNKS];
         saga_encode_sizes z;
-        FREED_BY(gen_stream_free) gen_stream g;
+        FREED_BY(gen_stream_free) gen_stream g = gen_stream_make(&o);
 
-        gen_stream_make(&g, &o);
         redraw(&g, &r);
         z = encode(&g, 0, 1);
         sum_chunks(bits, z.bits);

@@ -69,14 +69,14 @@ static void begin(world *w, const gen_options *o)
     const saga_nets *nets;
     const uint8_t *params;
     saga_segment seg;
-    uint8_t *bytes;
+    FREED uint8_t *bytes;
     size_t n;
     saga_segment_header layers;
     recorder_chunks at;
     saga_header h;
 
     memset(w, 0, sizeof *w);
-    gen_stream_make(&w->g, o);
+    w->g = gen_stream_make(o);
     w->encoder = saga_encoder_open(&w->g.header, w->g.rig, &w->g.nets, &error);
     assert_non_null(w->encoder);
     params = saga_encoder_params(w->encoder, &nets);
@@ -93,7 +93,6 @@ static void begin(world *w, const gen_options *o)
     assert_true(recorder_segment(&layers, &h, &at));
     assert_true(recorder_fill(&w->l.coder, &w->l.inner, &w->sc, range,
                               at));
-    free(bytes);
 }
 
 static void end(world *w)

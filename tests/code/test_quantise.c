@@ -116,10 +116,9 @@ static void check_model(uint64_t seed, double octaves)
     saga_error error = { "" };
     saga_encoder *e;
     uint64_t r = seed;
-    FREED_BY(gen_stream_free) gen_stream g;
     saga_net_shape s;
+    FREED_BY(gen_stream_free) gen_stream g = gen_stream_make(&o);
 
-    gen_stream_make(&g, &o);
     for (int net = 0; net < SAGA_N_NETS; net++) {
         saga_model_net(&s, &g.header.model, net);
         for (int i = 0; i < s.n_layers; i++) {

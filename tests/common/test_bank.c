@@ -17,12 +17,9 @@ enum { N_SLOTS = 5 };
 
 static saga_bank bank_of(uint32_t n_slots, uint32_t width)
 {
-    saga_bank m = { 0 };
     uint8_t *block;
+    saga_bank m = { .n_slots = n_slots, .width = width, .hidden = 8 };
 
-    m.n_slots = n_slots;
-    m.width = width;
-    m.hidden = 8;
     block = must(aligned_alloc(16, saga_bank_lay(&m, NULL)));
     memset(block, 0xa5, saga_bank_lay(&m, NULL));
     saga_bank_lay(&m, block);

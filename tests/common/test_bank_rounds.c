@@ -115,7 +115,7 @@ static void watch(watched *w, const gen_options *o)
     saga_counts n;
 
     memset(w, 0, sizeof *w);
-    gen_stream_make(&w->g, o);
+    w->g = gen_stream_make(o);
     gen_stream_encode(&w->g, &w->bytes, &w->n);
     open_stream(w);
     n = w->g.segment[0].n;

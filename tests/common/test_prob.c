@@ -452,7 +452,7 @@ TEST(cut_chunk_should_never_pass_as_whole)
     for (uint32_t k = 0; k < 3000; k++) {
         const uint32_t n = 1 + pick(&r, 30);
         size_t nbytes;
-        uint8_t *p;
+        FREED uint8_t *p;
 
         for (uint32_t i = 0; i < n; i++)
             random_op(&ops[i], &r, 15);
@@ -470,7 +470,6 @@ TEST(cut_chunk_should_never_pass_as_whole)
             n_noticed += !ok;
             n_cut++;
         }
-        free(p);
     }
     printf("%" PRIu32 " of %" PRIu32 " cuts noticed by the coder itself\n",
            n_noticed, n_cut);

@@ -50,18 +50,6 @@ static void any_primitive(saga_primitive *p, gen_rng *r)
     p->log2_width_q10 = gen_any16(r, 12);
 }
 
-static void any_format(saga_prim_format *f, gen_rng *r)
-{
-    f->q_quat = (uint8_t)gen_int(r, 0, 20);
-    f->q_slope = (uint8_t)gen_int(r, 0, 20);
-    f->q_opacity = (uint8_t)gen_int(r, 0, 20);
-    for (int i = 0; i < 3; i++)
-        f->q_motion[i] = (uint8_t)gen_int(r, 0, 20);
-    f->motion_order = (uint8_t)gen_int(r, 0, 3);
-    f->has_slope = (uint8_t)gen_int(r, 0, 1);
-    f->has_width = (uint8_t)gen_int(r, 0, 1);
-}
-
 static int32_t any_t(gen_rng *r)
 {
     return gen_one_in(r, 8) ? 0
@@ -133,7 +121,7 @@ TEST(position_should_follow_the_cubic)
     for (int i = 0; i < ROUNDS; i++) {
         const int32_t t = any_t(&r);
 
-        any_format(&f, &r);
+        gen_hard_format(&f, &r);
         any_primitive(&p, &r);
         saga_animate(&a, &p, &f, t);
         check_position(&a, &p, &f, t);
@@ -234,7 +222,7 @@ TEST(quaternion_should_be_linear_in_age)
     for (int i = 0; i < ROUNDS; i++) {
         const int32_t t = any_t(&r);
 
-        any_format(&f, &r);
+        gen_hard_format(&f, &r);
         any_primitive(&p, &r);
         p.log2_width_q10 &= ~1023; /* the age is exact */
         saga_animate(&a, &p, &f, t);
@@ -257,7 +245,7 @@ TEST(slope_of_zero_should_rotate_as_no_slope)
     for (int i = 0; i < ROUNDS / 10; i++) {
         const int32_t t = any_t(&r);
 
-        any_format(&f, &r);
+        gen_hard_format(&f, &r);
         any_primitive(&p, &r);
         memset(p.slope, 0, sizeof p.slope);
         f.has_slope = 0;
@@ -309,7 +297,7 @@ TEST(opacity_should_fade_with_the_distance_in_time)
     for (int i = 0; i < ROUNDS; i++) {
         const int32_t t = any_t(&r);
 
-        any_format(&f, &r);
+        gen_hard_format(&f, &r);
         any_primitive(&p, &r);
         if (gen_one_in(&r, 2)) /* widths like those of segments */
             p.log2_width_q10 = (int16_t)gen_int(&r, 10 << 10, 18 << 10);
@@ -346,11 +334,9 @@ TEST(every_width_should_fade)
 TEST(fade_should_saturate)
 {
     const saga_prim_format f = { .has_width = 1 };
-    saga_primitive p = { 0 };
     saga_animated a;
+    saga_primitive p = { .log2_width_q10 = -32768, .opacity = 32767 };
 
-    p.log2_width_q10 = -32768;
-    p.opacity = 32767;
     saga_animate(&a, &p, &f, 1);
     assert_int_equal(a.q0_q20, (1512775u * 256u));
     p.opacity = -32768;
@@ -384,7 +370,7 @@ TEST(fields_of_tools_that_are_off_should_not_be_read)
     for (int i = 0; i < ROUNDS / 3; i++) {
         const int32_t t = any_t(&r);
 
-        any_format(&f, &r);
+        gen_hard_format(&f, &r);
         any_primitive(&p, &r);
         memset(&a, 0x00, sizeof a);
         saga_animate(&a, &p, &f, t);

@@ -4,17 +4,15 @@
  * their twins in vectors against them, with canaries around the tile.
  */
 #include "blend.h"
+#include "every_cpu.h"
 #include "gen_scene.h"
 #include "ref_render.h"
 #include "sqrt_up.h"
-#include "testing.h"
 
 enum { GUARD = 64, MOST = 4 * 64 * 64, COUNT = 4000, CUT = 11 << 20 };
 
 /* Largest factors, docs/arithmetic.md: 2.686 in Q28. */
 #define MOST_FACTOR 721000000
-
-static saga_cpu cpu;
 
 /* Guards, the four planes, guards again. */
 typedef struct {
@@ -203,13 +201,4 @@ TEST(alpha_should_be_that_of_the_norm)
         saga_blend(b, 8, &p, cpu);
         assert_memory_equal(b, a, sizeof b);
     }
-}
-
-int main(void)
-{
-    int failed = 0;
-
-    for (cpu = SAGA_CPU_PLAIN; cpu <= saga_cpu_best(); cpu++)
-        failed += testing_run();
-    return failed;
 }

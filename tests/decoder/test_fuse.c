@@ -20,7 +20,7 @@ static void make_plain(gen_stream *g, uint64_t seed)
     const gen_options o = { .seed = seed, .level = 3, .n_coarse = 12,
                             .picture = 1, .no_fuse = 3 };
 
-    gen_stream_make(g, &o);
+    *g = gen_stream_make(&o);
     g->header.model.out_q[SAGA_OUT_COARSE] = 10;
     g->header.model.out_q[SAGA_OUT_FINE] = 9;
     for (int i = 0; i < SAGA_MAX_NET_LAYERS; i++) {
@@ -78,14 +78,13 @@ typedef struct {
 static played play(gen_stream *g)
 {
     static uint8_t pixels[3 * N_PIXELS];
-    uint8_t *bytes;
+    FREED uint8_t *bytes;
     played p = { 0 };
 
     gen_stream_encode(g, &bytes, &p.nbytes);
     assert_ok(saga_probe(&p.info, bytes, p.nbytes));
     assert_ok(saga_stages_of(&p.stages, bytes, p.nbytes, 0, 40000, 0, pixels,
                              sizeof pixels));
-    free(bytes);
     return p;
 }
 

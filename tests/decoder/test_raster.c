@@ -6,7 +6,6 @@
  */
 #include "model.h"
 #include "raster_scene.h"
-#include "testing.h"
 
 #define CUT (SAGA_CUT_LOG2 << 20)
 
@@ -448,13 +447,4 @@ TEST(depths_should_be_those_of_double)
     sort_scene(&s);
     true_picture(truth, p, N, &s.cam, colour_by_depth);
     expect_depths(&s, truth);
-}
-
-int main(void)
-{
-    int failed = 0;
-
-    for (cpu = SAGA_CPU_PLAIN; cpu <= saga_cpu_best(); cpu++)
-        failed += testing_run();
-    return failed;
 }

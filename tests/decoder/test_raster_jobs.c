@@ -5,7 +5,6 @@
  * pixels of the job, and a job that is none is refused.
  */
 #include "raster_scene.h"
-#include "testing.h"
 
 /* --- What must not show -------------------------------------------------- */
 
@@ -433,13 +432,4 @@ TEST(samples_of_8_bits_may_lie_anywhere)
     expect_equal(&got, &want);
     free(want.block);
     free(got.block);
-}
-
-int main(void)
-{
-    int failed = 0;
-
-    for (cpu = SAGA_CPU_PLAIN; cpu <= saga_cpu_best(); cpu++)
-        failed += testing_run();
-    return failed;
 }

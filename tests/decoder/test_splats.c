@@ -5,26 +5,16 @@
  * canaries behind the splats.
  */
 #include "animate.h"
+#include "every_cpu.h"
 #include "gen_hard.h"
 #include "project.h"
 #include "splats.h"
-#include "testing.h"
 
 enum { COUNT = 30000, N = 8 };
 
-static saga_cpu cpu;
-
 static void any_format(saga_prim_format *f, gen_rng *r)
 {
-    memset(f, 0, sizeof *f);
-    f->q_quat = (uint8_t)gen_int(r, 0, 20);
-    f->q_slope = (uint8_t)gen_int(r, 0, 20);
-    f->q_opacity = (uint8_t)gen_int(r, 0, 20);
-    for (int i = 0; i < 3; i++)
-        f->q_motion[i] = (uint8_t)gen_int(r, 0, 20);
-    f->motion_order = (uint8_t)gen_int(r, 0, 3);
-    f->has_slope = (uint8_t)gen_int(r, 0, 1);
-    f->has_width = (uint8_t)gen_int(r, 0, 1);
+    gen_hard_format(f, r);
     f->tools = gen_int(r, 0, 1) ? SAGA_TOOL_STEEP : 0;
 }
 
@@ -209,13 +199,4 @@ TEST(powers_of_two_should_be_the_same)
         n_splats += compare(p, N, &look);
     }
     assert_true(n_splats > COUNT / 4);
-}
-
-int main(void)
-{
-    int failed = 0;
-
-    for (cpu = SAGA_CPU_PLAIN; cpu <= saga_cpu_best(); cpu++)
-        failed += testing_run();
-    return failed;
 }

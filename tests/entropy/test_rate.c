@@ -250,7 +250,7 @@ static void should_code_alike(uint32_t tools, const uint8_t keep[SAGA_N_KINDS])
     FREED_BY(saga_rate_choice_free) saga_rate_choice c;
     double bits[SAGA_N_STEPS] = { 0 };
     size_t n;
-    real *feature;
+    FREED real *feature;
 
     make_scene(&f, 2, tools);
     foretell(&f);
@@ -278,7 +278,6 @@ static void should_code_alike(uint32_t tools, const uint8_t keep[SAGA_N_KINDS])
         assert_int_equal(c.scene.model.sources[kind], keep[kind]);
     for (size_t i = 0; i < SAGA_N_STEPS; i++)
         assert_true(fabs(c.bits[i] - bits[i]) <= 1e-9 * bits[i]);
-    free(feature);
 }
 
 TEST(choice_should_code_as_the_rate_does)

@@ -189,7 +189,7 @@ TEST(subsets_should_add_up)
 {
     FREED_BY(rate_scene_free) rate_scene f;
     double all, sum = 0;
-    real *whole;
+    FREED real *whole;
 
     rate_scene_init(&f, 1);
     all = loss(&f, &f.d);
@@ -202,5 +202,4 @@ TEST(subsets_should_add_up)
     for (size_t i = 0; i < f.d.n_reals; i++)
         assert_true(fabs(f.d.reals[i] / 4 - whole[i]) <
                     1e-9 * (1 + fabs(whole[i])));
-    free(whole);
 }

@@ -220,7 +220,7 @@ TEST(slots_should_be_read_when_parallel_opposite_or_zero)
     static const int16_t zero[D];
     gen_rng r = gen_seeded(65);
     int16_t slot[D], query[D], across[D], got[D];
-    void *block;
+    FREED void *block;
     saga_bank m = new_bank(&block);
 
     set_slot(slot, 37, 1);
@@ -248,7 +248,6 @@ TEST(slots_should_be_read_when_parallel_opposite_or_zero)
         saga_bank_put(&m, p, zero);
     saga_bank_read(got, &m, query);
     assert_memory_equal(got, zero, sizeof got);
-    free(block);
 }
 
 /* A token written along the slot changes its length, which is normalised, and
@@ -258,7 +257,7 @@ TEST(slots_should_be_written_when_parallel_or_opposite)
 {
     enum { BOTH = 724 };         /* 2 * 512 / sqrt(2) */
     int16_t slot[D], write[D];
-    void *block;
+    FREED void *block;
     saga_bank m = new_bank(&block);
 
     for (int plain = 0; plain < 2; plain++)
@@ -277,5 +276,4 @@ TEST(slots_should_be_written_when_parallel_or_opposite)
                                          ? (slot[d] > 0 ? BOTH : -BOTH)
                                          : 0);
             }
-    free(block);
 }

@@ -19,7 +19,7 @@ static void make_stream(gen_stream *g, uint32_t i)
                             .tools = i % 32, .tools_fixed = 1,
                             .bank = (int)(i % 3), .linear = i % 5 == 0 };
 
-    gen_stream_make(g, &o);
+    *g = gen_stream_make(&o);
     g->n_frames[0] = 1;
 }
 

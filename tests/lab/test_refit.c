@@ -316,9 +316,8 @@ TEST(refit_should_take_any_stream)
             .seed = seed, .level = 3, .n_coarse = 20, .n_segments = 1,
             .bank = (int)(seed % 3)
         };
-        FREED_BY(gen_stream_free) gen_stream g;
+        FREED_BY(gen_stream_free) gen_stream g = gen_stream_make(&o);
 
-        gen_stream_make(&g, &o);
         refit_should_take(&g);
     }
 }
@@ -334,7 +333,7 @@ TEST(refit_should_take_a_scene_of_coarse_anchors_alone)
         FREED_BY(gen_stream_free) gen_stream g;
         saga_symbols *const s = &g.segment[0];
 
-        gen_stream_make(&g, &o);
+        g = gen_stream_make(&o);
         memset(s->n_fine, 0, s->n.coarse);
         s->n.fine = s->n.prim = 0;
         refit_should_take(&g);

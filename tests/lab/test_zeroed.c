@@ -21,7 +21,7 @@ static void make_stream(gen_stream *g, uint64_t i)
         .n_segments = 1 + (uint32_t)(i % GEN_MAX_SEGMENTS)
     };
 
-    gen_stream_make(g, &o);
+    *g = gen_stream_make(&o);
 }
 
 static int has_contexts(const gen_stream *g)

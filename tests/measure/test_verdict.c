@@ -26,7 +26,7 @@ TEST(verdict_should_part_what_moves)
     const saga_capture c = { .n_views = 1, .n_frames = FRAMES,
                              .views = &view };
     saga_verdict v = { 0 };
-    uint8_t *median;
+    FREED uint8_t *median;
 
     frames(rgb);
     assert_done(median = saga_verdict_median(&c, 0, &error));
@@ -40,7 +40,6 @@ TEST(verdict_should_part_what_moves)
     near(saga_change_psnr(&v.file), 20 * log10(12.75));
     near(saga_change_psnr(&v.still), 20 * log10(255 / 60.));
     near(saga_change_share(&v.file), 0.25);
-    free(median);
 }
 
 TEST(verdict_should_have_words)

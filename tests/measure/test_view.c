@@ -211,7 +211,7 @@ TEST(picture_should_be_the_vectors_on_any_threads)
     for (int threads = 1; threads <= 5; threads += 2) {
         saga_camera c;
         uint32_t number;
-        uint8_t *rgb;
+        FREED uint8_t *rgb;
         size_t n;
         FREED_BY(close_vector) opened o;
 
@@ -225,7 +225,6 @@ TEST(picture_should_be_the_vectors_on_any_threads)
         assert_int_equal(o.film.times.n_views, 1);
         assert_true(saga_film_draw(&o.film, &c, 15, 2, rgb, &o.error));
         assert_int_equal(o.film.times.n_segments, 1);
-        free(rgb);
     }
 }
 

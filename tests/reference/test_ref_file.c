@@ -23,10 +23,9 @@ enum { PER_BASE = 25 };
 /* NULL, or why the file is refused. */
 static const char *take_apart(const uint8_t *bytes, size_t n)
 {
-    const char *why;
     ref_file f;
+    const char *why = ref_file_read(&f, bytes, n);
 
-    why = ref_file_read(&f, bytes, n);
     if (!why)
         ref_file_free(&f);
     return why;
@@ -117,16 +116,13 @@ TEST(bad_vectors_should_be_refused)
 
 static uint8_t *make_base(uint64_t number, size_t *n)
 {
-    gen_options o = { 0 };
     FREED_BY(gen_stream_free) gen_stream g;
     uint8_t *bytes;
+    gen_options o = { .seed = number, .n_coarse = 1 + (uint32_t)(number % 5),
+                      .bank = (int)(number % 3), .bank_slots = 32,
+                      .bank_width = 8 };
 
-    o.seed = number;
-    o.n_coarse = 1 + (uint32_t)(number % 5);
-    o.bank = (int)(number % 3);
-    o.bank_slots = 32;
-    o.bank_width = 8;
-    gen_stream_make(&g, &o);
+    g = gen_stream_make(&o);
     gen_stream_encode(&g, &bytes, n);
     return bytes;
 }

@@ -32,10 +32,8 @@ static double uniform(uint64_t *seed)
 /* Uniform in the cube and in time, narrow in time. */
 static flat flat_make(uint32_t n, uint64_t seed)
 {
-    flat f = { 0 };
+    flat f = { .n = n, .seed = seed };
 
-    f.n = n;
-    f.seed = seed;
     assert_done(saga_params_alloc(&f.p, SAGA_ATTRS_ALL, n, &error));
     f.score = must(calloc(n + 1u, sizeof *f.score));
     for (uint32_t i = 0; i < n; i++) {
@@ -88,14 +86,11 @@ static void model_make(saga_model *m, uint32_t tools)
     m->features = 5;
     m->octaves = 2;
     m->lambda_t_q8 = 256;
-    for (int i = 0; i < SAGA_N_TIERS; i++) {
-        m->tier[i].n_groups = 8;
-        m->tier[i].window = 2;
-        m->tier[i].neighbours = 2;
-        m->tier[i].suffix_bits = 4;
-        m->tier[i].radius2_q12 = 4 << 12;
-        m->tier[i].softmax_q8 = 739;
-    }
+    for (int i = 0; i < SAGA_N_TIERS; i++)
+        m->tier[i] = (saga_tier){
+            .n_groups = 8, .window = 2, .neighbours = 2, .suffix_bits = 4,
+            .radius2_q12 = 4 << 12, .softmax_q8 = 739
+        };
     m->tier[SAGA_TIER_COARSE].max_children = 16;
     m->tier[SAGA_TIER_FINE].max_children = 10;
     for (int i = 0; i < SAGA_N_STEPS; i++)
@@ -218,14 +213,12 @@ static void check_coarse(const saga_coarse *a, const saga_coarse *b)
 /* The decoder's walk over the scene's symbols finds the scene. */
 static void check_walk(const saga_scene *s, const saga_symbols *symbols)
 {
-    lookup c = { 0 };
     saga_nets nets;
     FREED_BY(saga_scaffold_free) saga_scaffold sc;
-    uint8_t *params;
+    FREED uint8_t *params;
+    lookup c = { .coder.residual = zero_residual, .coder.adaptive = look_up,
+                 .s = symbols };
 
-    c.coder.residual = zero_residual;
-    c.coder.adaptive = look_up;
-    c.s = symbols;
     saga_nets_layout(&nets, &s->model);
     params = must(aligned_alloc(16, nets.nbytes + 16));
     memset(params, 0, nets.nbytes + 16);
@@ -238,7 +231,6 @@ static void check_walk(const saga_scene *s, const saga_symbols *symbols)
         check_coarse(&s->coarse[i], &sc.coarse[i]);
     for (uint32_t i = 0; i < s->n.fine; i++)
         check_fine(&s->fine[i], &sc.fine[i]);
-    free(params);
 }
 
 static void check_symbols(const saga_symbols *a, const saga_symbols *b)
@@ -257,21 +249,17 @@ static void check_symbols(const saga_symbols *a, const saga_symbols *b)
 /* Encoded with constant networks, decoded, the symbols are the same. */
 static void check_bytes(const saga_scene *s, const saga_symbols *symbols)
 {
-    saga_header h = { 0 };
     saga_nets shapes;
     saga_net_symbols nets, nets_read;
     FREED_BY(recorder_free_symbols) saga_symbols read;
     saga_encode_sizes sizes;
     saga_encoder *e;
     uint32_t final_range[3];
-    uint8_t *bytes;
+    FREED uint8_t *bytes;
     size_t n;
+    saga_header h = { .model = s->model, .level = 3, .fps_num = 30,
+                      .fps_den = 1, .unit_mantissa = 1 };
 
-    h.model = s->model;
-    h.level = 3;
-    h.fps_num = 30;
-    h.fps_den = 1;
-    h.unit_mantissa = 1;
     saga_nets_layout(&shapes, &s->model);
     recorder_alloc_nets(&nets, &shapes);
     for (int net = 0; net < SAGA_N_NETS; net++)
@@ -285,7 +273,6 @@ static void check_bytes(const saga_scene *s, const saga_symbols *symbols)
     saga_encoder_free(e);
     saga_net_symbols_free(&nets);
     saga_net_symbols_free(&nets_read);
-    free(bytes);
 }
 
 /* --- What every scene has to be ------------------------------------------ */

@@ -22,15 +22,11 @@ static void make_model(saga_model *m, uint32_t tools, uint32_t no_fuse)
     m->lambda_t_q8 = 256;
     for (int i = 0; i < SAGA_N_KINDS; i++)
         m->sources[i] = SAGA_SOURCE_HYPER;
-    for (int i = 0; i < SAGA_N_TIERS; i++) {
-        m->tier[i].n_groups = 2;
-        m->tier[i].window = 8;
-        m->tier[i].neighbours = 4;
-        m->tier[i].suffix_bits = 4;
-        m->tier[i].max_children = 8;
-        m->tier[i].radius2_q12 = 65535;
-        m->tier[i].softmax_q8 = 739;
-    }
+    for (int i = 0; i < SAGA_N_TIERS; i++)
+        m->tier[i] = (saga_tier){
+            .n_groups = 2, .window = 8, .neighbours = 4, .suffix_bits = 4,
+            .max_children = 8, .radius2_q12 = 65535, .softmax_q8 = 739
+        };
     for (int i = 0; i < SAGA_N_NETS; i++) {
         m->width[i] = 8;
         m->q_in[i] = 12;

@@ -17,6 +17,7 @@
 #include "cpu.c"
 #undef saga_cpu_best
 
+#include "freed.h"
 #include "head.h"
 #include "plan.h"
 #include "primitive.h"
@@ -483,7 +484,7 @@ int main(int argc, char **argv)
 
     for (int i = 1; i < argc; i++) {
         size_t n = 0;
-        uint8_t *const bytes = read_file(argv[i], &n);
+        FREED uint8_t *const bytes = read_file(argv[i], &n);
 
         if (!bytes) {
             printf("FAIL %s: cannot be read\n", argv[i]);
@@ -495,7 +496,6 @@ int main(int argc, char **argv)
                 n_passed++;
             else
                 n_failed++;
-        free(bytes);
     }
     printf("%d passed, %d failed\n", n_passed, n_failed);
     return n_failed != 0 || n_passed == 0;

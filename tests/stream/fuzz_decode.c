@@ -128,7 +128,7 @@ static int write_seed(const char *dir, uint32_t number)
         o.seed = 50u * number + i;
         o.n_coarse = 3;
         o.bank = (int)(number % 3);
-        gen_stream_make(&g, &o);
+        g = gen_stream_make(&o);
         if (number & 1)
             mutate_extreme_nets(&g, &r);
         gen_stream_encode(&g, &bytes, &n);

@@ -6,6 +6,7 @@
  */
 #include "encode.h"
 #include "file.h"
+#include "freed.h"
 #include "fx.h"
 #include "gen_mutate.h"
 #include "gen_slow.h"
@@ -103,19 +104,19 @@ static int is_worth_it(const gen_stream *g, const gen_options *o)
  * */
 static void make_good(gen_stream *g, gen_options o)
 {
-    gen_stream_make(g, &o);
+    *g = gen_stream_make(&o);
     while (!is_worth_it(g, &o)) {
         gen_stream_free(g);
         o.seed += 100;
-        gen_stream_make(g, &o);
+        *g = gen_stream_make(&o);
     }
 }
 
 static void good(const char *stem, gen_options o)
 {
     char name[64];
-    gen_stream g;
-    uint8_t *bytes;
+    FREED_BY(gen_stream_free) gen_stream g;
+    FREED uint8_t *bytes;
     size_t n;
 
     snprintf(name, sizeof name, "good/%s.saga", stem);
@@ -124,8 +125,6 @@ static void good(const char *stem, gen_options o)
     write_file(name, bytes, n);
     for (uint32_t i = 0; i < g.n_segments; i++)
         describe(name, &g, &(saga_bytes){ bytes, n }, i);
-    free(bytes);
-    gen_stream_free(&g);
 }
 
 /* The first tree that fills level 0 to the brim. */
@@ -137,13 +136,12 @@ static void good_full(void)
 
     for (; !found; o.seed++) {
         const saga_level_caps *const cap = &saga_caps[0];
-        gen_stream g;
+        FREED_BY(gen_stream_free) gen_stream g;
         const saga_symbols *const s = &g.segment[0];
 
-        gen_stream_make(&g, &o);
+        g = gen_stream_make(&o);
         found = s->n.coarse == GEN_FULL_COARSE && s->n.fine == cap->n_fine &&
                 s->n.prim == cap->n_prim;
-        gen_stream_free(&g);
     }
     o.seed--;
     good("level0_full", o);
@@ -320,20 +318,19 @@ static void bad_signed(const char *stem, const uint8_t *bytes, size_t n,
                        size_t at, const char *by, size_t n_by,
                        saga_status status)
 {
-    uint8_t *const copy = malloc(n);
+    FREED uint8_t *const copy = malloc(n);
 
     memcpy(copy, bytes, n);
     memcpy(copy + at, by, n_by);
     mutate_sign(copy, n);
     bad(stem, copy, n, status);
-    free(copy);
 }
 
 /* A head and what a version or a tool of the future makes of it. */
 static void bad_versions(const uint8_t *bytes, size_t head)
 {
     const size_t longer = head + 8;
-    uint8_t *const copy = calloc(longer, 1);
+    FREED uint8_t *const copy = calloc(longer, 1);
 
     bad_signed("version_zero", bytes, head, 4, "\0", 1, SAGA_ERR_DATA);
     bad_signed("version_zero_reserved", bytes, head, 4, "\0\0\1", 3,
@@ -353,7 +350,6 @@ static void bad_versions(const uint8_t *bytes, size_t head)
     bad("tool_unknown_cut", copy, SAGA_HEADER_NBYTES, SAGA_ERR_VERSION);
     bad("tool_unknown_cut_more", copy, SAGA_HEADER_NBYTES - 1,
         SAGA_ERR_TRUNCATED);
-    free(copy);
 }
 
 /* Chunks of the head that claim a byte of what is behind them, or give one
@@ -391,7 +387,7 @@ static void bad_lengths_of_head(const uint8_t *bytes, size_t n, size_t head)
 /* The header changed, signed anew. */
 static void bad_header(const bad_change *b, const uint8_t *bytes, size_t n)
 {
-    uint8_t *const copy = malloc(n);
+    FREED uint8_t *const copy = malloc(n);
     saga_io in = { bytes, NULL, SAGA_MAGIC_NBYTES };
     saga_io out = { NULL, copy, SAGA_MAGIC_NBYTES };
     saga_header h;
@@ -406,7 +402,6 @@ static void bad_header(const bad_change *b, const uint8_t *bytes, size_t n)
         saga_tools_io(&out, &h);
     mutate_sign(copy, n);
     bad(b->stem, copy, n, b->status);
-    free(copy);
 }
 
 /* A file of the stream o, with each of the changes in turn; of the header
@@ -414,11 +409,10 @@ static void bad_header(const bad_change *b, const uint8_t *bytes, size_t n)
 static void bad_headers(const gen_options *o, const bad_change *headers,
                         size_t n_headers)
 {
-    gen_stream g;
-    uint8_t *bytes;
+    FREED uint8_t *bytes;
     size_t n;
+    FREED_BY(gen_stream_free) gen_stream g = gen_stream_make(o);
 
-    gen_stream_make(&g, o);
     gen_stream_encode(&g, &bytes, &n);
     n = fx_load32_le(bytes + SAGA_MAGIC_NBYTES);
     for (size_t i = 0; i < n_headers; i++)
@@ -426,20 +420,17 @@ static void bad_headers(const gen_options *o, const bad_change *headers,
     if (g.header.model.tools & SAGA_TOOL_BANK)
         bad("memory_cut_in_networks", bytes, SAGA_HEADER_NBYTES + 7,
             SAGA_ERR_TRUNCATED);
-    free(bytes);
-    gen_stream_free(&g);
 }
 
 /* One byte changed, nothing signed. */
 static void bad_byte(const char *stem, const uint8_t *bytes, size_t n,
                      size_t at, saga_status status)
 {
-    uint8_t *const copy = malloc(n);
+    FREED uint8_t *const copy = malloc(n);
 
     memcpy(copy, bytes, n);
     copy[at] ^= 0x55;
     bad(stem, copy, n, status);
-    free(copy);
 }
 
 /* A symbol of a model that is fresh. */
@@ -457,13 +448,12 @@ static void bad_scale(void)
 {
     const gen_options o = { .seed = 7, .level = 1, .n_coarse = 3,
                             .tools_fixed = 1 };
-    gen_stream g;
-    mutate_file f;
+    FREED_BY(mutate_free) mutate_file f;
     saga_range_enc e;
     uint8_t *bytes, *changed, begin[16];
     size_t n;
+    FREED_BY(gen_stream_free) gen_stream g = gen_stream_make(&o);
 
-    gen_stream_make(&g, &o);
     gen_stream_encode(&g, &bytes, &n);
     mutate_split(&f, bytes, n);
     saga_range_enc_init(&e, begin, sizeof begin);
@@ -479,9 +469,7 @@ static void bad_scale(void)
     changed = mutate_join(&f, &n);
     bad("scale_below_zero", changed, n, SAGA_ERR_DATA);
     free(changed);
-    mutate_free(&f);
     free(bytes);
-    gen_stream_free(&g);
 }
 
 /* Chunks of a file of one segment, as mutate_split numbers them. */
@@ -493,7 +481,7 @@ enum { PART_SEGMENT = 2, PART_COARSE, PART_FINE, PART_PRIM };
 static void bad_chunk(const char *stem, const uint8_t *bytes, size_t n,
                       int part, int more, size_t at)
 {
-    mutate_file f;
+    FREED_BY(mutate_free) mutate_file f;
     uint8_t *changed, *payload;
     size_t size;
 
@@ -509,14 +497,13 @@ static void bad_chunk(const char *stem, const uint8_t *bytes, size_t n,
     changed = mutate_join(&f, &n);
     bad(stem, changed, n, SAGA_ERR_DATA);
     free(changed);
-    mutate_free(&f);
 }
 
 /* The index says one byte more than the segment has; `more` bytes follow. */
 static void bad_index(const char *stem, const uint8_t *bytes, size_t n,
                       size_t more, saga_status status)
 {
-    uint8_t *const copy = calloc(n + more, 1);
+    FREED uint8_t *const copy = calloc(n + more, 1);
     const size_t at = fx_load32_le(bytes + SAGA_MAGIC_NBYTES) +
                       SAGA_CHUNK_NBYTES + 8;
 
@@ -524,14 +511,13 @@ static void bad_index(const char *stem, const uint8_t *bytes, size_t n,
     fx_store32_le(copy + at, fx_load32_le(copy + at) + 1);
     mutate_sign(copy, n + more);
     bad(stem, copy, n + more, status);
-    free(copy);
 }
 
 /* The head of one file, the segment of another that has the same number, frames
  * and bytes: the same stream with another height of its cameras' pictures. */
 static void bad_owner(const uint8_t *bytes, size_t n)
 {
-    uint8_t *const copy = malloc(n);
+    FREED uint8_t *const copy = malloc(n);
     const size_t nets = fx_load32_le(bytes + SAGA_MAGIC_NBYTES) +
                         2 * SAGA_CHUNK_NBYTES + SAGA_INDEX_ENTRY_NBYTES;
     const size_t head = nets + fx_load32_le(bytes + nets - 8);
@@ -541,18 +527,16 @@ static void bad_owner(const uint8_t *bytes, size_t n)
     mutate_sign(copy, n);
     memcpy(copy + head, bytes + head, n - head);
     bad("segment_of_another_file", copy, n, SAGA_ERR_DATA);
-    free(copy);
 }
 
 /* Segments that are not what the index says, and bytes left over. */
 static void bad_segments(void)
 {
     const gen_options o = { .seed = 15, .level = 0, .n_coarse = 2 };
-    gen_stream g;
-    uint8_t *bytes;
+    FREED uint8_t *bytes;
     size_t n;
+    FREED_BY(gen_stream_free) gen_stream g = gen_stream_make(&o);
 
-    gen_stream_make(&g, &o);
     gen_stream_encode(&g, &bytes, &n);
     bad_chunk("segment_number", bytes, n, PART_SEGMENT, 0, 0);
     bad_chunk("segment_first_frame", bytes, n, PART_SEGMENT, 0, 4);
@@ -567,8 +551,6 @@ static void bad_segments(void)
     bad_owner(bytes, n);
     bad_versions(bytes, fx_load32_le(bytes + SAGA_MAGIC_NBYTES));
     bad_lengths_of_head(bytes, n, fx_load32_le(bytes + SAGA_MAGIC_NBYTES));
-    free(bytes);
-    gen_stream_free(&g);
 }
 
 /* The head of one file, the segment of another with the same networks and
@@ -576,14 +558,13 @@ static void bad_segments(void)
  */
 static void bad_base_owner(const uint8_t *bytes, size_t n, size_t head)
 {
-    uint8_t *const copy = malloc(n);
+    FREED uint8_t *const copy = malloc(n);
 
     memcpy(copy, bytes, n);
     copy[head - 1]++;
     mutate_sign(copy, n);
     memcpy(copy, bytes, head);
     bad("segment_of_another_base", copy, n, SAGA_ERR_DATA);
-    free(copy);
 }
 
 /* Bases that may not be. */
@@ -603,13 +584,13 @@ static void bad_base(void)
     };
     const gen_options o = { .seed = 7, .level = 1, .n_coarse = 3,
                             .tools_fixed = 1, .base = 1 };
-    gen_stream g;
-    uint8_t *bytes;
+    FREED_BY(gen_stream_free) gen_stream g;
+    FREED uint8_t *bytes;
     size_t n, head;
     saga_info info;
 
     bad_headers(&o, headers, sizeof headers / sizeof *headers);
-    gen_stream_make(&g, &o);
+    g = gen_stream_make(&o);
     gen_stream_encode(&g, &bytes, &n);
     saga_probe(&info, bytes, n);
     head = info.head_nbytes;
@@ -618,8 +599,6 @@ static void bad_base(void)
     bad("base_cut", bytes, head - 5, SAGA_ERR_TRUNCATED);
     bad_byte("crc_base", bytes, n, head - 3, SAGA_ERR_DATA);
     bad_base_owner(bytes, n, head);
-    free(bytes);
-    gen_stream_free(&g);
 }
 
 /* The first segment's bytes in a file. */
@@ -654,7 +633,7 @@ static void cut_layers(const gen_options *o)
         "cut/layers_1.saga", "cut/layers_2.saga", "cut/layers_2_more.saga"
     };
     saga_bytes part;
-    gen_stream g;
+    FREED_BY(gen_stream_free) gen_stream g;
     size_t n;
 
     make_good(&g, *o);
@@ -669,7 +648,6 @@ static void cut_layers(const gen_options *o)
             describe_layers(name[i], &g, &part, 0, n_layers, &looks[k]);
     }
     free(part.data);
-    gen_stream_free(&g);
 }
 
 /* Fields of SEGM, 4 bytes each, with something added; all of it is signed. */
@@ -677,7 +655,7 @@ static void bad_lengths(const char *stem, const uint8_t *bytes, size_t n,
                         const int by[2][2], saga_status status)
 {
     const saga_segment seg = first_segment(bytes, n);
-    uint8_t *const copy = malloc(n);
+    FREED uint8_t *const copy = malloc(n);
 
     memcpy(copy, bytes, n);
     for (int i = 0; i < 2; i++) {
@@ -688,7 +666,6 @@ static void bad_lengths(const char *stem, const uint8_t *bytes, size_t n,
     }
     mutate_sign(copy, n);
     bad(stem, copy, n, status);
-    free(copy);
 }
 
 /* Layers that may not be. */
@@ -714,8 +691,8 @@ static void bad_layers(const gen_options *o)
     static const bad_change together = {
         "layers_prim_together", SAGA_ERR_DATA, { MORE(max.prim, UINT32_MAX) }
     };
-    gen_stream g;
-    uint8_t *bytes;
+    FREED_BY(gen_stream_free) gen_stream g;
+    FREED uint8_t *bytes;
     size_t n, end;
 
     make_good(&g, *o);
@@ -735,8 +712,6 @@ static void bad_layers(const gen_options *o)
     /* In the second one, which the cut file has whole. */
     bad_byte("crc_layer_cut", bytes, end_of_layer(bytes, n, 1),
              end + SAGA_CHUNK_NBYTES, SAGA_ERR_DATA);
-    free(bytes);
-    gen_stream_free(&g);
 }
 
 /* Banks that may not be, in a file that has one. */
@@ -796,9 +771,9 @@ static void bad_fuse(void)
 /* A file whose header allows one anchor of each tier more than its level. */
 static void bad_slow(const char *stem, int kind)
 {
-    gen_stream g;
+    FREED_BY(gen_stream_free) gen_stream g;
     saga_counts max;
-    uint8_t *bytes;
+    FREED uint8_t *bytes;
     size_t n;
 
     gen_slow_make(&g, 0, kind, 4096);
@@ -806,15 +781,13 @@ static void bad_slow(const char *stem, int kind)
     gen_stream_encode(&g, &bytes, &n);
     gen_slow_set_max(bytes, max.coarse + 1, max.fine + 1);
     bad(stem, bytes, n, SAGA_ERR_LEVEL);
-    free(bytes);
-    gen_stream_free(&g);
 }
 
 /* Work that takes longer than the level allows. */
 static void bad_work(void)
 {
-    gen_stream g;
-    uint8_t *bytes;
+    FREED_BY(gen_stream_free) gen_stream g;
+    FREED uint8_t *bytes;
     size_t n;
 
     bad_slow("work_exceeded", GEN_SLOW_WIDE);
@@ -823,8 +796,6 @@ static void bad_work(void)
     gen_slow_wall(&g, 0, SAGA_COVER_MAX(0) + 1);
     gen_stream_encode(&g, &bytes, &n);
     bad("cover_exceeded", bytes, n, SAGA_ERR_LEVEL);
-    free(bytes);
-    gen_stream_free(&g);
 }
 
 static void bad_all(void)
@@ -872,11 +843,10 @@ static void bad_all(void)
     };
     const gen_options o = { .seed = 7, .level = 1, .n_coarse = 3,
                             .tools_fixed = 1 };
-    gen_stream g;
-    uint8_t *bytes;
+    FREED uint8_t *bytes;
     size_t n, head, half;
+    FREED_BY(gen_stream_free) gen_stream g = gen_stream_make(&o);
 
-    gen_stream_make(&g, &o);
     gen_stream_encode(&g, &bytes, &n);
     head = SAGA_HEADER_NBYTES + GEN_MAX_CAMERAS * SAGA_CAMERA_NBYTES + 4u;
     half = n / 2;
@@ -893,8 +863,6 @@ static void bad_all(void)
     bad_byte("crc_index", bytes, n, head + 14, SAGA_ERR_DATA);
     bad_byte("crc_networks", bytes, n, half, SAGA_ERR_DATA);
     bad_byte("crc_segment", bytes, n, n - 3, SAGA_ERR_DATA);
-    free(bytes);
-    gen_stream_free(&g);
 }
 
 int main(int argc, char **argv)

@@ -137,10 +137,9 @@ static void check_segment(file *f, size_t *at, uint32_t i,
                           const uint8_t *entry, uint32_t first_frame)
 {
     const size_t begin = *at;
-    uint8_t *seg;
     uint32_t nbytes;
+    uint8_t *seg = chunk(f, at, "SEGM", &nbytes);
 
-    seg = chunk(f, at, "SEGM", &nbytes);
     assert_int_equal(nbytes, segment_nbytes(f));
     check_values(SEGMENT, seg, f);
     for (uint32_t k = 0; k < n_layers_of(f); k++)

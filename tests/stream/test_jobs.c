@@ -62,15 +62,10 @@ static void draw_rect(const player *s, const division *d, int32_t x0,
                       int32_t y0, int32_t x1, int32_t y1,
                       const saga_picture *picture)
 {
-    saga_job job = { 0 };
     saga_status status;
+    saga_job job = { .x0 = x0, .y0 = y0, .x1 = x1, .y1 = y1, .tile = d->tile,
+                     .list_capacity = d->list };
 
-    job.x0 = x0;
-    job.y0 = y0;
-    job.x1 = x1;
-    job.y1 = y1;
-    job.tile = d->tile;
-    job.list_capacity = d->list;
     job.scratch_nbytes = scratch_nbytes(d);
     job.scratch = malloc(job.scratch_nbytes);
     if (!job.scratch)
@@ -239,7 +234,7 @@ TEST(jobs_should_not_disturb_each_other)
     saga_job job[N];
     int left = N, done[N] = { 0 };
     FREED_BY(player_close) player s;
-    uint8_t *p;
+    FREED uint8_t *p;
     size_t line, n;
 
     make_scene(&s, &o);
@@ -270,7 +265,6 @@ TEST(jobs_should_not_disturb_each_other)
     assert_int_equal(saga_crc32c(0, p, n), crc_of(&s, &plain));
     for (int i = 0; i < N; i++)
         free(job[i].scratch);
-    free(p);
 }
 
 /* --- Blocks -------------------------------------------------------------- */

@@ -160,9 +160,8 @@ TEST(layers_should_be_what_their_symbols_are_alone)
     for (uint32_t i = 0; i < N_STREAMS; i++) {
         const gen_options o = options_of(i);
         FREED_BY(end) taken_apart t;
-        FREED_BY(gen_stream_free) gen_stream g;
+        FREED_BY(gen_stream_free) gen_stream g = gen_stream_make(&o);
 
-        gen_stream_make(&g, &o);
         take_apart(&t, &g, (const saga_symbols *[]){
                        &g.segment[0], &g.segment[1], &g.segment[2] }, 3);
         assert_int_equal(t.all.report.n_layers, N_LAYERS);
@@ -194,9 +193,8 @@ TEST(base_should_be_what_its_symbols_are_as_a_segment)
     for (uint32_t i = 0; i < N_STREAMS; i++) {
         const gen_options o = with_base(i, i % 2 ? SAGA_TOOL_VIEW : 0);
         FREED_BY(end) taken_apart t;
-        FREED_BY(gen_stream_free) gen_stream g;
+        FREED_BY(gen_stream_free) gen_stream g = gen_stream_make(&o);
 
-        gen_stream_make(&g, &o);
         take_apart(&t, &g, (const saga_symbols *[]){ &g.base, &g.segment[0] },
                    2);
         assert_int_equal(t.all.info.base_primitives,
@@ -223,7 +221,7 @@ TEST(no_time_and_no_segment_should_change_the_base)
 {
     for (uint32_t i = 0; i < N_STREAMS; i++) {
         const gen_options o = with_base(i, SAGA_TOOLS_PICTURE);
-        saga_animated *first;
+        FREED saga_animated *first;
         FREED_BY(player_close) player p;
 
         player_make(&p, &o);
@@ -234,7 +232,6 @@ TEST(no_time_and_no_segment_should_change_the_base)
         check_still(&p, first);
         player_decode(&p, 1);
         check_still(&p, first);
-        free(first);
     }
 }
 
@@ -271,10 +268,9 @@ TEST(cut_segment_should_have_the_layers_that_are_whole)
     for (uint32_t i = 0; i < N_STREAMS; i++) {
         const gen_options o = options_of(i);
         uint32_t n_prim = 0;
-        FREED_BY(gen_stream_free) gen_stream g;
         player all, cut;
+        FREED_BY(gen_stream_free) gen_stream g = gen_stream_make(&o);
 
-        gen_stream_make(&g, &o);
         play(&all, &g);
         play(&cut, &g);
         for (uint32_t k = 0; k < N_LAYERS; k++) {
@@ -303,11 +299,10 @@ TEST(cut_segment_should_have_the_layers_that_are_whole)
 TEST(damage_should_count_in_whole_layers_only)
 {
     const gen_options o = options_of(0);
-    FREED_BY(gen_stream_free) gen_stream g;
     FREED_BY(player_close) player p;
     size_t end_of_1, end_of_2;
+    FREED_BY(gen_stream_free) gen_stream g = gen_stream_make(&o);
 
-    gen_stream_make(&g, &o);
     play(&p, &g);
     end_of_1 = layer_of(&p, 0).end;
     end_of_2 = layer_of(&p, 1).end;
@@ -326,12 +321,12 @@ TEST(cut_file_should_be_what_the_encoder_makes_of_fewer)
         gen_options o = options_of(i);
         saga_error error = { "" };
         FREED_BY(gen_stream_free) gen_stream g;
-        uint8_t *bytes;
+        FREED uint8_t *bytes;
         size_t n;
 
         o.base = i % 2 == 1;
         o.named = i % 3 == 1;
-        gen_stream_make(&g, &o);
+        g = gen_stream_make(&o);
         gen_stream_encode(&g, &bytes, &n);
         for (uint32_t k = 1; k <= N_LAYERS; k++) {
             const saga_splice_part part = { .name = "it", .bytes = bytes,
@@ -348,7 +343,6 @@ TEST(cut_file_should_be_what_the_encoder_makes_of_fewer)
             free(cut);
             free(want);
         }
-        free(bytes);
     }
 }
 
@@ -358,12 +352,11 @@ TEST(more_layers_than_there_are_should_be_refused)
     saga_layer_report layer;
     saga_error error = { "" };
     saga_splice_part part = { .name = "it", .n_layers = N_LAYERS + 1 };
-    FREED_BY(gen_stream_free) gen_stream g;
     uint8_t *cut;
     FREED_BY(player_close) player p;
     size_t n;
+    FREED_BY(gen_stream_free) gen_stream g = gen_stream_make(&o);
 
-    gen_stream_make(&g, &o);
     play(&p, &g);
     part.bytes = p.bytes;
     part.nbytes = p.n;

@@ -306,9 +306,8 @@ TEST(segment_should_be_refused_when_another_is_named)
 TEST(segment_should_be_refused_when_of_another_file)
 {
     player p, q;
-    gen_stream g;
+    gen_stream g = gen_stream_make(&options);
 
-    gen_stream_make(&g, &options);
     player_open(&p, &g);
     g.header.unit_exponent++;
     player_open(&q, &g);

@@ -85,9 +85,8 @@ static void make_base(base *b, uint64_t number)
         o.bank_width = 8;
     }
     for (o.seed = 1000 * number;; o.seed++) {
-        gen_stream g;
+        gen_stream g = gen_stream_make(&o);
 
-        gen_stream_make(&g, &o);
         if (number % 4 == 1)
             mutate_extreme_nets(&g, &r);
         if (!o.picture && is_too_large(&g)) {

@@ -63,7 +63,7 @@ static void prepare(player *p)
 static void begin(player *p, const gen_options *o)
 {
     memset(p, 0, sizeof *p);
-    gen_stream_make(&p->g, o);
+    p->g = gen_stream_make(o);
     prepare(p);
     assert_ok(saga_open(&p->dec, p->work, p->info.work_nbytes, p->bytes,
                         p->info.head_nbytes, NULL));
@@ -154,10 +154,9 @@ static gen_options full_options(void)
                       .bank = GEN_BANK_ORTHOGONAL };
 
     for (;; o.seed++) {
-        gen_stream g;
         saga_counts n;
+        gen_stream g = gen_stream_make(&o);
 
-        gen_stream_make(&g, &o);
         n = g.segment[0].n;
         gen_stream_free(&g);
         if (n.coarse == GEN_FULL_COARSE &&
@@ -343,7 +342,7 @@ TEST(block_should_be_used_up_to_its_end)
 
         o.base = 0;
         o.n_layers = 1;
-        gen_stream_make(&p.g, &o);
+        p.g = gen_stream_make(&o);
         s = &p.g.segment[0];
         memset(s->n_prim, 0, s->n.fine);
         s->n.prim = 0;
@@ -655,7 +654,7 @@ TEST(copy_should_not_follow_its_original)
     FREED_BY(end) player p;
     saga_camera c;
     saga_decoder *copy;
-    uint8_t *block;
+    FREED uint8_t *block;
     uint32_t crc, other;
 
     begin(&p, &picture_options);
@@ -672,7 +671,6 @@ TEST(copy_should_not_follow_its_original)
     assert_ok(saga_view(copy, &c, 0));
     assert_int_equal(draw(copy, &c), crc);
     assert_int_equal(draw(p.dec, &c), other);
-    free(block);
 }
 
 /* A view must not use what an earlier segment, view or stream left behind. */
@@ -735,7 +733,7 @@ static void check_colours(uint32_t tools)
     gen_options o = picture_options;
     FREED_BY(end) player p;
     saga_camera c;
-    seen *list;
+    FREED seen *list;
     uint32_t crc, n;
 
     o.tools = tools;
@@ -756,7 +754,6 @@ static void check_colours(uint32_t tools)
         assert_memory_equal(colour, s.colour_q15, sizeof colour);
     }
     assert_int_equal(draw(p.dec, &c), crc);
-    free(list);
 }
 
 TEST(colour_should_be_that_of_a_view_from_there)

@@ -95,10 +95,9 @@ static void check_lengths(const char *what, const uint8_t *bytes, size_t n,
 static uint8_t *make(const gen_options *o, size_t *n, size_t *head)
 {
     saga_info info;
-    gen_stream g;
     uint8_t *bytes;
+    gen_stream g = gen_stream_make(o);
 
-    gen_stream_make(&g, o);
     gen_stream_encode(&g, &bytes, n);
     gen_stream_free(&g);
     assert_ok(saga_probe(&info, bytes, *n));

@@ -287,17 +287,14 @@ static void assert_covered(const coverage *c, uint32_t n)
 /* Mostly level 0 and 1: the others have larger networks, nothing else. */
 static gen_options options_of(uint64_t seed, uint32_t i)
 {
-    gen_options o = { 0 };
+    gen_options o = { .seed = seed,
+                      .level = i % 64 == 63 ? 3 : i % 32 == 31 ? 2 : i / 32 % 2,
+                      .n_coarse = i % 10 == 9 ? 40 : 0,
+                      .n_segments = i % 8 ? 1 : 1 + i / 8 % GEN_MAX_SEGMENTS,
+                      .tools_fixed = 1, .tools = i % 32,
+                      .bank = (int)(i / 2 % 3), .base = i % 5 == 1,
+                      .n_layers = i % 7 == 3 ? 2 + i % 2 : 1 };
 
-    o.seed = seed;
-    o.level = i % 64 == 63 ? 3 : i % 32 == 31 ? 2 : i / 32 % 2;
-    o.n_coarse = i % 10 == 9 ? 40 : 0;
-    o.n_segments = i % 8 ? 1 : 1 + i / 8 % GEN_MAX_SEGMENTS;
-    o.tools_fixed = 1;
-    o.tools = i % 32;
-    o.bank = (int)(i / 2 % 3);
-    o.base = i % 5 == 1;
-    o.n_layers = i % 7 == 3 ? 2 + i % 2 : 1;
     return o;
 }
 
@@ -310,9 +307,8 @@ TEST(stream_should_decode_to_the_symbols_it_was_made_from)
     printf("seeds from %" PRIu64 ", %" PRIu32 " streams\n", seed, n);
     for (uint32_t i = 0; i < n; i++) {
         const gen_options o = options_of(seed + i, i);
-        FREED_BY(gen_stream_free) gen_stream g;
+        FREED_BY(gen_stream_free) gen_stream g = gen_stream_make(&o);
 
-        gen_stream_make(&g, &o);
         cover(&c, &g);
         check_stream(&g);
     }
@@ -328,16 +324,13 @@ TEST(stream_should_decode_to_the_symbols_it_was_made_from)
 static void make_full(gen_stream *g)
 {
     const saga_level_caps *const cap = &saga_caps[0];
-    gen_options o = { 0 };
+    gen_options o = { .full = 1, .tools_fixed = 1, .tools = SAGA_TOOLS_PICTURE,
+                      .bank = GEN_BANK_ORTHOGONAL };
 
-    o.full = 1;
-    o.tools_fixed = 1;
-    o.tools = SAGA_TOOLS_PICTURE;
-    o.bank = GEN_BANK_ORTHOGONAL;
     for (o.seed = testing_seed(1);; o.seed++) {
         const saga_symbols *const s = &g->segment[0];
 
-        gen_stream_make(g, &o);
+        *g = gen_stream_make(&o);
         if (s->n.coarse == GEN_FULL_COARSE && s->n.fine == cap->n_fine &&
             s->n.prim == cap->n_prim)
             return;
@@ -357,11 +350,9 @@ TEST(stream_should_survive_layers_without_anchors)
 {
     const gen_options o = { .seed = testing_seed(1), .level = 1, .n_coarse = 9,
                             .n_segments = 3 };
-    FREED_BY(gen_stream_free) gen_stream g;
-    saga_symbols *s;
+    FREED_BY(gen_stream_free) gen_stream g = gen_stream_make(&o);
+    saga_symbols *s = &g.segment[0];
 
-    gen_stream_make(&g, &o);
-    s = &g.segment[0];
     memset(s->n_fine, 0, s->n.coarse);
     s->n.fine = s->n.prim = 0;
     s = &g.segment[1];
@@ -539,15 +530,13 @@ static void no_frames(gen_stream *g) { g->n_frames[0] = 0; }
 /* A stream in which every spoiler above finds what it changes. */
 static void make_rich(gen_stream *g)
 {
-    gen_options o = { 0 };
+    gen_options o = { .level = 1, .n_coarse = 24 };
 
-    o.level = 1;
-    o.n_coarse = 24;
     for (o.seed = 100 + testing_seed(1);; o.seed++) {
         const saga_tier *const l = g->header.model.tier;
         const saga_symbols *const s = &g->segment[0];
 
-        gen_stream_make(g, &o);
+        *g = gen_stream_make(&o);
         if (s->n.coarse > 8 && s->n.prim > 100 && s->n_fine[0] > 1 &&
             s->n_prim[0] > 1 && s->split[0] != 0 &&
             l[0].suffix_bits > 2 && l[0].suffix_bits < 8 &&
@@ -869,10 +858,9 @@ static void check_random_access(uint64_t seed, uint32_t tools)
     const gen_options o = { .seed = seed, .level = 1, .n_coarse = 8,
                             .n_segments = 3, .picture = 1, .tools_fixed = 1,
                             .tools = tools };
-    FREED_BY(gen_stream_free) gen_stream g;
     player all, one;
+    FREED_BY(gen_stream_free) gen_stream g = gen_stream_make(&o);
 
-    gen_stream_make(&g, &o);
     player_open(&all, &g);
     player_open(&one, &g);
     decode_copy(&all, &g, 0);

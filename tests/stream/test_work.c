@@ -245,13 +245,12 @@ TEST(work_should_be_as_the_formula_says)
         const gen_options o = { .seed = 4000 + (uint64_t)i, .level = i % 4,
                                 .n_coarse = 30, .bank = i % 3, .base = i % 2,
                                 .n_layers = 1 + (uint32_t)i / 2 % 3 };
-        FREED_BY(gen_stream_free) gen_stream g;
-        uint8_t *bytes;
+        FREED uint8_t *bytes;
         saga_info info;
         uint64_t work;
         size_t n;
+        FREED_BY(gen_stream_free) gen_stream g = gen_stream_make(&o);
 
-        gen_stream_make(&g, &o);
         gen_stream_encode(&g, &bytes, &n);
         assert_ok(saga_probe(&info, bytes, n));
         work = scaffold_of(&g.header.model, info.max_coarse, info.max_fine,
@@ -263,7 +262,6 @@ TEST(work_should_be_as_the_formula_says)
             work += scaffold_of(&g.header.model, info.base_coarse,
                                 info.base_fine, info.base_primitives);
         assert_int_equal(info.work, work);
-        free(bytes);
     }
 }
 
@@ -368,7 +366,7 @@ TEST(stopped_decoder_should_decode_again)
                                 .base = i % 2,
                                 .n_layers = 1 + (uint32_t)i % 3 };
 
-        gen_stream_make(&g, &o);
+        g = gen_stream_make(&o);
         stop_everywhere(&g, o.seed);
         gen_stream_free(&g);
     }

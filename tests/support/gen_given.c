@@ -6,6 +6,7 @@
  */
 #include "gen_given.h"
 
+#include "freed.h"
 #include "gen_scene.h"
 #include "scaffold.h"
 
@@ -236,7 +237,7 @@ typedef struct {
 static void place(placed *to, const gen_given *p, uint32_t n, uint32_t depth)
 {
     const uint32_t n_leaves = 1u << 3 * depth;
-    uint8_t *const taken = array(n_leaves, 1);
+    FREED uint8_t *const taken = array(n_leaves, 1);
 
     for (uint32_t i = 0; i < n; i++) {
         uint32_t best = n_leaves;
@@ -254,7 +255,6 @@ static void place(placed *to, const gen_given *p, uint32_t n, uint32_t depth)
         to[i].given = p[i];
         to[i].key = best;
     }
-    free(taken);
 }
 
 static int by_key(const void *a, const void *b)
@@ -447,7 +447,7 @@ static void make_rig(saga_rig_camera *rig)
 void gen_given_make(gen_stream *g, gen_given *p, uint32_t n, uint32_t tools,
                     uint32_t n_frames)
 {
-    placed *const all = array(n, sizeof *all);
+    FREED placed *const all = array(n, sizeof *all);
     uint32_t depth = 2;
 
     while (depth < MAX_DEPTH && 1u << 3 * depth < 2 * n)
@@ -465,5 +465,4 @@ void gen_given_make(gen_stream *g, gen_given *p, uint32_t n, uint32_t tools,
         p[i] = all[i].given;
     g->n_segments = 1;
     g->n_frames[0] = n_frames;
-    free(all);
 }

@@ -127,3 +127,16 @@ void gen_hard_animated(saga_animated *a, gen_rng *r, const saga_camera *c)
     if (gen_one_in(r, 64))
         a->q0_q20 = cut + gen_int(r, 0, 1 << 20);
 }
+
+void gen_hard_format(saga_prim_format *f, gen_rng *r)
+{
+    *f = (saga_prim_format){ 0 };
+    f->q_quat = (uint8_t)gen_int(r, 0, 20);
+    f->q_slope = (uint8_t)gen_int(r, 0, 20);
+    f->q_opacity = (uint8_t)gen_int(r, 0, 20);
+    for (int i = 0; i < 3; i++)
+        f->q_motion[i] = (uint8_t)gen_int(r, 0, 20);
+    f->motion_order = (uint8_t)gen_int(r, 0, 3);
+    f->has_slope = (uint8_t)gen_int(r, 0, 1);
+    f->has_width = (uint8_t)gen_int(r, 0, 1);
+}

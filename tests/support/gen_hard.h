@@ -13,6 +13,9 @@
  * principal points around the picture and far from it. */
 void gen_hard_camera(saga_camera *c, gen_rng *r, int width, int height);
 
+/* Any format of primitives, without tools. */
+void gen_hard_format(saga_prim_format *f, gen_rng *r);
+
 /* Most are seen near the picture; some lie near, behind or far outside. */
 void gen_hard_animated(saga_animated *a, gen_rng *r, const saga_camera *c);
 

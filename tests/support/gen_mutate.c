@@ -3,6 +3,7 @@
 
 #include "container.h"
 #include "encode.h"
+#include "freed.h"
 #include "fx.h"
 #include "head.h"
 #include "plan.h"
@@ -350,7 +351,7 @@ static mutate_stage stage_of_layer(const head *h, saga_counts n,
                                    const mutate_part *chunks)
 {
     mutate_stage stage = MUTATE_AT_VIEW;
-    saga_scaffold sc;
+    FREED_BY(saga_scaffold_free) saga_scaffold sc;
 
     scaffold_open(&sc, h, n);
     for (int i = 0; i < 3 && stage == MUTATE_AT_VIEW; i++) {
@@ -365,7 +366,6 @@ static mutate_stage stage_of_layer(const head *h, saga_counts n,
             !saga_range_dec_finish(&range))
             stage = stage_of(w.last);
     }
-    saga_scaffold_free(&sc);
     return stage;
 }
 
@@ -479,7 +479,7 @@ static void raise_maxima(mutate_file *f)
 
 static void repair_all(mutate_file *f)
 {
-    uint8_t *bytes;
+    FREED uint8_t *bytes;
     size_t n;
     head h;
 
@@ -494,7 +494,6 @@ static void repair_all(mutate_file *f)
                 repair(&h, &f->part[i], k);
         free(h.params);
     }
-    free(bytes);
 }
 
 /* --- Damage -------------------------------------------------------------- */
@@ -753,12 +752,12 @@ static int damage_file(mutate_file *f, mutate_class c, uint64_t *r)
 /* The networks' chunk as long as it is read, if its rows are valid. */
 static void fit_networks(mutate_file *f)
 {
-    uint8_t *const padded = must(calloc(f->part[1].n + PAD + 1, 1));
+    FREED uint8_t *const padded = must(calloc(f->part[1].n + PAD + 1, 1));
     saga_header h;
     saga_plan plan;
     size_t n;
     int ok = 1;
-    uint8_t *const bytes = mutate_join(f, &n);
+    FREED uint8_t *const bytes = mutate_join(f, &n);
     uint8_t *params = NULL;
 
     ok = !saga_head_read(&h, bytes, f->header_nbytes) &&
@@ -777,8 +776,6 @@ static void fit_networks(mutate_file *f)
             resize(&f->part[1], range.pos - 3);
     }
     free(params);
-    free(padded);
-    free(bytes);
 }
 
 static uint8_t *make_raw(const uint8_t *bytes, size_t n, int sign, uint64_t *r,
@@ -974,7 +971,7 @@ static void draw(player *p, const saga_camera *c, uint32_t n_splats)
     const size_t line = 3u * c->width * (bits == 16 ? 2u : 1u);
     const size_t nbytes = line * c->height;
     const uint32_t budget = 1 + pick(p->r, pick(p->r, 2) ? 300 : 100000);
-    uint8_t *const pixels = must(malloc(nbytes));
+    FREED uint8_t *const pixels = must(malloc(nbytes));
     const saga_picture picture = { pixels, line, nbytes, bits };
     saga_job job;
     saga_status s;
@@ -996,7 +993,6 @@ static void draw(player *p, const saga_camera *c, uint32_t n_splats)
     PROMISE(p->result, s == SAGA_OK);
     p->result->crc = crc_of_samples(p->result->crc, pixels, nbytes, bits);
     free(job.scratch);
-    free(pixels);
 }
 
 static void look(player *p, const saga_camera *c, int is_rig)
@@ -1212,8 +1208,8 @@ static void play_segments(player *p, const uint8_t *bytes, size_t n)
 
 static void play_file(player *p, const uint8_t *bytes, size_t n)
 {
-    uint8_t *const work = must(aligned_alloc(SAGA_WORK_ALIGN,
-                                             p->info.work_nbytes));
+    FREED uint8_t *const work = must(aligned_alloc(SAGA_WORK_ALIGN,
+                                                   p->info.work_nbytes));
     saga_segment seg;
     const saga_status found = saga_find(&seg, p->head, p->n_head, 0, 1);
     saga_status s;
@@ -1230,13 +1226,12 @@ static void play_file(player *p, const uint8_t *bytes, size_t n)
         p->result->head_nbytes = found ? 0 : p->n_head;
         play_segments(p, bytes, n);
     }
-    free(work);
 }
 
 void mutate_play(mutate_result *result, const uint8_t *bytes, size_t n,
                  uint64_t *r)
 {
-    uint8_t *const all = copy_of(bytes, n);
+    FREED uint8_t *const all = copy_of(bytes, n);
     player p;
     saga_status s;
 
@@ -1258,5 +1253,4 @@ void mutate_play(mutate_result *result, const uint8_t *bytes, size_t n,
         play_file(&p, all, n);
         free(p.head);
     }
-    free(all);
 }

@@ -566,35 +566,34 @@ static void fit_model(saga_model *m, uint64_t *r, const gen_options *o)
     } while (weights > saga_caps[o->level].n_weights);
 }
 
-void gen_stream_make(gen_stream *g, const gen_options *o)
+gen_stream gen_stream_make(const gen_options *o)
 {
     const uint32_t n_layers = o->n_layers ? o->n_layers : 1;
     uint64_t r = o->seed;
+    gen_stream g = { .named = o->named, .sounds = o->sounds };
 
-    memset(g, 0, sizeof *g);
-    fit_model(&g->header.model, &r, o);
-    g->header.level = (uint8_t)o->level;
-    g->header.more_layers = (uint8_t)(n_layers - 1);
-    g->header.fps_num = 30;
-    g->header.fps_den = 1;
-    g->header.unit_mantissa = 1;
-    g->header.unit_exponent = -22;
-    g->header.n_cameras = GEN_MAX_CAMERAS;
+    fit_model(&g.header.model, &r, o);
+    g.header.level = (uint8_t)o->level;
+    g.header.more_layers = (uint8_t)(n_layers - 1);
+    g.header.fps_num = 30;
+    g.header.fps_den = 1;
+    g.header.unit_mantissa = 1;
+    g.header.unit_exponent = -22;
+    g.header.n_cameras = GEN_MAX_CAMERAS;
     for (uint32_t i = 0; i < GEN_MAX_CAMERAS; i++)
-        make_camera(&g->rig[i], i);
-    make_nets(g, &r, o->picture);
-    g->n_segments = o->n_segments ? o->n_segments : 1;
-    g->named = o->named;
-    g->sounds = o->sounds;
-    for (uint32_t i = 0; i < g->n_segments; i++) {
+        make_camera(&g.rig[i], i);
+    make_nets(&g, &r, o->picture);
+    g.n_segments = o->n_segments ? o->n_segments : 1;
+    for (uint32_t i = 0; i < g.n_segments; i++) {
         for (uint32_t k = 0; k < n_layers; k++)
-            make_scaffold(&g->segment[i * n_layers + k], &g->header.model, &r,
+            make_scaffold(&g.segment[i * n_layers + k], &g.header.model, &r,
                           o);
-        g->n_frames[i] = (uint32_t)gen_range(&r, 1, 60);
+        g.n_frames[i] = (uint32_t)gen_range(&r, 1, 60);
     }
-    g->has_base = o->base;
+    g.has_base = o->base;
     if (o->base)
-        make_scaffold(&g->base, &g->header.model, &r, o);
+        make_scaffold(&g.base, &g.header.model, &r, o);
+    return g;
 }
 
 void gen_stream_free(gen_stream *g)

@@ -64,7 +64,7 @@ uint64_t gen_random(uint64_t *state);
 /* lo..hi, both included. */
 int32_t gen_range(uint64_t *state, int32_t lo, int32_t hi);
 
-void gen_stream_make(gen_stream *g, const gen_options *o);
+gen_stream gen_stream_make(const gen_options *o);
 void gen_stream_free(gen_stream *g);
 
 /* Gives a named stream's name of a camera of its rig. */

@@ -22,9 +22,8 @@ void player_open(player *p, const gen_stream *g)
 
 void player_make(player *p, const gen_options *o)
 {
-    FREED_BY(gen_stream_free) gen_stream g;
+    FREED_BY(gen_stream_free) gen_stream g = gen_stream_make(o);
 
-    gen_stream_make(&g, o);
     player_open(p, &g);
 }
 

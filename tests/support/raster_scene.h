@@ -7,16 +7,14 @@
 #define RASTER_SCENE_H
 
 #include "depth_sort.h"
+#include "every_cpu.h"
 #include "gen_hard.h"
 #include "project.h"
 #include "raster.h"
 #include "ref_render.h"
-#include "testing.h"
 
 #define CANARY 0xa5
 enum { GUARD = 64 };
-
-static saga_cpu cpu;            /* all tests run with each of this machine's */
 
 /* --- Scenes -------------------------------------------------------------- */
 

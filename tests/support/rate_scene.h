@@ -30,15 +30,11 @@ static inline void rate_scene_model(saga_model *m)
     m->sources[SAGA_KIND_FINE] = SAGA_SOURCE_HYPER | SAGA_SOURCE_PARENT |
                                  SAGA_SOURCE_GROUPS;
     m->sources[SAGA_KIND_PRIM] = SAGA_SOURCE_HYPER | SAGA_SOURCE_PARENT;
-    for (int i = 0; i < SAGA_N_TIERS; i++) {
-        m->tier[i].n_groups = 3;
-        m->tier[i].window = 12;
-        m->tier[i].neighbours = 4;
-        m->tier[i].suffix_bits = 3;
-        m->tier[i].max_children = 8;
-        m->tier[i].radius2_q12 = 65535;
-        m->tier[i].softmax_q8 = 739;
-    }
+    for (int i = 0; i < SAGA_N_TIERS; i++)
+        m->tier[i] = (saga_tier){
+            .n_groups = 3, .window = 12, .neighbours = 4, .suffix_bits = 3,
+            .max_children = 8, .radius2_q12 = 65535, .softmax_q8 = 739
+        };
     m->step_q16[SAGA_STEP_CENTRE] = 900u << 16;
     m->step_q16[SAGA_STEP_FEATURE] = 64u << 16;
     m->step_q16[SAGA_STEP_FINE] = 300u << 16;

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "ref_splats.h"
 
+#include "freed.h"
 #include "model.h"
 
 #include <math.h>
@@ -161,7 +162,7 @@ void ref_splats_draw(double *image, uint8_t *unsure, const ref_primitive *p,
                      size_t n, double t, const ref_camera *cam, double margin)
 {
     const size_t plane = (size_t)cam->width * (size_t)cam->height;
-    splat *const s = malloc((n + 1) * sizeof *s);
+    FREED splat *const s = malloc((n + 1) * sizeof *s);
     size_t i, m = 0;
     int y;
 
@@ -179,5 +180,4 @@ void ref_splats_draw(double *image, uint8_t *unsure, const ref_primitive *p,
             for (int c = 0; c < 3; c++)
                 image[(size_t)c * plane + i] = rgb[c];
         }
-    free(s);
 }

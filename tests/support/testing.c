@@ -53,14 +53,6 @@ bool testing_sanitized(void)
     return getenv("SAGA_TEST_SANITIZED") != NULL;
 }
 
-void testing_free(const void *at)
-{
-    void *p;
-
-    memcpy(&p, at, sizeof p);
-    free(p);
-}
-
 void *must(void *p)
 {
     assert_non_null(p);

@@ -22,6 +22,7 @@
 #include <cmocka.h>
 
 #include "error.h"
+#include "freed.h"
 
 void testing_add(const char *name, CMUnitTestFunction test,
                  CMFixtureFunction enter, CMFixtureFunction leave);
@@ -72,13 +73,6 @@ uint32_t testing_count(uint32_t few, uint32_t many);
 bool testing_long(void);
 /* With SAGA_TEST_SANITIZED, what is about numbers is left out. */
 bool testing_sanitized(void);
-
-/* A variable that `function` frees where its block ends, and a pointer to what
- * malloc gave. Those of a test that fails are not freed. */
-#define FREED_BY(function) __attribute__((cleanup(function)))
-#define FREED FREED_BY(testing_free)
-/* at: where the pointer is. */
-void testing_free(const void *at);
 
 /* A call of the decoder. */
 #define assert_ok(call) assert_int_equal(call, SAGA_OK)

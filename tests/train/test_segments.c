@@ -300,6 +300,19 @@ static bool stop_there(void *user, const saga_train_progress *p)
            p->iteration != s->iteration;
 }
 
+/* Returns a training that has stopped there. */
+static saga_train *stopped(const fixture *f, slice *s, saga_train_options *o,
+                           stop *at)
+{
+    saga_train *t;
+
+    o->progress = stop_there;
+    o->progress_user = at;
+    t = begin(f, s, o);
+    assert_int_equal(run(t, f, s), SAGA_STOPPED);
+    return t;
+}
+
 /* Still things are in the head, once; header and report say so, and segments
  * have the rest. */
 static void base_should_be_in_the_head(void **state)
@@ -353,10 +366,9 @@ static void float_should_be_what_is_decoded(void **state)
     const fixture *const f = *state;
     saga_train_options o = small(f);
     double near;
-    saga_train *t;
     slice s;
+    saga_train *t = begin(f, &s, &o);
 
-    t = begin(f, &s, &o);
     assert_int_equal(run(t, f, &s), SAGA_DONE);
     near = near_decoder(t);
     print_message("decoder: %.1f dB beside the float models\n", near);
@@ -373,10 +385,7 @@ static void networks_should_stay_what_they_are(void **state)
     saga_train *t;
     slice s;
 
-    o.progress = stop_there;
-    o.progress_user = &last;
-    t = begin(f, &s, &o);
-    assert_int_equal(run(t, f, &s), SAGA_STOPPED);
+    t = stopped(f, &s, &o, &last);
     made = &t->file.networks.scene;
     assert_int_equal(saga_fit_n_params(&t->scene), made->n_reals);
     assert_memory_equal(t->scene.params, made->params,
@@ -421,10 +430,7 @@ static void fit_should_begin_near_the_warm_up(void **state)
     slice s;
 
     o.lambda = 22;
-    o.progress = stop_there;
-    o.progress_user = &start;
-    t = begin(f, &s, &o);
-    assert_int_equal(run(t, f, &s), SAGA_STOPPED);
+    t = stopped(f, &s, &o, &start);
     saga_fit_free(t->fit);
     saga_params_free(&t->target);
     saga_scene_free(&t->scene);
@@ -480,14 +486,13 @@ static void first_should_stand(const fixture *f, int k)
 {
     const uint32_t place = k < FIRST;
     saga_segment seg, own;
-    uint8_t *bytes;
+    FREED uint8_t *bytes;
     size_t n;
 
     assert_done(saga_train_peek(&bytes, &n, f->room.checkpoint, &error));
     assert_ok(saga_find(&seg, bytes, n, place * FRAMES, 1));
     own = find(f, FIRST * FRAMES, 1);
     assert_int_equal(seg.nbytes, own.nbytes);
-    free(bytes);
 }
 
 /* Stops at each place, forgets everything, and goes on with the capture that
@@ -548,10 +553,9 @@ static void train_should_resume_to_the_same_file(void **state)
 static double steered_price(const fixture *f, const saga_train_options *o)
 {
     double lambda;
-    saga_train *t;
     slice s;
+    saga_train *t = begin(f, &s, o);
 
-    t = begin(f, &s, o);
     assert_done(saga_train_run(t, &error) == SAGA_DONE);
     lambda = t->lambda;
     saga_train_free(t);
@@ -581,7 +585,7 @@ static void base_should_leave_room_to_fill_the_size(void **state)
     const saga_train_base *const by_law = &f->report.base;
     stop place = { FIRST, SAGA_TRAIN_WARM, 7 };
     saga_train_options o = small(f);
-    uint8_t *bytes;
+    FREED uint8_t *bytes;
     double times;
     saga_train *t;
     slice s;
@@ -600,10 +604,7 @@ static void base_should_leave_room_to_fill_the_size(void **state)
     bytes = copy_of(t->bytes, t->nbytes);
     saga_train_free(t);
     o.checkpoint = f->room.checkpoint;
-    o.progress = stop_there;
-    o.progress_user = &place;
-    t = begin(f, &s, &o);
-    assert_int_equal(run(t, f, &s), SAGA_STOPPED);
+    t = stopped(f, &s, &o, &place);
     saga_train_free(t);
     o.progress = NULL;
     assert_done(t = saga_train_resume(slice_of(&s, f, FIRST), &o, &error));
@@ -611,7 +612,6 @@ static void base_should_leave_room_to_fill_the_size(void **state)
     assert_int_equal(run(t, f, &s), SAGA_DONE);
     assert_memory_equal(t->bytes, bytes, t->nbytes);
     saga_train_free(t);
-    free(bytes);
 }
 
 /* Returns what a training of segment k alone gives, with the networks of
@@ -699,10 +699,7 @@ static void resume_should_refuse_other_segments(void **state)
     slice s;
 
     o.checkpoint = f->room.checkpoint;
-    o.progress = stop_there;
-    o.progress_user = &place;
-    t = begin(f, &s, &o);
-    assert_int_equal(run(t, f, &s), SAGA_STOPPED);
+    t = stopped(f, &s, &o, &place);
     saga_train_free(t);
     o.n_segments = 2;
     assert_null(saga_train_resume(slice_of(&s, f, FIRST), &o, &error));

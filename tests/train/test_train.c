@@ -603,11 +603,10 @@ TEST(train_should_draw_positions_as_decoded)
 {
     saga_train_options o = tiny_defaults();
     size_t i, far = 0;
-    real *drawn;
-    saga_train *t;
+    FREED real *drawn;
     double step;
+    saga_train *t = train_until(&o, SAGA_TRAIN_PACK);
 
-    t = train_until(&o, SAGA_TRAIN_PACK);
     assert_int_equal(t->scene.n.prim, t->scene.n.fine);
     drawn = copy_of(t->fit->position,
                     4 * (size_t)t->scene.n.prim * sizeof *drawn);
@@ -621,7 +620,6 @@ TEST(train_should_draw_positions_as_decoded)
     }
     print_message("%zu of %zu coordinates are elsewhere\n", far, i);
     assert_true(far < i / 20);
-    free(drawn);
     saga_train_free(t);
 }
 
@@ -630,17 +628,15 @@ TEST(entropy_networks_should_stand_still_at_last)
 {
     saga_train_options o = tiny_defaults();
     size_t n;
-    real *then;
-    saga_train *t;
+    FREED real *then;
     tiny_stop s = { SAGA_TRAIN_RENDER, (2 * TINY_RENDER + 2) / 3 + 1, 0, 0 };
+    saga_train *t = tiny_train_until(&room.capture, &o, &s);
 
-    t = tiny_train_until(&room.capture, &o, &s);
     assert_int_equal(t->fit->rate.decision.decided, 1);
     n = saga_rate_n_params(&t->scene);
     then = copy_of(t->scene.params, n * sizeof *then);
     assert_done(saga_train_run(t, &error) == SAGA_DONE);
     assert_memory_equal(then, t->scene.params, n * sizeof *then);
-    free(then);
     saga_train_free(t);
 }
 

@@ -582,7 +582,7 @@ TEST(moments_should_be_learned_in_steps_of_seconds)
     for (size_t k = 0; k < sizeof seconds / sizeof *seconds; k++) {
         double most = 0;
         saga_flat *f;
-        real *before;
+        FREED real *before;
 
         x->capture.fps = FRAMES / seconds[k];
         f = make(x, &o);
@@ -592,7 +592,6 @@ TEST(moments_should_be_learned_in_steps_of_seconds)
             most = fmax(most, fabs((double)(f->value.t_centre[i] -
                                             before[i])));
         assert_near(most, 1e-3 / fmax(seconds[k], 1), 2e-7);
-        free(before);
         saga_flat_free(f);
     }
     x->capture.fps = fps;
@@ -622,7 +621,7 @@ TEST(means_should_learn_in_steps_of_their_size)
     const double rate = (double)f->rule[SAGA_ATTR_MEAN].rate;
     double typical = 0;
     int n_seen = 0, n_capped = 0;
-    real *before;
+    FREED real *before;
 
     for (uint32_t i = 0; i < 3 * f->n; i++)
         f->value.log2_scale[i] -= (real)(i % 7);
@@ -658,7 +657,6 @@ TEST(means_should_learn_in_steps_of_their_size)
         }
     }
     assert_true(n_seen > 100 && n_capped > 10);
-    free(before);
     saga_flat_free(f);
 }
 
