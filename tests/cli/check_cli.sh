@@ -41,23 +41,7 @@ fi
 checks=cli
 . tests/cli/verdict.sh
 
-# expect STATUS ARGUMENTS...: runs saga; output in $tmp/out, messages in err.
-expect() {
-    local want=$1 rc
-    shift
-    "$saga" "$@" >"$tmp/out" 2>"$tmp/err" </dev/null
-    rc=$?
-    [ "$rc" = "$want" ] ||
-        complain "saga $*: status $rc, not $want: $(head -n 1 "$tmp/err")"
-}
-
-# says TEXT: the messages are one line that has it; stdout is empty.
-says() {
-    [ "$(wc -l <"$tmp/err")" = 1 ] ||
-        complain "not one line of message: $(cat "$tmp/err")"
-    grep -qF -e "$1" "$tmp/err" || complain "no '$1' in: $(cat "$tmp/err")"
-    [ ! -s "$tmp/out" ] || complain "output beside: $(cat "$tmp/err")"
-}
+run_as=("$saga")
 
 # ---- help
 expect 0 --help
@@ -102,30 +86,19 @@ verdict help
 
 # ---- usage
 good=vectors/good/segments.saga
-expect 2
-says 'saga --help'
-expect 2 inf "$good"
-says "did you mean 'info'"
-expect 2 zzz
-says "unknown command 'zzz'"
-expect 2 help zzz
-says "unknown command 'zzz'"
-expect 2 info
-says 'an argument is missing'
-expect 2 info "$good" "$good"
-says 'more arguments'
-expect 2 info "$good" --jsn
-says "did you mean '--json'"
-expect 2 info "$good" --json=1
-says '--json takes no value'
-expect 2 info "$tmp/none.saga"
-says "$tmp/none.saga: cannot be opened"
-expect 2 info "$tmp"
-says "$tmp: is not a regular file"
+told 2 'saga --help'
+told 2 "did you mean 'info'" inf "$good"
+told 2 "unknown command 'zzz'" zzz
+told 2 "unknown command 'zzz'" help zzz
+told 2 'an argument is missing' info
+told 2 'more arguments' info "$good" "$good"
+told 2 "did you mean '--json'" info "$good" --jsn
+told 2 '--json takes no value' info "$good" --json=1
+told 2 "$tmp/none.saga: cannot be opened" info "$tmp/none.saga"
+told 2 "$tmp: is not a regular file" info "$tmp"
 expect 2 info http://example.org/x.saga
 says 'http://example.org/x.saga: is an address, not a file of this machine; '
-expect 2 info -- --json
-says -- '--json: cannot be opened'
+told 2 '--json: cannot be opened' info -- --json
 if [ -e /dev/full ]; then
     "$saga" info "$good" >/dev/full 2>"$tmp/err"
     [ $? = 2 ] || complain "a full disk is not status 2"
@@ -226,13 +199,10 @@ while read -r f what status; do
 done <vectors/MANIFEST
 [ "$n" -ge 20 ] || complain "only $n bad vectors"
 # A file that is no .saga file at all.
-expect 1 info tests/cli/check_cli.sh
-says 'not a .saga file'
+told 1 'not a .saga file' info tests/cli/check_cli.sh
 # No saga is newer than a file of version 0.
-expect 1 info vectors/bad/version_zero.saga
-says 'it is damaged, copy it again'
-expect 1 info vectors/bad/version_256.saga
-says 'it needs a newer saga'
+told 1 'it is damaged, copy it again' info vectors/bad/version_zero.saga
+told 1 'it needs a newer saga' info vectors/bad/version_256.saga
 # One byte changed at the end of a segment: told which, the others shown.
 cp "$good" "$tmp/flip.saga"
 printf 'X' | dd of="$tmp/flip.saga" bs=1 conv=notrunc status=none \
@@ -338,35 +308,25 @@ for command in "render $scene -o $tmp/big.png" "synth $tmp/big.png" \
     says '500 threads: out of memory, 1048576000 bytes wanted; take fewer'
 done
 [ ! -e "$tmp/big.png" ] || complain "a picture without memory"
-expect 2 render "$scene"
-says '-o OUT is missing'
-expect 2 render "$scene" -o "$tmp/x.jpg"
-says '.png or .exr'
-expect 2 render "$scene" -o "$tmp/x.png" --orbit 3
-says 'one number in the name'
+told 2 '-o OUT is missing' render "$scene"
+told 2 '.png or .exr' render "$scene" -o "$tmp/x.jpg"
+told 2 'one number in the name' render "$scene" -o "$tmp/x.png" --orbit 3
 for name in "$tmp/%s%d.png" "$tmp/%d%d.png" "$tmp/%99d.png" "$tmp/%n.png"; do
-    expect 2 render "$scene" -o "$name" --orbit 3
-    says 'one number in the name'
+    told 2 'one number in the name' render "$scene" -o "$name" --orbit 3
 done
-expect 2 render "$scene" -o "$tmp/x.png" --time 1 --frame 2
-says 'exclude each other'
-expect 2 render "$scene" -o "$tmp/x.png" --size 0x5
-says '--size takes WxH, 1 to 16384'
-expect 2 render "$scene" -o "$tmp/x.png" --time -1
-says '--time takes SECONDS'
-expect 2 render "$scene" -o "$tmp/none/x.png"
-says "$tmp/none/x.png: cannot be created"
+told 2 'exclude each other' render "$scene" -o "$tmp/x.png" --time 1 --frame 2
+told 2 '--size takes WxH, 1 to 16384' render "$scene" -o "$tmp/x.png" --size 0x5
+told 2 '--time takes SECONDS' render "$scene" -o "$tmp/x.png" --time -1
+told 2 "$tmp/none/x.png: cannot be created" render "$scene" -o "$tmp/none/x.png"
 expect 1 render "$scene" -o "$tmp/x.png" --frame "$frames"
 says "no frame $frames among its $frames"
 expect 1 render "$scene" -o "$tmp/x%d.png" --frames 0:$((frames + 1))
 says "--frames 0:$((frames + 1)) goes beyond its $frames frames"
-expect 1 render "$scene" -o "$tmp/x.png" --camera 3
-says 'no camera 3 in its rig of 3'
+told 1 'no camera 3 in its rig of 3' render "$scene" -o "$tmp/x.png" --camera 3
 expect 1 render vectors/bad/crc_segment.saga -o "$tmp/x.png"
 says 'segment 0 is refused'
 says 'saga info'
-expect 1 render vectors/bad/crc_header.saga -o "$tmp/x.png"
-says 'header is refused'
+told 1 'header is refused' render vectors/bad/crc_header.saga -o "$tmp/x.png"
 # Sound, but not of this stream, as a file of an earlier saga is.
 for f in scale_below_zero more_than_maximum; do
     expect 1 render vectors/bad/$f.saga -o "$tmp/x.png"
@@ -401,14 +361,10 @@ assert (v["width"], v["height"]) == (64, 32)
 assert v["rows"][0]["alone"]["n"] > 0
 assert v["pictures_from"]["symbols"]["max"] <= 2' "$tmp/out" 2>"$tmp/py" ||
     complain "verify --json: $(tail -n 1 "$tmp/py")"
-expect 1 verify "$scene" --frame "$frames"
-says "lies past its $frames frames"
-expect 1 verify "$scene" --camera 3
-says 'no camera 3 in its rig of 3'
-expect 1 verify vectors/bad/crc_segment.saga
-says 'crc_segment.saga'
-expect 2 verify
-says 'verify'
+told 1 "lies past its $frames frames" verify "$scene" --frame "$frames"
+told 1 'no camera 3 in its rig of 3' verify "$scene" --camera 3
+told 1 'crc_segment.saga' verify vectors/bad/crc_segment.saga
+told 2 'verify' verify
 verdict verify
 
 # ---- analyse
@@ -425,12 +381,9 @@ for r in rows:
     assert r["neighbours"]["cosine"] > 2 * r["random"]["cosine"]
     assert r["neighbours"]["psnr"] > r["random"]["psnr"]
 ' "$tmp/out" 2>"$tmp/py" || complain "analyse --json: $(tail -n 1 "$tmp/py")"
-expect 2 analyse "$scene" --mask 100
-says '1 to 99'
-expect 1 analyse "$scene" --camera 30
-says 'no camera 30 in its rig'
-expect 1 analyse vectors/bad/crc_segment.saga
-says 'crc_segment.saga'
+told 2 '1 to 99' analyse "$scene" --mask 100
+told 1 'no camera 30 in its rig' analyse "$scene" --camera 30
+told 1 'crc_segment.saga' analyse vectors/bad/crc_segment.saga
 verdict analyse
 
 # ---- outputs
@@ -486,18 +439,15 @@ expect 0 synth "$tmp/syn" --size 48x32 --cameras 3 --hold-out 1 --frames 2 \
     complain "synth makes $(find "$tmp/syn" -name '*.png')"
 python3 -m json.tool "$tmp/syn/transforms.json" >/dev/null ||
     complain "transforms.json is not JSON"
-expect 2 synth "$tmp/syn"
-says "$tmp/syn"
+told 2 "$tmp/syn" synth "$tmp/syn"
 expect 0 synth "$tmp/ring" --scene ring --size 48x32 --frames 1 --samples 1 \
     --depth-every 0 --points 50
 [ "$(find "$tmp/ring" -name '*.png' | wc -l)" = 14 ] ||
     complain "synth --scene ring makes $(find "$tmp/ring" -name '*.png')"
 expect 2 synth "$tmp/other" --scene rink
 says 'there is no scene rink; use room or ring'
-expect 2 synth "$tmp/other" --cameras 1
-says '--cameras takes N, 2 to 99'
-expect 2 synth "$tmp/none/other" --size 48x32
-says "$tmp/none/other"
+told 2 '--cameras takes N, 2 to 99' synth "$tmp/other" --cameras 1
+told 2 "$tmp/none/other" synth "$tmp/none/other" --size 48x32
 [ ! -e "$tmp/other" ] || complain "a folder of a refused synth"
 verdict synth
 
@@ -588,8 +538,7 @@ mv "$tmp/odd" "$tmp/$latin"
 expect 2 encode "$tmp/$latin" -o "$tmp/new.saga" --primitives 20 \
     --iterations 6 --json
 says 'which is no UTF-8; rename it'
-expect 2 eval "$tmp/odd.saga" "$tmp/$latin" --json
-says 'which is no UTF-8; rename it'
+told 2 'which is no UTF-8; rename it' eval "$tmp/odd.saga" "$tmp/$latin" --json
 mv "$tmp/$latin" "$tmp/odd"
 expect 2 eval "$tmp/odd.saga" "$tmp/odd" --no-ssim --json \
     --pictures "$tmp/$latin"
@@ -770,16 +719,12 @@ cmp -s "$tmp/poses/beside.json" "$tmp/poses/fixed.json" ||
     complain "check --fix beside the capture"
 for name in "$tmp/poses/transforms.json" "$tmp/./poses/transforms.json" \
     "$tmp/fixed.json"; do
-    expect 2 check "$tmp/poses" --fix "$name"
-    says 'give --fix a new name there'
+    told 2 'give --fix a new name there' check "$tmp/poses" --fix "$name"
 done
-expect 2 check "$tmp/none"
-says "$tmp/none"
-expect 1 check "$tmp/dim/images"
-says 'holds no capture of a known format'
+told 2 "$tmp/none" check "$tmp/none"
+told 1 'holds no capture of a known format' check "$tmp/dim/images"
 says '`saga help check` lists the layouts'
-expect 2 check "$tmp/dim" --html "$tmp/none/x.html"
-says "$tmp/none/x.html"
+told 2 "$tmp/none/x.html" check "$tmp/dim" --html "$tmp/none/x.html"
 verdict check
 
 # ---- eval
@@ -880,8 +825,7 @@ assert part["nbytes"] == three["nbytes"] == four["nbytes"]' \
 expect 0 eval "$scene" "$cap" --no-ssim --only "$((frames - 1)):"
 grep -q "^  frames    $((frames - 1)) of it alone; the file's" "$tmp/out" ||
     complain "--only of the last frame: $(grep '  frames ' "$tmp/out")"
-expect 1 eval "$scene" "$cap" --only "3:$((frames + 1))"
-says "$((frames + 1))"
+told 1 "$((frames + 1))" eval "$scene" "$cap" --only "3:$((frames + 1))"
 # Another codec's pictures, here the very same: nothing is wrong, nothing has a
 # size.
 expect 0 eval "$cap" "$cap" --json --no-ssim
@@ -907,18 +851,12 @@ for key in "psnr_of_mean_mse", "changing_psnr":
 ' "$tmp/out" 2>"$tmp/py" || complain "swapped frames are not noticed"
 expect 1 eval "$scene" "$cap" --frames 0:$((frames - 1))
 says "$frames frames, the capture gives $((frames - 1))"
-expect 1 eval "$scene" "$tmp/syn"
-says "$frames frames, the capture gives 2"
-expect 2 eval "$scene" "$tmp/nowhere"
-says "$tmp/nowhere"
-expect 1 eval "$scene" "$cap" --hold-out cam09
-says 'cam09'
-expect 2 eval "$scene" "$cap" --scale 1/0
-says '--scale takes 1/N, 1 to 64'
-expect 1 eval vectors/bad/crc_segment.saga "$cap"
-says 'chunk PRIM'
-expect 2 eval "$scene" "$cap" --pictures "$scene/x"
-says "$scene/x"
+told 1 "$frames frames, the capture gives 2" eval "$scene" "$tmp/syn"
+told 2 "$tmp/nowhere" eval "$scene" "$tmp/nowhere"
+told 1 'cam09' eval "$scene" "$cap" --hold-out cam09
+told 2 '--scale takes 1/N, 1 to 64' eval "$scene" "$cap" --scale 1/0
+told 1 'chunk PRIM' eval vectors/bad/crc_segment.saga "$cap"
+told 2 "$scene/x" eval "$scene" "$cap" --pictures "$scene/x"
 mkdir -m 555 "$tmp/fixed"
 # Who may do everything must not, here.
 [ "$(id -u)" = 0 ] && as=(setpriv --bounding-set=-all) || as=()

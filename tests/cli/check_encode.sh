@@ -41,22 +41,7 @@ checks=encode
 . "$(dirname "$0")/verdict.sh"
 cd "$tmp" || exit
 
-# expect STATUS ARGUMENTS...: runs saga encode; output in out, messages in err.
-expect() {
-    local want=$1 rc
-    shift
-    "$saga" encode "$@" >out 2>err </dev/null
-    rc=$?
-    [ "$rc" = "$want" ] ||
-        complain "saga encode $*: status $rc, not $want: $(tail -n 1 err)"
-}
-
-# says TEXT: the messages are one line that has it; stdout is empty.
-says() {
-    [ "$(wc -l <err)" = 1 ] || complain "not one line of message: $(cat err)"
-    grep -qF -e "$1" err || complain "no '$1' in: $(cat err)"
-    [ ! -s out ] || complain "output beside: $(cat err)"
-}
+run_as=("$saga" encode)
 
 # leaves NAME...: nothing else but the captures is in the folder.
 leaves() {
@@ -146,8 +131,7 @@ for signal in INT TERM; do
     grep -q -e '--resume' err || complain "$signal: $(cat err)"
     [ -f s.saga ] && complain "$signal: a file already"
     leaves s.saga.ckpt s.whole
-    expect 2 cap -o s.saga --primitives 150 --iterations 3000
-    says s.saga.ckpt
+    told 2 s.saga.ckpt cap -o s.saga --primitives 150 --iterations 3000
     expect 2 cap -o s.saga --primitives 150 --iterations 2000 --resume
     says '--iterations 3000, not 2000'
     expect 0 cap -o s.saga --primitives 150 --iterations 3000 --resume
@@ -288,12 +272,10 @@ done
 kill -KILL "$pid"
 wait "$pid" 2>/dev/null
 set +m
-expect 2 cap -o k.saga "${small[@]}" --resume
-says 'a number of segments of 2, not 1'
+told 2 'a number of segments of 2, not 1' cap -o k.saga "${small[@]}" --resume
 expect 0 cap -o k.saga "${small[@]}" --segment 2 --resume
 cmp -s k.saga seg.saga || complain "killed in a segment: another file"
-expect 2 cap -o x.saga --segment 1
-says "'1'"
+told 2 "'1'" cap -o x.saga --segment 1
 rm -f late.saga k.saga k.csv alone
 leaves seg.saga
 verdict segments
@@ -320,10 +302,8 @@ for name, layer in zip(("first", "lay"), told):
 ' 2>>bad || complain "layers: $(cat told)"
 expect 2 cap -o x.saga --layers 2 --networks-only
 says '--layers needs all segments trained in one place'
-expect 2 cap -o x.saga --layers 2 --ablate slots=32
-says 'have no memory bank'
-expect 2 cap -o x.saga --layers 9
-says "'9'"
+told 2 'have no memory bank' cap -o x.saga --layers 2 --ablate slots=32
+told 2 "'9'" cap -o x.saga --layers 9
 rm -f lay.saga first.saga lay.json first.json told
 leaves seg.saga
 verdict layers
@@ -356,10 +336,8 @@ says 'seg.saga'
 expect 2 cap -o x.saga "${small[@]}" --segment 2 --only 0 --networks nets \
     --seed 2
 says 'was begun with --seed 1, not 2'
-expect 2 cap -o x.saga "${small[@]}" --networks-only
-says 'there are no parts'
-expect 2 cap -o x.saga --segment 2 --size 30k --networks-only
-says 'give --lambda'
+told 2 'there are no parts' cap -o x.saga "${small[@]}" --networks-only
+told 2 'give --lambda' cap -o x.saga --segment 2 --size 30k --networks-only
 rm -f nets part_* joined.saga seg.saga
 leaves
 verdict parts
@@ -415,10 +393,8 @@ expect 0 cap "${still[@]}"
 expect 0 cap "${still[@]}" --preset fast
 grep -q teachers t.csv && complain "fast has teachers"
 rm t.saga t.csv
-expect 2 cap -o x.saga --log nowhere/l.csv
-says nowhere/l.csv
-expect 2 cap -o x.saga --log l.txt
-says 'FILE.jsonl'
+told 2 nowhere/l.csv cap -o x.saga --log nowhere/l.csv
+told 2 'FILE.jsonl' cap -o x.saga --log l.txt
 rm -f l.* kept whole.kept
 leaves
 verdict log
@@ -443,16 +419,12 @@ hull = [r for r in made if not any(
     for q in made)]
 assert json.load(open("curve/curve.json")) == hull, [at(r) for r in made]
 ' 2>>bad || complain "sweep: $(cat out)"
-expect 2 cap -o curve "${curve[@]}"
-says 'curve is not empty; give --resume'
+told 2 'curve is not empty; give --resume' cap -o curve "${curve[@]}"
 expect 2 cap -o curve "${curve[@]}" --resume --seed 2
 says 'curve/1.json was made with other options'
-expect 2 cap -o whole.saga "${curve[@]}"
-says 'is no folder'
-expect 2 cap -o curve/x "${curve[@]}" --size 20k
-says 'give one'
-expect 2 cap -o curve/x "${curve[@]}" --log l.csv
-says '--sweep has several'
+told 2 'is no folder' cap -o whole.saga "${curve[@]}"
+told 2 'give one' cap -o curve/x "${curve[@]}" --size 20k
+told 2 '--sweep has several' cap -o curve/x "${curve[@]}" --log l.csv
 mv curve whole
 set -m
 $stoppable "$saga" encode cap -o curve "${curve[@]}" --checkpoint-every 0 \
@@ -484,8 +456,7 @@ start() { # a run that is still going on when it has a checkpoint
     done
 }
 start
-expect 2 cap -o k.saga "${small[@]}" --resume
-says 'is being written by another run'
+told 2 'is being written by another run' cap -o k.saga "${small[@]}" --resume
 kill -KILL $pid
 wait $pid 2>/dev/null
 rm -f killed k.saga.ckpt
@@ -498,72 +469,52 @@ leaves
 verdict alone
 
 # ---- usage
-expect 2
-says 'argument is missing'
-expect 2 cap
-says '-o'
-expect 2 cap -o x.saga --level 5
-says '--level'
-expect 2 cap -o x.saga --level 0 --primitives 1025
-says '1024'
-expect 2 cap -o x.saga --lambda -1
-says '--lambda -1'
-expect 2 cap -o x.saga --lambda nan
-says '--lambda'
+told 2 'argument is missing'
+told 2 '-o' cap
+told 2 '--level' cap -o x.saga --level 5
+told 2 '1024' cap -o x.saga --level 0 --primitives 1025
+told 2 '--lambda -1' cap -o x.saga --lambda -1
+told 2 '--lambda' cap -o x.saga --lambda nan
 for word in groups=17 groups=0 groups= groups=4x groups slots=48 slots=16 \
     no-bank=1 no-ban no-banks '' no-parent, ',no-parent'; do
     expect 2 cap -o x.saga --ablate "no-bank,$word"
     says 'no-hyperprior, no-parent, no-bank, no-base, no-steep'
 done
 says "''"
-expect 2 cap -o x.saga --ablate groups=4,nothing,raw-networks
-says "'nothing'"
+told 2 "'nothing'" cap -o x.saga --ablate groups=4,nothing,raw-networks
 expect 2 cap -o x.saga --ablate slots=256
 says 'slots=256 is more than the 128 of level 2'
 for also in slots=64 plain-update; do
-    expect 2 cap -o x.saga --ablate "no-bank,$also"
-    says 'no-bank excludes'
+    told 2 'no-bank excludes' cap -o x.saga --ablate "no-bank,$also"
 done
-expect 2 cap -o x.saga --still --moving
-says '--still and --moving'
-expect 2 cap -o x.saga --iterations 2
-says '--iterations'
-expect 2 cap -o x.saga --primitives many
-says "'many'"
-expect 2 cap -o x.saga --preset slow
-says "fast, balanced or best, not 'slow'"
+told 2 '--still and --moving' cap -o x.saga --still --moving
+told 2 '--iterations' cap -o x.saga --iterations 2
+told 2 "'many'" cap -o x.saga --primitives many
+told 2 "fast, balanced or best, not 'slow'" cap -o x.saga --preset slow
 expect 2 cap -o x.saga --size 20k --lambda 3
 says 'of --lambda, --size, --bitrate and --sweep give one'
-expect 2 cap -o x.saga --size 3k
-says '3000 bytes is too small'
+told 2 '3000 bytes is too small' cap -o x.saga --size 3k
 for size in 10q 0 -1 nan 1kk k; do
-    expect 2 cap -o x.saga --size "$size"
-    says "not '$size'"
+    told 2 "not '$size'" cap -o x.saga --size "$size"
 done
 leaves
 verdict usage
 
 # ---- capture
-expect 1 nowhere -o x.saga
-says nowhere
+told 1 nowhere nowhere -o x.saga
 cp -r cap broken
 name=$(cd broken && ls images/*/00002.png | head -n 1)
 head -c 100 "cap/$name" >"broken/$name"
-expect 1 broken -o x.saga
-says '00002.png: PNG is damaged'
-expect 1 cap -o x.saga --hold-out cam00,nobody
-says 'names "nobody"'
-expect 1 cap -o x.saga --frames 2:9
-says 9
+told 1 '00002.png: PNG is damaged' broken -o x.saga
+told 1 'names "nobody"' cap -o x.saga --hold-out cam00,nobody
+told 1 9 cap -o x.saga --frames 2:9
 leaves
 verdict capture
 
 # ---- output
-expect 2 cap -o nowhere/x.saga "${small[@]}"
-says nowhere/x.saga
+told 2 nowhere/x.saga cap -o nowhere/x.saga "${small[@]}"
 [ "$(wc -c <err)" -lt 300 ] || complain "progress before: $(cat err)"
-expect 2 cap -o cap "${small[@]}"
-says 'not a file'
+told 2 'not a file' cap -o cap "${small[@]}"
 mkdir small
 if mount -t tmpfs -o size=4k none small 2>/dev/null; then
     expect 2 cap -o small/x.saga "${small[@]}" --primitives 900

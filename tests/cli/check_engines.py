@@ -19,15 +19,10 @@ or the registry, Chromium or the decoder for it, it says that it was skipped.
 import os
 import sys
 
-sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "support"))
-import browser  # noqa: E402
+from verdict import WEB, Verdicts, read
+import browser  # noqa: E402  (verdict knows where)
 import npm  # noqa: E402
-from verdict import Verdicts, read  # noqa: E402
 
-os.chdir(os.path.join(os.path.dirname(__file__), "..", ".."))
-BUILD = os.environ.get("BUILD", "build")
-SAGA = os.environ.get("SAGA", BUILD + "/saga")
-WEB = os.path.join(os.path.dirname(SAGA), "web")
 LEAST_DB = 40
 LEAST_GAUSSIANS_DB = 30
 SIZE = 320, 180         # of the demo's cameras

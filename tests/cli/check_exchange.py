@@ -31,12 +31,8 @@ import sys
 import tempfile
 
 import splats
-from verdict import Verdicts, crc32c, read
+from verdict import SAGA, SAGA_DEC, Verdicts, crc32c, read
 
-os.chdir(os.path.join(os.path.dirname(__file__), "..", ".."))
-BUILD = os.environ.get("BUILD", "build")
-SAGA = os.environ.get("SAGA", BUILD + "/saga")
-SAGA_DEC = os.environ.get("SAGA_DEC", BUILD + "/saga-dec")
 SCENE = "vectors/good/segments.saga"
 # The vector's segments begin at these frames, as tests/support/gen_stream.c
 # writes it; the last one ends where the file does.

@@ -22,12 +22,8 @@ import subprocess
 import sys
 import tempfile
 
-from verdict import Verdicts, pixels
+from verdict import SAGA, SAGA_DEC, Verdicts, pixels
 
-os.chdir(os.path.join(os.path.dirname(__file__), "..", ".."))
-BUILD = os.environ.get("BUILD", "build")
-SAGA = os.environ.get("SAGA", BUILD + "/saga")
-SAGA_DEC = os.environ.get("SAGA_DEC", BUILD + "/saga-dec")
 SCENE = "vectors/good/motion.saga"
 # The vector's header, as tests/support/gen_stream.c writes it.
 UNIT = 2.0 ** -22

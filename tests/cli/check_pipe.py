@@ -17,12 +17,8 @@ import sys
 import tempfile
 from fractions import Fraction
 
-from verdict import Verdicts, read
+from verdict import SAGA, SAGA_DEC, Verdicts, read
 
-os.chdir(os.path.join(os.path.dirname(__file__), "..", ".."))
-BUILD = os.environ.get("BUILD", "build")
-SAGA = os.environ.get("SAGA", BUILD + "/saga")
-SAGA_DEC = os.environ.get("SAGA_DEC", BUILD + "/saga-dec")
 SAGA_PLAY = os.path.join(os.path.dirname(SAGA_DEC), "saga-play")
 SCENE = "vectors/good/motion.saga"
 PICTURES = (0, 3)

@@ -23,14 +23,9 @@ import json
 import os
 import sys
 
-sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "support"))
-import browser  # noqa: E402
-from verdict import Verdicts, read  # noqa: E402
+from verdict import WEB, Verdicts, read
+import browser  # noqa: E402  (verdict knows where)
 
-os.chdir(os.path.join(os.path.dirname(__file__), "..", ".."))
-BUILD = os.environ.get("BUILD", "build")
-SAGA = os.environ.get("SAGA", BUILD + "/saga")
-WEB = os.path.join(os.path.dirname(SAGA), "web")
 GOOD = "vectors/good/"
 LEAST_DB, MOST_OFF = 45, 3
 DEMO = "demo.saga"
@@ -372,11 +367,7 @@ def check_names(tab):
 
 
 def main():
-    if not os.path.exists(os.path.join(WEB, "saga.wasm")):
-        print("ok   player skipped: no clang or no wasm-ld, so no decoder")
-        return 0
-    if not browser.find_chromium():
-        print("ok   player skipped: chromium is not installed")
+    if checks.skips():
         return 0
     files = {name: read(os.path.join(WEB, name)) for name in os.listdir(WEB)}
     names = sorted(os.listdir(GOOD))

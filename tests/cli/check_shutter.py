@@ -15,11 +15,8 @@ import subprocess
 import sys
 import tempfile
 
-from verdict import Verdicts, pixels
+from verdict import SAGA, Verdicts, pixels
 
-os.chdir(os.path.join(os.path.dirname(__file__), "..", ".."))
-BUILD = os.environ.get("BUILD", "build")
-SAGA = os.environ.get("SAGA", BUILD + "/saga")
 WIDTH, HEIGHT, FRAMES, FINER = 96, 54, 16, 4
 ROLLS, READOUT = "cam02", 0.8  # frames from its first row to its last
 

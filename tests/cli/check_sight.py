@@ -20,12 +20,8 @@ import tempfile
 import zlib
 
 import splats
-from verdict import Verdicts, pixels, read
+from verdict import SAGA, SAGA_DEC, Verdicts, pixels, read
 
-os.chdir(os.path.join(os.path.dirname(__file__), "..", ".."))
-BUILD = os.environ.get("BUILD", "build")
-SAGA = os.environ.get("SAGA", BUILD + "/saga")
-SAGA_DEC = os.environ.get("SAGA_DEC", BUILD + "/saga-dec")
 DEMO = "docs/demo.saga"
 
 checks = Verdicts("sight")

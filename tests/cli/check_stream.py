@@ -22,14 +22,9 @@ import subprocess
 import sys
 import tempfile
 
-sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "support"))
-import browser  # noqa: E402
-from verdict import Verdicts, read  # noqa: E402
+from verdict import SAGA, WEB, Verdicts, read
+import browser  # noqa: E402  (verdict knows where)
 
-os.chdir(os.path.join(os.path.dirname(__file__), "..", ".."))
-BUILD = os.environ.get("BUILD", "build")
-SAGA = os.environ.get("SAGA", BUILD + "/saga")
-WEB = os.path.join(os.path.dirname(SAGA), "web")
 FILM = "film.saga"
 RATE = 0.5              # of the film's time: two seconds a segment
 DELAY = 0.1             # seconds, of the server
@@ -221,11 +216,7 @@ def check_rate(tab, server):
 
 
 def main():
-    if not os.path.exists(os.path.join(WEB, "saga.wasm")):
-        print("ok   stream skipped: no clang or no wasm-ld, so no decoder")
-        return 0
-    if not browser.find_chromium():
-        print("ok   stream skipped: chromium is not installed")
+    if checks.skips():
         return 0
     files = {name: read(os.path.join(WEB, name)) for name in os.listdir(WEB)}
     files["empty.html"] = b"<!doctype html><link rel=icon href=data:,><body>"

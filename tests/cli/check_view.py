@@ -27,13 +27,8 @@ import sys
 import tempfile
 import time
 
-from verdict import Verdicts, pixels, read
+from verdict import SAGA, SAGA_DEC, WEB, Verdicts, pixels, read
 
-os.chdir(os.path.join(os.path.dirname(__file__), "..", ".."))
-BUILD = os.environ.get("BUILD", "build")
-SAGA = os.environ.get("SAGA", BUILD + "/saga")
-SAGA_DEC = os.environ.get("SAGA_DEC", BUILD + "/saga-dec")
-WEB = os.path.join(os.path.dirname(SAGA), "web")
 GOOD = "vectors/good/still.saga"
 
 checks = Verdicts("view")

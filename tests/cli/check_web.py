@@ -36,15 +36,9 @@ import subprocess
 import sys
 import tempfile
 
-sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "support"))
-import browser  # noqa: E402
-from verdict import Verdicts, crc32c, pixels, read  # noqa: E402
+from verdict import SAGA, SAGA_DEC, WEB, Verdicts, crc32c, pixels, read
+import browser  # noqa: E402  (verdict knows where)
 
-os.chdir(os.path.join(os.path.dirname(__file__), "..", ".."))
-BUILD = os.environ.get("BUILD", "build")
-SAGA = os.environ.get("SAGA", BUILD + "/saga")
-SAGA_DEC = os.environ.get("SAGA_DEC", BUILD + "/saga-dec")
-WEB = os.path.join(os.path.dirname(SAGA), "web")
 GOOD = "vectors/good/"
 SEGMENTS = "segments.saga"
 LONG = "long.saga"
@@ -615,11 +609,7 @@ def only_rates(files, paths):
 
 
 def main():
-    if not os.path.exists(os.path.join(WEB, "saga.wasm")):
-        print("ok   web skipped: no clang or no wasm-ld, so no decoder")
-        return 0
-    if not browser.find_chromium():
-        print("ok   web skipped: chromium is not installed")
+    if checks.skips():
         return 0
     files = {name: read(os.path.join(WEB, name)) for name in os.listdir(WEB)}
     for folder, prefix in ((GOOD, ""), ("vectors/bad/", "bad/")):

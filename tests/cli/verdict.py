@@ -3,7 +3,18 @@
 are collected, and a verdict prints them with one line "ok   CHECKS NAME" or
 "FAIL CHECKS NAME"."""
 
+import os
 import subprocess
+import sys
+
+# Checks run in the root of the tree, on the programs that the caller names.
+ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
+os.chdir(ROOT)
+sys.path.insert(0, os.path.join(ROOT, "tests", "support"))
+BUILD = os.environ.get("BUILD", "build")
+SAGA = os.environ.get("SAGA", BUILD + "/saga")
+SAGA_DEC = os.environ.get("SAGA_DEC", BUILD + "/saga-dec")
+WEB = os.path.join(os.path.dirname(SAGA), "web")
 
 
 class Verdicts:
@@ -22,6 +33,16 @@ class Verdicts:
               " %s %s" % (self.checks, name), flush=True)
         self.failed = self.failed or bool(self.complaints)
         self.complaints.clear()
+
+    def skips(self):
+        """Whether there is nothing to show pages with, which it says."""
+        import browser
+        why = "no clang or no wasm-ld, so no decoder"
+        if os.path.exists(os.path.join(WEB, "saga.wasm")):
+            why = "" if browser.find_chromium() else "chromium is not installed"
+        if why:
+            print("ok   %s skipped: %s" % (self.checks, why))
+        return bool(why)
 
     def run(self, *command, status=0, says="", env=None):
         """Runs a program, which must end with that status; where it is not 0

@@ -8,6 +8,10 @@
 #   verdict NAME       one line: ok if nobody complained since the last verdict,
 #                      else FAIL after the complaints
 #   all_passed         the sums; status 1 if any verdict was FAIL
+#   expect STATUS ARGUMENTS...  runs `run_as`; its output is in $tmp/out, its
+#                      messages in $tmp/err
+#   says TEXT          the messages are one line that has it; no output
+#   told STATUS TEXT ARGUMENTS...  both
 #   $stoppable ...     runs a program that SIGINT reaches: whoever starts us in
 #                      the background may have it ignored, for good
 # shellcheck disable=SC2154,SC2034
@@ -31,6 +35,29 @@ verdict() {
         passed=$((passed + 1))
     fi
     : >"$bad"
+}
+
+expect() {
+    local want=$1 rc
+    shift
+    "${run_as[@]}" "$@" >"$tmp/out" 2>"$tmp/err" </dev/null
+    rc=$?
+    [ "$rc" = "$want" ] || complain \
+        "${run_as[*]} $*: status $rc, not $want: $(tail -n 1 "$tmp/err")"
+}
+
+says() {
+    [ "$(wc -l <"$tmp/err")" = 1 ] ||
+        complain "not one line of message: $(cat "$tmp/err")"
+    grep -qF -e "$1" "$tmp/err" || complain "no '$1' in: $(cat "$tmp/err")"
+    [ ! -s "$tmp/out" ] || complain "output beside: $(cat "$tmp/err")"
+}
+
+told() {
+    local status=$1 text=$2
+    shift 2
+    expect "$status" "$@"
+    says "$text"
 }
 
 all_passed() {

@@ -229,7 +229,7 @@ static void sounds(void)
     uint8_t *bytes;
     size_t n, at, end;
 
-    gen_stream_make(&g, &o);
+    g = gen_stream_make(&o);
     gen_stream_encode(&g, &bytes, &n);
     if (saga_find_sound(&found, bytes, n)) {
         fprintf(stderr, "make_vectors: there is no sound\n");
