@@ -325,11 +325,10 @@ def check_engine(name):
 
 
 def main():
-    if not os.path.exists(os.path.join(WEB, "saga.wasm")):
-        print("ok   engines skipped: no clang or no wasm-ld, so no decoder")
+    if checks.skips():
         return 0
-    if not browser.find_chromium() or not npm.is_there():
-        print("ok   engines skipped: chromium or npm is not installed")
+    if not npm.is_there():
+        print("ok   engines skipped: npm is not installed")
         return 0
     for name in ENGINES:
         check_engine(name)

@@ -14,15 +14,10 @@ or the decoder for it, it says that it was skipped.
 import os
 import sys
 
-sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "support"))
-import browser  # noqa: E402
+from verdict import WEB, Verdicts, read
+import browser  # noqa: E402  (verdict knows where)
 import npm  # noqa: E402
-from verdict import Verdicts, read  # noqa: E402
 
-os.chdir(os.path.join(os.path.dirname(__file__), "..", ".."))
-BUILD = os.environ.get("BUILD", "build")
-SAGA = os.environ.get("SAGA", BUILD + "/saga")
-WEB = os.path.join(os.path.dirname(SAGA), "web")
 IWER = ("iwer", "2.5.0", ("build/iwer.min.js",))
 LEAST_DB = 40
 
@@ -153,11 +148,10 @@ def check_leave(tab):
 
 
 def main():
-    if not os.path.exists(os.path.join(WEB, "saga.wasm")):
-        print("ok   headset skipped: no clang or no wasm-ld, so no decoder")
+    if checks.skips():
         return 0
-    if not browser.find_chromium() or not npm.is_there():
-        print("ok   headset skipped: chromium or npm is not installed")
+    if not npm.is_there():
+        print("ok   headset skipped: npm is not installed")
         return 0
     if npm.fetch(*IWER) is None:
         print("ok   headset skipped: the registry cannot be reached")

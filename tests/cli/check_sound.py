@@ -24,14 +24,9 @@ import sys
 import tempfile
 import wave
 
-sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "support"))
-import browser  # noqa: E402
-from verdict import Verdicts, read  # noqa: E402
+from verdict import SAGA, WEB, Verdicts, read
+import browser  # noqa: E402  (verdict knows where)
 
-os.chdir(os.path.join(os.path.dirname(__file__), "..", ".."))
-BUILD = os.environ.get("BUILD", "build")
-SAGA = os.environ.get("SAGA", BUILD + "/saga")
-WEB = os.path.join(os.path.dirname(SAGA), "web")
 DEMO = "docs/demo.saga"
 COPIES = 4          # of the demo, a second each
 FILM_SECONDS = 4.0
@@ -324,11 +319,7 @@ def check_damaged(tab, server):
 
 
 def main():
-    if not os.path.exists(os.path.join(WEB, "saga.wasm")):
-        print("ok   sound skipped: no clang or no wasm-ld, so no decoder")
-        return 0
-    if not browser.find_chromium():
-        print("ok   sound skipped: chromium is not installed")
+    if checks.skips():
         return 0
     files = {name: read(os.path.join(WEB, name)) for name in os.listdir(WEB)}
     files["empty.html"] = b"<!doctype html><body>"
