@@ -226,6 +226,23 @@ TEST_IN_FOLDER(videos_should_be_refused_when_memory_ends)
     assert_int_equal(setenv("PATH", path, 1), 0);
 }
 
+/* --- Calibrated videos --------------------------------------------------- */
+
+TEST_IN_FOLDER(calibration_should_be_refused_when_memory_ends)
+{
+    FREED char *const path = strdup(getenv("PATH"));
+    bytes b = { 0 };
+
+    write_tools(f);
+    for (int i = 0; i < 2; i++)
+        put_text(&b, "[cameras.%d]\nsize = [16, 12]\ndistortions = [0, 0]\n"
+                 "matrix = [[15, 0, 7.5], [0, 15, 5.5], [0, 0, 1]]\n"
+                 "rotation = [0, 0, 0]\ntranslation = [%d, 0, 0]\n", i, -i);
+    write_bytes(f, "camera_array.toml", &b);
+    fail_each(f, ".", 100);
+    assert_int_equal(setenv("PATH", path, 1), 0);
+}
+
 /* --- Writing ------------------------------------------------------------- */
 
 /* True, and the file is gone, where one was written; false where none was and

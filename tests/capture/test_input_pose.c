@@ -41,6 +41,30 @@ static void check_corner(const saga_shot *v, double fx, double fy, double cx,
         assert_true(fabs(c[i] - corner_centre[i]) < 1e-12);
 }
 
+TEST(turn_should_be_about_its_axis)
+{
+    const double quarter = 2 * atan(1.0), small = 1e-4;
+    double r[9], s[9];
+
+    /* About z, x becomes y and y becomes -x. */
+    saga_pose_from_turn((double[3]){ 0, 0, quarter }, r);
+    assert_true(fabs(r[3] - 1) < 1e-15 && fabs(r[1] + 1) < 1e-15 &&
+                fabs(r[0]) < 1e-15 && r[8] == 1);
+    /* About (1, 1, 1) by a third of a turn, x, y, z become y, z, x. */
+    for (int i = 0; i < 3; i++)
+        s[i] = 8 * atan(1.0) / 3 / sqrt(3);
+    saga_pose_from_turn(s, r);
+    for (int i = 0; i < 9; i++)
+        assert_true(fabs(r[i] - (i == 2 || i == 3 || i == 7)) < 1e-15);
+    /* The series of small angles goes on as the formula does. */
+    for (int i = -1; i <= 1; i += 2) {
+        const double a = small * (1 + i * 1e-9);
+
+        saga_pose_from_turn((double[3]){ a, 0, 0 }, r);
+        assert_true(fabs(r[7] - sin(a)) < 1e-18 && fabs(r[8] - cos(a)) < 2e-16);
+    }
+}
+
 static void write_picture(folder *f, const char *name, int w, int h)
 {
     FREED uint8_t *const rgb = must(calloc((size_t)w * (size_t)h, 3));

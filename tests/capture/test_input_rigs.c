@@ -9,22 +9,6 @@
 
 /* --- Videos -------------------------------------------------------------- */
 
-static void video_alone(char name[80], int view, int frame)
-{
-    (void)frame;
-    snprintf(name, 80, "cam%02d.mp4", view);
-}
-
-/* A video of each camera in the folder. */
-static void write_videos(folder *f, const char *how)
-{
-    write_pictures(f, "p", camera_and_number, 0, N_FRAMES);
-    for (int v = 0; v < N_VIEWS; v++)
-        folder_run(f, "ffmpeg -nostdin -v error -y -framerate 24 -pattern_type "
-                   "glob -i 'p/cam%02d/*.png' %s cam%02d.mp4", v, how, v);
-    folder_run(f, "rm -r p");
-}
-
 /* Without loss; and with a quarter of the colours, as cameras have it. */
 static const char *const in_rgb = "-c:v libx264rgb -qp 0";
 static const char *const in_420 =

@@ -6,6 +6,7 @@
 #include "npy.h"
 #include "picture.h"
 #include "ply.h"
+#include "toml.h"
 
 #include <dirent.h>
 #include <stdio.h>
@@ -18,7 +19,7 @@
 
 const char *const input_kind_text[INPUT_N_KINDS] = {
     "PNG", "JPEG", "EXR", "EXR depth", "npy", "PLY", "PLY text", "JSON",
-    "Panoptic Sports", "COLMAP", "COLMAP text"
+    "Panoptic Sports", "TOML", "COLMAP", "COLMAP text"
 };
 
 enum { W = 8, H = 6, MAX_PIXELS = 1 << 16, N_COLMAP = 3 };
@@ -125,7 +126,8 @@ void input_begin(void)
     check(mkdtemp(folder) && mkdir(path_of("colmap"), 0700) == 0 &&
           mkdir(path_of("text"), 0700) == 0, "no folder can be made in /tmp");
     check(mkdir(path_of("sports"), 0700) == 0 &&
-          mkdir(path_of("sports/ims"), 0700) == 0, "no folder can be made");
+          mkdir(path_of("sports/ims"), 0700) == 0 &&
+          mkdir(path_of("toml"), 0700) == 0, "no folder can be made");
     write_pixels("sports/ims/a.png", 0);
     write_pixels("a.png", 0);
     write_pixels("b.png", 0);
@@ -151,6 +153,7 @@ void input_end(void)
     remove_files(path_of("text"));
     remove_files(path_of("sports/ims"));
     remove_files(path_of("sports"));
+    remove_files(path_of("toml"));
     remove_files(folder);
 }
 
@@ -231,6 +234,22 @@ static void seed_sports(bytes *b)
              "\"w2c\": [[%s, %s]], \"fn\": [[\"a.png\", \"a.png\"]], "
              "\"cam_id\": [[3, 14]]}", k, k, first, second);
     put_text(b, text);
+}
+
+static void seed_toml(bytes *b)
+{
+    char text[400];
+
+    for (int i = 0; i < 2; i++) {
+        snprintf(text, sizeof text, "[cam_%d] # of two\nname = \"c%d\"\n"
+                 "size = [ 8, 6,]\nmatrix = [ [ 7.5, 0.0, 4.0,],\n"
+                 "[ 0.0, 7.0, 3.0,], [ 0.0, 0.0, 1.0,],]\n"
+                 "distortions = [ 0.01, -0.02, 0.001, 0.0, 0.0,]\n"
+                 "rotation = [ 0.1, %d, 0.3,]\ntranslation = [ 1, 2e-1, 3,]\n"
+                 "fisheye = false\n\n", i, i, i);
+        put_text(b, text);
+    }
+    put_text(b, "[metadata]\nadjusted = true\nwhere = 'C:\\x'\n");
 }
 
 enum { N_IMAGES = 2, N_POINTS = 4 };
@@ -342,6 +361,8 @@ uint8_t *input_seed(input_kind kind, size_t *n)
         seed_json(&b);
     else if (kind == INPUT_SPORTS)
         seed_sports(&b);
+    else if (kind == INPUT_TOML)
+        seed_toml(&b);
     else if (kind == INPUT_COLMAP)
         seed_colmap(&b);
     else
@@ -377,7 +398,7 @@ static void plant(uint8_t *p, size_t n, uint64_t *r)
 static int is_text(input_kind kind)
 {
     return kind == INPUT_JSON || kind == INPUT_SPORTS ||
-           kind == INPUT_PLY_TEXT ||
+           kind == INPUT_TOML || kind == INPUT_PLY_TEXT ||
            kind == INPUT_COLMAP_TEXT;
 }
 
@@ -388,7 +409,8 @@ static void put_word(bytes *b, size_t at, size_t n, uint64_t *r)
         "", "0", "-1", "1e999", "nan", "-inf", "1e-320", "4294967296",
         "18446744073709551616", "99999999999999999999999", "\"", "[", "]", "{",
         "}", ",", ":", "null", "true", "\n", " ", "#", "\\u0000", "a.png",
-        "transform_matrix", "\"frames\": [", "[[[[[[[["
+        "transform_matrix", "\"frames\": [", "[[[[[[[[", "[a.b.c]\n", "'",
+        "=", "cameras"
     };
     const char *const w = word[next(r) % (sizeof word / sizeof *word)];
     const size_t m = strlen(w), rest = b->n - at - n;
@@ -522,6 +544,18 @@ static int play_capture(const char *path, saga_error *error)
     return 1;
 }
 
+/* The loader reads all cameras before it finds that there are no videos. */
+static int play_toml(const char *path, saga_error *error)
+{
+    saga_error refusal = { "" };
+    json_t *const tree = saga_toml_read(path, error);
+
+    check(!play_capture(path_of("toml"), &refusal) && saga_failed(&refusal),
+          "a capture without videos is taken");
+    json_decref(tree);
+    return tree != NULL;
+}
+
 static int play_file(input_kind kind, const char *path, saga_error *error)
 {
     saga_point *points = NULL;
@@ -540,6 +574,8 @@ static int play_file(input_kind kind, const char *path, saga_error *error)
         free(points);
         return ok;
     }
+    if (kind == INPUT_TOML)
+        return play_toml(path, error);
     return kind == INPUT_JSON     ? play_capture(path, error)
            : kind == INPUT_SPORTS ? play_capture(path_of("sports"), error)
                                   : play_picture(kind, path, error);
@@ -556,7 +592,8 @@ int input_play(input_kind kind, const uint8_t *p, size_t n)
         const char *const name = kind == INPUT_JSON     ? "x.json"
                                  : kind == INPUT_SPORTS
                                      ? "sports/train_meta.json"
-                                     : "x";
+                                 : kind == INPUT_TOML ? "toml/calibration.toml"
+                                                      : "x";
 
         write_file(name, p, n);
         ok = play_file(kind, path_of(name), &error);

@@ -21,6 +21,7 @@ typedef enum input_kind {
     INPUT_PLY_TEXT,
     INPUT_JSON,              /* transforms.json, with pictures that exist */
     INPUT_SPORTS,            /* train_meta.json, with pictures that exist */
+    INPUT_TOML,              /* calibration.toml, without videos */
     INPUT_COLMAP,            /* three files in one: each after its length */
     INPUT_COLMAP_TEXT,
     INPUT_N_KINDS

@@ -104,6 +104,22 @@ static inline void write_pictures(folder *f, const char *root, name_fn *name,
         }
 }
 
+static inline void video_alone(char name[80], int view, int frame)
+{
+    (void)frame;
+    snprintf(name, 80, "cam%02d.mp4", view);
+}
+
+/* A video of each camera in the folder, as ffmpeg's options `how` say. */
+static inline void write_videos(folder *f, const char *how)
+{
+    write_pictures(f, "p", camera_and_number, 0, N_FRAMES);
+    for (int v = 0; v < N_VIEWS; v++)
+        folder_run(f, "ffmpeg -nostdin -v error -y -framerate 24 -pattern_type "
+                   "glob -i 'p/cam%02d/*.png' %s cam%02d.mp4", v, how, v);
+    folder_run(f, "rm -r p");
+}
+
 /* COLMAP's model with images of n_frames frames each, without features. */
 static inline void write_model(folder *f, const char *root, name_fn *name,
                                int n_frames)

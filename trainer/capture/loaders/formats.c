@@ -7,15 +7,15 @@
 #include "load.h"
 
 extern const saga_loader saga_nerfstudio_loader, saga_blender_loader,
-    saga_panoptic_loader, saga_neu3d_loader, saga_frame_folders_loader,
-    saga_miv_loader, saga_colmap_loader;
+    saga_panoptic_loader, saga_calibrated_videos_loader, saga_neu3d_loader,
+    saga_frame_folders_loader, saga_miv_loader, saga_colmap_loader;
 
 /* The surest signs come first. Frame folders come before the last two, since a
  * COLMAP model may lie beside them. */
 static const saga_loader *const loaders[] = {
     &saga_nerfstudio_loader, &saga_blender_loader, &saga_panoptic_loader,
-    &saga_neu3d_loader, &saga_frame_folders_loader, &saga_miv_loader,
-    &saga_colmap_loader, NULL
+    &saga_panoptic_loader, &saga_calibrated_videos_loader, &saga_neu3d_loader,
+    &saga_frame_folders_loader, &saga_miv_loader, &saga_colmap_loader, NULL
 };
 
 enum { N_LOADERS = sizeof loaders / sizeof loaders[0] - 1 };

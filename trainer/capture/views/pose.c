@@ -21,6 +21,21 @@ bool saga_pose_from_quaternion(const double wxyz[4], double rotation[9])
     return true;
 }
 
+void saga_pose_from_turn(const double turn[3], double rotation[9])
+{
+    const double x = turn[0], y = turn[1], z = turn[2];
+    const double a2 = x * x + y * y + z * z, a = sqrt(a2);
+    /* Rodrigues: R = I + sin a / a K + (1 - cos a) / a^2 K^2, where K v is
+     * turn x v. Below a = 1e-4 the series ends, to double's precision. */
+    const double s = a < 1e-4 ? 1.0 - a2 / 6.0 : sin(a) / a;
+    const double c = a < 1e-4 ? 0.5 - a2 / 24.0 : (1.0 - cos(a)) / a2;
+    const double r[9] = {
+        1.0 - c * (y * y + z * z), c * x * y - s * z, c * x * z + s * y,
+        c * x * y + s * z, 1.0 - c * (x * x + z * z), c * y * z - s * x,
+        c * x * z - s * y, c * y * z + s * x, 1.0 - c * (x * x + y * y)};
+    memcpy(rotation, r, sizeof r);
+}
+
 static void cross(const double a[3], const double b[3], double c[3])
 {
     c[0] = a[1] * b[2] - a[2] * b[1];

@@ -12,6 +12,10 @@
  * if it is zero or not finite. */
 bool saga_pose_from_quaternion(const double wxyz[4], double rotation[9]);
 
+/* Converts a rotation vector, an axis times an angle in radians. A vector that
+ * is not finite gives a rotation that is not. */
+void saga_pose_from_turn(const double turn[3], double rotation[9]);
+
 /* Makes a pose from the camera's axes and centre in the world: the columns of a
  * camera-to-world matrix, with unit axes. Returns false if a value is not
  * finite, or if the axes are left-handed or more than 1 % from orthonormal;

@@ -1,0 +1,261 @@
+/* SPDX-License-Identifier: MIT */
+#include "toml.h"
+
+#include "file.h"
+#include "json_memory.h"
+#include "utf8.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum {
+    MOST_TEXT = 1024,        /* bytes of a key, a string or a number */
+    MOST_DEPTH = 8           /* lists in lists, tables in tables; jansson frees
+                              * nested values by recursion */
+};
+
+typedef struct toml_reader {
+    const char *path;
+    const uint8_t *next, *end;
+    int line;
+    json_t *root, *table;    /* the tree; the table that receives keys */
+    saga_error *error;
+} toml_reader;
+
+static bool bad(const toml_reader *r, const char *what)
+{
+    /* Without memory a table may be missing that the file has. */
+    if (saga_json_starved())
+        return saga_no_memory(0, r->path, r->error);
+    return saga_fail(r->error, r->path, "export the calibration again",
+                     "line %d: %s", r->line, what);
+}
+
+/* Returns the next byte. It is 0 at the end, and for a byte 0, which nothing
+ * allows. */
+static int look(const toml_reader *r)
+{
+    return r->next < r->end ? *r->next : 0;
+}
+
+static bool take(toml_reader *r, int byte)
+{
+    if (r->next == r->end || look(r) != byte)
+        return false;
+    r->line += byte == '\n';
+    r->next++;
+    return true;
+}
+
+static void skip_blanks(toml_reader *r)
+{
+    while (take(r, ' ') || take(r, '\t'))
+        ;
+}
+
+/* Skips what may stand behind a value in its line. */
+static void skip_comment(toml_reader *r)
+{
+    skip_blanks(r);
+    if (take(r, '#'))
+        while (r->next < r->end && look(r) != '\n')
+            r->next++;
+    (void)take(r, '\r');
+}
+
+static void skip_lines(toml_reader *r)
+{
+    do
+        skip_comment(r);
+    while (take(r, '\n'));
+}
+
+/* --------------------------------------------------------------------- text */
+
+static bool is_bare(int c)
+{
+    return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'z') ||
+           (c >= 'A' && c <= 'Z') || c == '_' || c == '-';
+}
+
+/* Takes a string of one line, "basic" or 'literal'. */
+static bool take_string(toml_reader *r, char text[MOST_TEXT])
+{
+    const int quote = look(r);
+    size_t n = 0;
+    (void)take(r, quote);
+    while (look(r) != quote) {
+        int c = look(r);
+        if ((c < ' ' && c != '\t') || n + 1 == MOST_TEXT)
+            return bad(r, "a string does not end, or is too long");
+        r->next++;
+        if (c == '\\' && quote == '"') {
+            /* Names and paths need no other escape. */
+            c = look(r);
+            if (c != '\\' && c != '"')
+                return bad(r, "a string has an escape other than \\\\ and "
+                           "\\\"");
+            r->next++;
+        }
+        text[n++] = (char)c;
+    }
+    text[n] = '\0';
+    (void)take(r, quote);
+    return saga_utf8_is(text) || bad(r, "a string is no UTF-8");
+}
+
+static bool take_key(toml_reader *r, char text[MOST_TEXT])
+{
+    size_t n = 0;
+    if (look(r) == '"' || look(r) == '\'')
+        return take_string(r, text);
+    while (is_bare(look(r)) && n + 1 < MOST_TEXT)
+        text[n++] = (char)*r->next++;
+    text[n] = '\0';
+    return n > 0 || bad(r, "a key is missing");
+}
+
+/* ------------------------------------------------------------------- values */
+
+/* Takes true, false or a number, whose digits may have _ between them. */
+static json_t *take_word(toml_reader *r)
+{
+    char text[MOST_TEXT], *end;
+    size_t n = 0;
+    while (n + 1 < MOST_TEXT && (is_bare(look(r)) || look(r) == '+' ||
+                                 look(r) == '.')) {
+        text[n] = (char)*r->next++;
+        n += text[n] != '_';
+    }
+    text[n] = '\0';
+    if (strcmp(text, "true") == 0 || strcmp(text, "false") == 0)
+        return json_boolean(text[0] == 't');
+    const double x = strtod(text, &end);
+    if (n == 0 || *end != '\0' || !isfinite(x)) {
+        bad(r, "a value is no string, finite number, true, false or list of "
+            "these");
+        return NULL;
+    }
+    return json_real(x);
+}
+
+static json_t *take_scalar(toml_reader *r)
+{
+    char text[MOST_TEXT];
+    if (look(r) != '"' && look(r) != '\'')
+        return take_word(r);
+    return take_string(r, text) ? json_string(text) : NULL;
+}
+
+/* Takes a list; `lists` has the open lists, the outermost first. */
+static json_t *take_list(toml_reader *r)
+{
+    json_t *lists[MOST_DEPTH];
+    int depth = 0;
+    bool ok = true, after = false; /* a value, so that a comma must follow */
+    lists[0] = json_array();
+    (void)take(r, '[');
+    while (ok && depth >= 0) {
+        skip_lines(r);
+        if (take(r, ']')) {
+            after = true;
+            depth--;
+        } else if (after) {
+            ok = take(r, ',') || bad(r, "a list lacks a comma or its end");
+            after = false;
+        } else if (take(r, '[')) {
+            ok = depth + 1 < MOST_DEPTH || bad(r, "lists are too deep");
+            if (ok) {
+                json_t *const inner = json_array();
+                saga_json_append_item(lists[depth], inner);
+                lists[++depth] = inner;
+            }
+        } else {
+            json_t *const value = take_scalar(r);
+            ok = value != NULL;
+            if (ok)
+                saga_json_append_item(lists[depth], value);
+            after = true;
+        }
+    }
+    if (!ok)
+        json_decref(lists[0]);
+    return ok ? lists[0] : NULL;
+}
+
+/* -------------------------------------------------------------------- lines */
+
+/* Goes to the table of a header "[a.b]", which is made if it is new. */
+static bool take_header(toml_reader *r)
+{
+    char key[MOST_TEXT];
+    r->table = r->root;
+    if (look(r) == '[')
+        return bad(r, "a list of tables is no calibration");
+    for (int depth = 0; depth == 0 || take(r, '.'); depth++) {
+        skip_blanks(r);
+        if (depth == MOST_DEPTH)
+            return bad(r, "tables are too deep");
+        if (!take_key(r, key))
+            return false;
+        skip_blanks(r);
+        json_t *inner = json_object_get(r->table, key);
+        if (!inner) {
+            inner = json_object();
+            saga_json_set_value(r->table, key, inner);
+        }
+        if (!json_is_object(inner))
+            return bad(r, "a table has the name of a value");
+        r->table = inner;
+    }
+    return take(r, ']') || bad(r, "a table's name does not end in ]");
+}
+
+static bool take_pair(toml_reader *r)
+{
+    char key[MOST_TEXT];
+    if (!take_key(r, key))
+        return false;
+    skip_blanks(r);
+    if (!take(r, '='))
+        return bad(r, "there is no = behind a key");
+    skip_blanks(r);
+    if (json_object_get(r->table, key))
+        return bad(r, "a key is there twice");
+    json_t *const value = look(r) == '[' ? take_list(r) : take_scalar(r);
+    if (value)
+        saga_json_set_value(r->table, key, value);
+    return value != NULL;
+}
+
+static bool take_all(toml_reader *r)
+{
+    for (skip_lines(r); r->next < r->end; skip_lines(r)) {
+        if (!(take(r, '[') ? take_header(r) : take_pair(r)))
+            return false;
+        skip_comment(r);
+        if (r->next < r->end && look(r) != '\n')
+            return bad(r, "there is more in a line than a key and a value");
+    }
+    return true;
+}
+
+json_t *saga_toml_read(const char *path, saga_error *error)
+{
+    saga_bytes bytes;
+    if (!saga_read_file(&bytes, path, error))
+        return NULL;
+    toml_reader r = {.path = path, .next = bytes.data,
+                     .end = bytes.data + bytes.nbytes, .line = 1,
+                     .error = error};
+    saga_json_watch();
+    r.root = r.table = json_object();
+    bool ok = take_all(&r);
+    if (saga_json_starved() || saga_json_lost() || !r.root)
+        ok = saga_no_memory(0, path, error);
+    saga_bytes_free(&bytes);
+    if (!ok)
+        json_decref(r.root);
+    return ok ? r.root : NULL;
+}

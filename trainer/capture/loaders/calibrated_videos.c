@@ -1,0 +1,522 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Reads the TOML files that calibration with a board gives, beside a video of
+ * each camera: caliscope's camera_array.toml, and calibration.toml as Anipose,
+ * Pose2Sim and FreeMoCap have it. A camera is a table; caliscope's are in a
+ * table "cameras", whose keys are numbers.
+ *
+ *     name         the camera; without it, the table's name
+ *     size         width and height of the pictures that were calibrated
+ *     matrix       3 x 3 intrinsics
+ *     distortions  k1 k2 p1 p2 k3, or k1 k2 k3 k4 of a fisheye
+ *     fisheye      whether it is one; false without it
+ *     rotation     world to camera, OpenCV axes: a rotation vector or 3 x 3
+ *     translation  world to camera
+ *     ignore       whether the camera is not to be used
+ *
+ * OpenCV counts pixels from the centre of the first one, we from its corner.
+ */
+#include "alloc.h"
+#include "error.h"
+#include "file.h"
+#include "load.h"
+#include "moments.h"
+#include "notes.h"
+#include "pose.h"
+#include "toml.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+/* Distances of cameras beyond this are no metres: no board is found from so far
+ * away. */
+static const double largest_rig_metres = 50.0;
+
+typedef struct calibration {
+    saga_listing *listing;
+    const char *path;         /* of the TOML file */
+    double (*sizes)[2];       /* (n_sources) pictures that were calibrated */
+    char **videos;            /* (n_videos) paths, sorted */
+    int n_videos;
+    saga_error *error;
+} calibration;
+
+/* ---------------------------------------------------------------- the file */
+
+/* "calibration.toml", "Calib_scene.toml", "x_camera_calibration.toml" and
+ * "camera_array_aniposelib.toml" are calibrations. */
+static bool is_calibration(const char *name)
+{
+    const char *const begin = strrchr(name, '_');
+    return saga_has_suffix(name, ".toml") &&
+           (strncasecmp(name, "calib", 5) == 0 ||
+            (begin && strncasecmp(begin, "_calib", 6) == 0) ||
+            strcmp(name, "camera_array_aniposelib.toml") == 0);
+}
+
+/* Sets *file to a calibration in a folder, NULL if there is none, and *n to
+ * their number. Caliscope exports one calibration in two forms, of which the
+ * first counts. Returns false only if memory is short. */
+static bool find_file(char **file, int *n, const char *folder,
+                      saga_error *error)
+{
+    static const char first[] = "camera_array.toml";
+    DIR *dir;
+    bool ok = true;
+    *file = NULL;
+    *n = saga_folder_has(folder, first);
+    if (*n == 1)
+        return (*file = saga_path_join(folder, first, error)) != NULL;
+    if (!saga_folder_try(&dir, folder, error))
+        return false;
+    for (struct dirent *e; dir && ok && (e = readdir(dir)) != NULL;) {
+        if (!is_calibration(e->d_name))
+            continue;
+        free(*file);
+        *file = saga_path_join(folder, e->d_name, error);
+        ok = *file != NULL;
+        *n += ok;
+    }
+    if (dir)
+        closedir(dir);
+    return ok;
+}
+
+/* ------------------------------------------------------------------ numbers */
+
+/* Reads a list of at most `most` numbers, or a list of such lists as one. Sets
+ * *n to their number; false if it is anything else. */
+static bool get_numbers(const json_t *list, double *to, size_t most, size_t *n)
+{
+    *n = 0;
+    for (size_t i = 0; i < json_array_size(list); i++) {
+        const json_t *const item = json_array_get(list, i);
+        const size_t m = json_is_array(item) ? json_array_size(item) : 1;
+        for (size_t k = 0; k < m; k++) {
+            const json_t *const x =
+                json_is_array(item) ? json_array_get(item, k) : item;
+            if (!json_is_number(x) || *n == most)
+                return false;
+            to[(*n)++] = json_number_value(x);
+        }
+    }
+    return *n > 0;
+}
+
+static bool bad_value(const calibration *c, const saga_source *s,
+                      const char *key, const char *wanted)
+{
+    return saga_fail(c->error, c->path, "export the calibration again",
+                     "\"%s\" of %s is missing or not %s", key, s->name, wanted);
+}
+
+/* Reads exactly n numbers. */
+static bool get_all(const calibration *c, const saga_source *s,
+                    const json_t *table, const char *key, size_t n, double *to)
+{
+    size_t n_there;
+    char wanted[40];
+    (void)snprintf(wanted, sizeof wanted, "%zu numbers", n);
+    return (get_numbers(json_object_get(table, key), to, n, &n_there) &&
+            n_there == n) || bad_value(c, s, key, wanted);
+}
+
+/* ------------------------------------------------------------------ cameras */
+
+static bool read_distortion(const calibration *c, saga_source *s,
+                            const json_t *table)
+{
+    enum { MOST = 14 };
+    double k[MOST] = {0.0};
+    const json_t *const list = json_object_get(table, "distortions");
+    const size_t n_known = s->lens.fisheye ? 4 : 5;
+    size_t n;
+    if (!get_numbers(list, k, MOST, &n))
+        return bad_value(c, s, "distortions", "a list of numbers");
+    /* Of longer models, the rational one and the tilted sensor, zeros are the
+     * short one. */
+    for (size_t i = n_known; i < n; i++)
+        if (k[i] != 0.0)
+            return saga_fail(c->error, c->path, s->lens.fisheye
+                             ? "calibrate with OpenCV's fisheye model"
+                             : "calibrate with k1 k2 p1 p2 k3 alone",
+                             "%s has a lens of %zu coefficients, of which only "
+                             "%zu are known", s->name, n, n_known);
+    s->lens.k1 = k[0];
+    s->lens.k2 = k[1];
+    if (s->lens.fisheye) {
+        s->lens.k3 = k[2];
+        s->lens.k4 = k[3];
+    } else {
+        s->lens.p1 = k[2];
+        s->lens.p2 = k[3];
+        s->lens.k3 = k[4];
+    }
+    return true;
+}
+
+static bool read_lens(const calibration *c, saga_source *s, const json_t *table,
+                      double size[2])
+{
+    double m[9];
+    if (!get_all(c, s, table, "size", 2, size) ||
+        !get_all(c, s, table, "matrix", 9, m))
+        return false;
+    if (!(size[0] >= 1.0 && size[1] >= 1.0 && size[0] <= SAGA_MAX_SIDE &&
+          size[1] <= SAGA_MAX_SIDE))
+        return bad_value(c, s, "size", "a width and a height in pixels");
+    if (m[1] != 0.0)
+        return saga_fail(c->error, c->path, "calibrate without skew",
+                         "matrix of %s has a skew of %g", s->name, m[1]);
+    s->lens = (saga_lens){.fx = m[0], .fy = m[4], .cx = m[2] + 0.5,
+                          .cy = m[5] + 0.5};
+    s->lens.fisheye = json_is_true(json_object_get(table, "fisheye"));
+    return read_distortion(c, s, table);
+}
+
+static bool read_pose(const calibration *c, saga_source *s, const json_t *table)
+{
+    double r[9], t[3], centre[3];
+    size_t n;
+    if (!get_all(c, s, table, "translation", 3, t))
+        return false;
+    if (!get_numbers(json_object_get(table, "rotation"), r, 9, &n) ||
+        (n != 3 && n != 9))
+        return bad_value(c, s, "rotation", "3 numbers or 3 x 3");
+    if (n == 3)
+        saga_pose_from_turn((double[3]){r[0], r[1], r[2]}, r);
+    saga_pose_centre(r, t, centre);
+    return saga_pose_from_axes(r, r + 3, r + 6, centre, s->rotation,
+                               s->translation) ||
+           saga_fail(c->error, c->path, "export the calibration again",
+                     "rotation of %s is not finite or no rotation (%g %g %g)",
+                     s->name, r[0], r[1], r[2]);
+}
+
+static void name_camera(saga_source *s, const char *key, const json_t *table)
+{
+    const char *const name = json_string_value(json_object_get(table, "name"));
+    char text[SAGA_NAME_NBYTES + 8];
+    /* Caliscope's cameras are numbers, for videos cam_0.mp4. */
+    (void)snprintf(text, sizeof text, "%s%.*s",
+                   !name && strspn(key, "0123456789") == strlen(key) ? "cam_"
+                                                                     : "",
+                   SAGA_NAME_NBYTES - 1, name ? name : key);
+    saga_copy_name(s->name, text, strlen(text));
+}
+
+static bool add_camera(calibration *c, const char *key, const json_t *table)
+{
+    saga_listing *const l = c->listing;
+    if (l->n_sources == SAGA_MAX_VIEWS)
+        return saga_fail(c->error, c->path, "split the capture",
+                         "has more than %d cameras", SAGA_MAX_VIEWS);
+    const size_t n = (size_t)l->n_sources + 1;
+    saga_source *const more =
+        saga_realloc(l->sources, n, sizeof *more, c->path, c->error);
+    l->sources = more ? more : l->sources;
+    double (*const sizes)[2] =
+        saga_realloc(c->sizes, n, sizeof *sizes, c->path, c->error);
+    c->sizes = sizes ? sizes : c->sizes;
+    if (!more || !sizes)
+        return false;
+    saga_source *const s = &more[n - 1];
+    *s = (saga_source){.video = NULL};
+    name_camera(s, key, table);
+    /* Calibration may have given up on a camera, or its user. */
+    if (json_is_true(json_object_get(table, "ignore")) ||
+        !json_object_get(table, "rotation") ||
+        !json_object_get(table, "translation")) {
+        saga_note(l->notes, "cameras: %s is left out, the calibration has no "
+                  "pose of it or ignores it", s->name);
+        return true;
+    }
+    l->n_sources++;
+    return read_lens(c, s, table, sizes[n - 1]) && read_pose(c, s, table);
+}
+
+static bool read_cameras(calibration *c)
+{
+    json_t *const root = saga_toml_read(c->path, c->error);
+    json_t *const array = json_object_get(root, "cameras");
+    bool ok = root != NULL;
+    const char *key;
+    json_t *table;
+    /* Tables without intrinsics, such as "metadata", are no cameras. */
+    json_object_foreach (array ? array : root, key, table)
+        if (ok && json_object_get(table, "matrix"))
+            ok = add_camera(c, key, table);
+    /* Caliscope's unit is the metre. */
+    if (array)
+        c->listing->metres = 1.0;
+    json_decref(root);
+    return ok && (c->listing->n_sources > 0 ||
+                  saga_fail(c->error, c->path, "calibrate poses as well",
+                            "has no camera with matrix, rotation and "
+                            "translation"));
+}
+
+/* ------------------------------------------------------------------- videos */
+
+static bool is_video(const char *name)
+{
+    static const char *const endings[] = {".mp4", ".mov", ".avi", ".mkv",
+                                          ".webm"};
+    const char *const dot = strrchr(name, '.');
+    /* "._cam_0.mp4" is what one system leaves beside each file of another. */
+    const size_t n = name[0] == '.' ? 0 : sizeof endings / sizeof endings[0];
+    for (size_t i = 0; dot && i < n; i++)
+        if (strcasecmp(dot, endings[i]) == 0)
+            return true;
+    return false;
+}
+
+static int by_text(const void *a, const void *b)
+{
+    return strcmp(*(char *const *)a, *(char *const *)b);
+}
+
+/* Adds the videos of a folder, which need not exist. */
+static bool add_videos(calibration *c, const char *folder)
+{
+    DIR *dir;
+    if (!saga_folder_try(&dir, folder, c->error))
+        return false;
+    bool ok = true;
+    for (struct dirent *e; dir && ok && (e = readdir(dir)) != NULL;) {
+        if (!is_video(e->d_name))
+            continue;
+        char **const more = saga_realloc(c->videos, (size_t)c->n_videos + 1,
+                                         sizeof *more, folder, c->error);
+        ok = more != NULL;
+        c->videos = ok ? more : c->videos;
+        if (ok)
+            c->videos[c->n_videos] = saga_path_join(folder, e->d_name,
+                                                    c->error);
+        ok = ok && c->videos[c->n_videos];
+        c->n_videos += ok;
+    }
+    if (dir)
+        closedir(dir);
+    if (c->n_videos > 0)
+        qsort(c->videos, (size_t)c->n_videos, sizeof *c->videos, by_text);
+    return ok;
+}
+
+/* Finds the videos beside the calibration, or in a folder there. */
+static bool find_videos(calibration *c, const char *folder)
+{
+    static const char *const parts[] = {"videos", "synchronized_videos"};
+    bool ok = add_videos(c, folder);
+    for (size_t i = 0; ok && c->n_videos == 0 && i < 2; i++) {
+        char *const path = saga_path_join(folder, parts[i], c->error);
+        ok = path && add_videos(c, path);
+        free(path);
+    }
+    if (!ok || c->n_videos > 0)
+        return ok;
+    return saga_fail(c->error, folder, "put them there", "has a calibration "
+                     "but no videos beside it, nor in videos/ or "
+                     "synchronized_videos/");
+}
+
+/* ----------------------------------------------------- which is whose video */
+
+/* These are the ways in which a video's name without extension tells its
+ * camera, the surest first: "trial" of camera "trial", "walk-camA" of "A",
+ * "port_3" of "cam_03". */
+static bool is_same(const char *camera, const char *video, size_t n)
+{
+    return strlen(camera) == n && strncasecmp(camera, video, n) == 0;
+}
+
+static bool ends_so(const char *camera, const char *video, size_t n)
+{
+    const size_t m = strlen(camera);
+    return m > 0 && m <= n && strncasecmp(camera, video + n - m, m) == 0;
+}
+
+static bool has_number(const char *camera, const char *video, size_t n)
+{
+    uint64_t a, b;
+    return saga_last_number(camera, strlen(camera), &a) &&
+           saga_last_number(video, n, &b) && a == b;
+}
+
+static bool (*const rules[])(const char *camera, const char *video,
+                             size_t n) = {is_same, ends_so, has_number};
+
+enum { N_RULES = sizeof rules / sizeof *rules };
+
+static bool belongs(const calibration *c, int rule, int camera, int video)
+{
+    const char *const base = strrchr(c->videos[video], '/') + 1;
+    return rules[rule](c->listing->sources[camera].name, base,
+                       (size_t)(strrchr(base, '.') - base));
+}
+
+/* Returns the one video that belongs to a camera and to no other; -1: none. */
+static int video_of(const calibration *c, int rule, int camera)
+{
+    int found = -1;
+    for (int v = 0; v < c->n_videos; v++)
+        if (belongs(c, rule, camera, v)) {
+            if (found >= 0)
+                return -1;
+            found = v;
+        }
+    for (int i = 0; found >= 0 && i < c->listing->n_sources; i++)
+        if (i != camera && belongs(c, rule, i, found))
+            return -1;
+    return found;
+}
+
+/* Returns the rule that finds most cameras' videos; -1 if none finds any. */
+static int best_rule(const calibration *c)
+{
+    int best = -1, most = 0;
+    for (int rule = 0; rule < N_RULES; rule++) {
+        int n = 0;
+        for (int i = 0; i < c->listing->n_sources; i++)
+            n += video_of(c, rule, i) >= 0;
+        if (n > most) {
+            best = rule;
+            most = n;
+        }
+    }
+    return best;
+}
+
+static bool give_videos(calibration *c, const char *folder)
+{
+    saga_listing *const l = c->listing;
+    const int rule = best_rule(c);
+    if (rule < 0)
+        return saga_fail(c->error, folder, "name each video as its camera, for "
+                         "example cam_0.mp4", "no name of its %d videos tells "
+                         "one camera of %d; the first camera is %s",
+                         c->n_videos, l->n_sources, l->sources[0].name);
+    int n_used = 0;
+    for (int i = 0; i < l->n_sources; i++) {
+        const int v = video_of(c, rule, i);
+        if (v < 0)
+            continue;
+        l->sources[i].video = saga_string_copy(c->videos[v], c->error);
+        if (!l->sources[i].video)
+            return false;
+        n_used++;
+    }
+    if (n_used < c->n_videos)
+        saga_note(l->notes, "videos: %d of %d are of no camera of the "
+                  "calibration", c->n_videos - n_used, c->n_videos);
+    return true;
+}
+
+/* ----------------------------------------------------------- filling in */
+
+/* Scales a lens to the pictures that the video has. */
+static bool fit_size(const calibration *c, saga_source *s, const double size[2])
+{
+    const double sx = s->width / size[0], sy = s->height / size[1];
+    /* More than 1 % between the axes is a crop, which no scale undoes. */
+    if (!(fabs(sx / sy - 1.0) <= 0.01))
+        return saga_fail(c->error, c->path, "calibrate with pictures as they "
+                         "are filmed, neither turned nor cropped", "%s was "
+                         "calibrated with %g x %g pixels, the video has "
+                         "%d x %d", s->name, size[0], size[1], s->width,
+                         s->height);
+    if (sx != 1.0 && !strstr(c->listing->notes, "size:"))
+        saga_note(c->listing->notes, "size: lenses were calibrated with %g x "
+                  "%g pixels and are scaled to the videos' (%s)", size[0],
+                  size[1], s->name);
+    s->lens.fx *= sx;
+    s->lens.cx *= sx;
+    s->lens.fy *= sy;
+    s->lens.cy *= sy;
+    return true;
+}
+
+/* A file with an unknown unit is in that of its board, often millimetres. */
+static void tell_unit(saga_listing *l)
+{
+    double farthest = 0.0;
+    for (int i = 0; i < l->n_sources; i++)
+        for (int k = 0; k < i; k++) {
+            double a[3], b[3];
+            saga_pose_centre(l->sources[i].rotation, l->sources[i].translation,
+                             a);
+            saga_pose_centre(l->sources[k].rotation, l->sources[k].translation,
+                             b);
+            farthest = fmax(farthest, hypot(hypot(a[0] - b[0], a[1] - b[1]),
+                                            a[2] - b[2]));
+        }
+    if (farthest <= largest_rig_metres)
+        return;
+    saga_note(l->notes, "unit: cameras stand up to %.4g apart, which are no "
+              "metres; if they are millimetres, --metres 0.001 keeps that in "
+              "the file", farthest);
+    l->metres = 0.0;
+}
+
+static bool fill_in(calibration *c, const saga_capture_options *options)
+{
+    saga_listing *const l = c->listing;
+    int *const kept_as = saga_alloc((size_t)l->n_sources, sizeof *kept_as,
+                                    c->path, c->error);
+    const int n = l->n_sources;
+    bool ok = kept_as && saga_listing_drop_empty(l, 0, 0, kept_as, c->error);
+    for (int i = 0; ok && i < n; i++) {
+        saga_source *const s = &l->sources[kept_as[i] < 0 ? 0 : kept_as[i]];
+        ok = kept_as[i] < 0 || (saga_probe_video(s, l, c->error) &&
+                                fit_size(c, s, c->sizes[i]));
+    }
+    free(kept_as);
+    if (!ok)
+        return false;
+    saga_listing_tell_apart(l);
+    tell_unit(l);
+    saga_note(l->notes, "points: none (a calibration has none)");
+    return saga_listing_match_videos(l, options, c->error) &&
+           saga_listing_hold_out(l, options->hold_out, c->error);
+}
+
+static bool is_there(const char *folder, saga_error *error)
+{
+    char *file;
+    int n;
+    const bool ok = find_file(&file, &n, folder, error);
+    free(file);
+    return ok && n > 0;
+}
+
+static bool list(saga_listing *listing, const char *folder,
+                 const saga_capture_options *options, saga_error *error)
+{
+    calibration c = {.listing = listing, .error = error};
+    char *file;
+    int n;
+    bool ok = find_file(&file, &n, folder, error);
+    c.path = file;
+    if (ok && n > 1)
+        ok = saga_fail(error, folder, "keep one of them beside the videos",
+                       "has %d calibrations, among them %.100s", n,
+                       strrchr(file, '/') + 1);
+    ok = ok && read_cameras(&c) && find_videos(&c, folder) &&
+         give_videos(&c, folder) && fill_in(&c, options);
+    for (int i = 0; i < c.n_videos; i++)
+        free(c.videos[i]);
+    free(c.videos);
+    free(c.sizes);
+    free(file);
+    return ok;
+}
+
+const saga_loader saga_calibrated_videos_loader = {
+    "calibrated videos", "camera_array.toml or calibration.toml",
+    "a video for each camera and the calibration in camera_array.toml of "
+    "caliscope, or in calibration.toml of Anipose, Pose2Sim or FreeMoCap",
+    is_there, list
+};
