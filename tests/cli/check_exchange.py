@@ -4,8 +4,9 @@
 files that are cut and joined,
   draw        a renderer that is not ours draws the exported PLY like saga-dec
               the file: places, shapes, opacities, colours, axes and units
-  formats     PLY, SPZ and GLB hold the same splats, SPZ within its steps; the
-              frames asked for, and whole or not at all
+  formats     PLY, SPZ and GLB hold the same splats, SPZ within its steps
+  outputs     the frames asked for, and whole or not at all; README lists the
+              formats that the help lists
   import      a file of PLY splats is drawn like these by a renderer that is not
               ours; a sequence has its frames; a PLY that is none is told
   cut         frames of a file draw the same pixels, from the same bytes
@@ -287,7 +288,8 @@ def check_draw(tmp):
     for name, options, least in (("baked", ["--camera", "3"], 31),
                                  ("fitted", ["--sh", "1"], 31)):
         folder = tmp + "/" + name
-        saga("export", DEMO, "--ply-seq", folder, "--frames", "7:8", *options)
+        saga("export", DEMO, "-o", folder + "/frame_%05d.ply", "--frames", "7:8",
+             *options)
         got = drawn(folder + "/frame_00007.ply", camera, 3, 7)
         print("     %s colours: %.1f dB" % (name, got))
         if not got > least:
@@ -324,41 +326,70 @@ def compare(a, b, name, bounds):
         complain(name, "is off by", worst, "not within", bounds)
 
 
+def export(out, frame=12, *options):
+    saga("export", DEMO, "-o", out, "--frame", frame, *options)
+    return out
+
+
 def check_formats(tmp):
-    spz, glb, folder = tmp + "/x.spz", tmp + "/x.glb", tmp + "/ply"
-    saga("export", DEMO, "--spz", spz, "--glb", glb, "--frame", "12",
-         "--ply-seq", folder, "--frames", "11:13")
+    pattern, folder = tmp + "/ply/frame_%05d.ply", tmp + "/ply"
+    saga("export", DEMO, "-o", pattern, "--frames", "11:13")
     if sorted(os.listdir(folder)) != ["frame_00011.ply", "frame_00012.ply"]:
         complain("frames 11:13 are", os.listdir(folder))
     ply = splats.read_ply(folder + "/frame_00012.ply")
-    compare(ply, splats.read_glb(glb), "GLB", [1e-6, 1e-5, 1e-5, 1e-6, 0, 0])
-    compare(ply, splats.read_spz(spz), "SPZ",
+    if read(export(tmp + "/one.ply")) != read(folder + "/frame_00012.ply"):
+        complain("a frame alone is not that of the sequence")
+    compare(ply, splats.read_glb(export(tmp + "/x.glb")), "GLB",
+            [1e-6, 1e-5, 1e-5, 1e-6, 0, 0])
+    compare(ply, splats.read_spz(export(tmp + "/x.spz")), "SPZ",
             [0.51 / 4096, 0.06, 0.51 / 16, 0.51 / 255, 0.51 / 255 / 0.15,
              4.6 / 128])
     if len(ply[0]["colour"]) != 4 or not any(
             abs(v) > 0.01 for s in ply for v in flat(s["colour"][1:])):
         complain("no harmonics of degree 1")
-    out = tmp + "/none"
-    saga("export", DEMO, status=2, says="--ply-seq DIR")
-    saga("export", DEMO, "--ply-seq", folder, status=2, says="exists")
-    saga("export", DEMO, "--ply-seq", out, "--frames", "20:30", status=1,
-         says="its 24 frames")
-    saga("export", DEMO, "--glb", out, "--frame", "24", status=1,
-         says="has no frame 24 among its 24")
-    saga("export", DEMO, "--spz", out, "--camera", "99", status=1,
-         says="has no camera 99")
-    saga("export", "Makefile", "--spz", out, status=1, says="Makefile")
-    saga("export", DEMO, "--spz", tmp + "/no/x.spz", status=2,
-         says="cannot be created")
-    for kind in "glb", "spz":
-        os.symlink("/dev/full", tmp + "/full." + kind)
-        saga("export", DEMO, "--" + kind, tmp + "/full." + kind, status=2,
+    verdict("formats")
+
+
+def suffixes():
+    """The formats of `saga help export`."""
+    rows = re.findall(r"^  (\.\S+) +(.*?): ", saga("help", "export"), re.M)
+    page = read("README.md").decode()
+    for suffix, name in rows:
+        if "| `%s` | %s |" % (suffix, name) not in page:
+            complain("README has no row of", suffix, name)
+    return [suffix for suffix, name in rows]
+
+
+def check_outputs(tmp):
+    """Names and places of what is exported."""
+    out, folder = tmp + "/none", tmp + "/ply"
+    known = ", ".join(suffixes())
+    if not known.startswith(".ply, "):
+        complain("help tells of the formats", known)
+    for options, status, says in (
+            ([], 2, "-o OUT is missing"),
+            (["-o", out], 2, "end it as one of " + known),
+            (["-o", folder + "/%d.ply"], 2, "exists"),
+            (["-o", "%d.ply"], 2, "like frames/%d.ply"),
+            (["-o", out + "/%d/x.ply"], 2, "behind the last slash"),
+            (["-o", out + "/%d.ply", "--frame", "3"], 2, "for a sequence"),
+            (["-o", out + ".ply", "--frames", "3:4"], 2, "does not fit"),
+            (["-o", out + "/%d.ply", "--frames", "20:30"], 1,
+             "its 24 frames"),
+            (["-o", out + ".glb", "--frame", "24"], 1,
+             "has no frame 24 among its 24"),
+            (["-o", out + ".spz", "--camera", "99"], 1, "has no camera 99"),
+            (["-o", tmp + "/no/x.spz"], 2, "cannot be created"),
+            (["-o", tmp + "/no/x/%d.ply"], 2, "folder cannot be made")):
+        saga("export", DEMO, *options, status=status, says=says)
+    saga("export", "Makefile", "-o", out + ".spz", status=1, says="Makefile")
+    for suffix in suffixes():
+        os.symlink("/dev/full", tmp + "/full" + suffix)
+        saga("export", DEMO, "-o", tmp + "/full" + suffix, status=2,
              says="check the free space")
-    saga("export", DEMO, "--ply-seq", tmp + "/no/x", status=2,
-         says="folder cannot be made")
     if [n for n in os.listdir(tmp) if n.startswith("none")]:
         complain("something was written though it was refused")
-    verdict("formats")
+    verdict("outputs")
 
 
 # --- Splats of others ------------------------------------------------------
@@ -393,7 +424,7 @@ def check_import(tmp):
     rows = ball(152)
     rows[7][6], rows[8][6], rows[9][7] = math.inf, -7.0, math.nan
     still, out = write(tmp + "/ball.ply", ply(rows)), tmp + "/ball.saga"
-    saga("import", "--ply-seq", still, "-o", out, "--size", "48x48",
+    saga("import", still, "-o", out, "--size", "48x48",
          "--iterations", "700", "--lambda", "1")
     info = json.loads(saga("info", out, "--json"))
     if info["n_frames"] != 1 or len(info["rig"]) != 24 or \
@@ -416,7 +447,7 @@ def check_import(tmp):
     os.mkdir(tmp + "/seq")
     for i in range(3):
         write(tmp + "/seq/%d.ply" % i, ply(ball(60, i)))
-    saga("import", "--ply-seq", tmp + "/seq", "-o", out, "--primitives", "60",
+    saga("import", tmp + "/seq", "-o", out, "--primitives", "60",
          "--fps", "12", "--iterations", "60", "--cameras", out)
     info = json.loads(saga("info", out, "--json"))
     if info["n_frames"] != 3 or info["frames_per_second"] != [12, 1]:
@@ -429,7 +460,7 @@ def check_import_refused(tmp):
     rows, nan = ball(5), float("nan")
     out = tmp + "/refused.saga"
     for data, says in (
-            (b"no", "is no PLY"),
+            (b"no", "is in no format of splats that is known"),
             (ply(rows)[:-3], "announces 5 points"),
             (ply([]), "has no splats"),
             (ply([[nan] + rows[0][1:]], ["q"] + COLUMNS[1:]), "has no x"),
@@ -438,17 +469,20 @@ def check_import_refused(tmp):
              "5 values of f_rest"),
             (ply([[math.inf] + r[1:] for r in rows]), "numbers are finite")):
         bad = write(tmp + "/bad.ply", data)
-        saga("import", "--ply-seq", bad, "-o", out, status=1, says=says)
+        saga("import", bad, "-o", out, status=1, says=says)
     good = write(tmp + "/good.ply", ply(rows))
-    saga("import", "--ply-seq", good, "-o", out, "--cameras", good, status=1,
+    saga("import", good, "-o", out, "--cameras", good, status=1,
          says="its header is refused")
-    saga("import", "--ply-seq", tmp + "/none", "-o", out, status=2,
+    saga("import", tmp + "/none", "-o", out, status=2,
          says="cannot be opened")
-    saga("import", "-o", out, status=2, says="--ply-seq PATH is missing")
-    saga("import", "--ply-seq", good, status=2, says="-o OUT is missing")
+    saga("import", good, status=2, says="-o OUT is missing")
     os.mkdir(tmp + "/empty")
-    saga("import", "--ply-seq", tmp + "/empty", "-o", out, status=1,
-         says="has no .ply file")
+    saga("import", tmp + "/empty", "-o", out, status=1,
+         says="has no file of splats")
+    write(tmp + "/empty/0.ply", b"")
+    write(tmp + "/empty/1.spz", b"")
+    saga("import", tmp + "/empty", "-o", out, status=1,
+         says="has files of several formats")
     if [n for n in os.listdir(tmp) if n.startswith("refused")]:
         complain("something was written though it was refused")
     verdict("import")
@@ -487,6 +521,7 @@ def check_layers(tmp):
 with tempfile.TemporaryDirectory() as folder:
     check_draw(folder)
     check_formats(folder)
+    check_outputs(folder)
     check_import(folder)
     check_refused(folder, check_cut(folder)[0])
     check_join(folder, [folder + "/part%d.saga" % i for i in range(3)])

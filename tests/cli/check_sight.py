@@ -158,10 +158,9 @@ def check_depth(tmp, scene, scale):
     for name in ("focal", "principal"):
         camera[name] = [v / scale for v in camera[name]]
     size = camera["width"], camera["height"]
-    folder = tmp + "/ply%d" % scale
-    saga("export", scene, "--ply-seq", folder, "--frames", "7:8", "--camera",
-         "2")
-    alpha, depth = depths_of(folder + "/frame_00007.ply", camera)
+    ply = tmp + "/%d.ply" % scale
+    saga("export", scene, "-o", ply, "--frame", "7", "--camera", "2")
+    alpha, depth = depths_of(ply, camera)
     opaque = [i for i, a in enumerate(alpha) if a > 0.25]
     png, exr = shown(tmp, scene, "depth", "Z", size)
     off = math.sqrt(sum((exr[i] / depth[i] - 1) ** 2 for i in opaque) /

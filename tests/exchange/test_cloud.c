@@ -1,17 +1,15 @@
 /* SPDX-License-Identifier: MIT
  *
  * Splats on their way to other programs and back: a film's cloud against the
- * decoder's integers by the definitions of the formats, files read again,
- * harmonics against what makes them a basis.
+ * decoder's integers, harmonics against what makes them a basis.
+ * test_cloud_files.c has the files.
  */
 #include "cloud_capture.h"
-#include "cloud_files.h"
 #include "file.h"
 #include "film_cloud.h"
+#include "gen_cloud.h"
 #include "model.h"
 #include "testing.h"
-
-#include <unistd.h>
 
 static saga_error error;
 
@@ -175,60 +173,14 @@ TEST(cloud_should_be_the_primitives_of_a_frame)
     check_cloud("vectors/good/steep.saga");
 }
 
-/* --- Files --------------------------------------------------------------- */
-
-static void make_cloud(saga_cloud *cloud, size_t n, int degree)
-{
-    const size_t each = 3 * (size_t)saga_n_harmonics(degree);
-    const float unit[4] = { 0.1f, -0.7f, 0.5f, 0.5f };
-
-    assert_true(saga_cloud_alloc(cloud, n, degree, &error));
-    for (size_t i = 0; i < n; i++) {
-        for (size_t k = 0; k < 3; k++) {
-            cloud->mean[3 * i + k] = (float)sin(3.0 * (double)i + (double)k);
-            cloud->log_scale[3 * i + k] = -(float)k - 1;
-        }
-        memcpy(cloud->quat + 4 * i, unit, sizeof unit);
-        cloud->logit[i] = (float)i / 8 - 3;
-        for (size_t k = 0; k < each; k++)
-            cloud->colour[each * i + k] = (float)cos((double)(each * i + k));
-    }
-}
-
-TEST(ply_should_come_back)
-{
-    char name[] = "/tmp/saga_test_cloud_XXXXXX";
-    const int fd = mkstemp(name);
-
-    assert_true(fd >= 0);
-    close(fd);
-    for (int degree = 0; degree <= SAGA_MAX_DEGREE; degree++) {
-        const size_t each = 3 * (size_t)saga_n_harmonics(degree);
-        saga_cloud a, b;
-
-        make_cloud(&a, 20, degree);
-        assert_true(saga_cloud_write_ply(name, &a, &error));
-        assert_true(saga_cloud_read_ply(&b, name, &error));
-        assert_int_equal(b.n, a.n);
-        assert_int_equal(b.degree, degree);
-        assert_memory_equal(b.mean, a.mean, 60 * sizeof(float));
-        assert_memory_equal(b.log_scale, a.log_scale, 60 * sizeof(float));
-        assert_memory_equal(b.logit, a.logit, 20 * sizeof(float));
-        assert_memory_equal(b.colour, a.colour, 20 * each * sizeof(float));
-        for (size_t k = 0; k < 80; k++)
-            near((double)b.quat[k], (double)a.quat[k], 1e-7);
-        saga_cloud_free(&a);
-        saga_cloud_free(&b);
-    }
-    unlink(name);
-}
+/* --- Where it is --------------------------------------------------------- */
 
 TEST(far_off_splats_should_not_move_the_scene)
 {
     double centre[3], radius, again[3], same;
     FREED_BY(saga_cloud_free) saga_cloud cloud;
 
-    make_cloud(&cloud, 200, 0);
+    gen_cloud(&cloud, 200, 0);
     assert_true(saga_cloud_extent(centre, &radius, &cloud, &error));
     assert_true(radius > 0.5 && radius < 2);
     cloud.mean[3 * 150] = 1e5f;

@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * saga export writes the splats of a file for other programs: a PLY for every
- * frame, or one frame as SPZ or glTF.
+ * saga export writes the splats of a file for other programs: one frame, or
+ * each of a sequence, as the output's name says.
  */
-#include "alloc.h"
 #include "cli.h"
 #include "cloud_files.h"
 #include "commands.h"
@@ -11,17 +10,19 @@
 #include "file.h"
 #include "film_cloud.h"
 #include "model.h"
+#include "numbered.h"
 #include "output.h"
 
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 #include <unistd.h>
 
 typedef struct {
-    const char *ply_seq, *spz, *glb;
+    const char *out;
     saga_cli_pair frames;
-    int frame, camera, degree;
+    int frame, camera, degree; /* frame, camera: -1 if not given */
 } options;
 
 typedef struct {
@@ -58,27 +59,27 @@ static void tell_colours(const session *s)
 
 /* --- A file a frame ------------------------------------------------------ */
 
-static bool write_ply(session *s, const char *folder, uint32_t frame,
-                      size_t *n_splats)
+/* Writes a frame to a name without folder, in the folder. */
+static bool write_part(session *s, const char *folder, const char *pattern,
+                       uint32_t frame, size_t *n_splats)
 {
-    char name[32];
-    char *path;
+    char *const name = saga_numbered_name(pattern, (int)frame, &s->error);
+    char *const path = name ? saga_path_join(folder, name, &s->error) : NULL;
     saga_cloud cloud;
     bool ok;
 
-    (void)snprintf(name, sizeof name, "frame_%05" PRIu32 ".ply", frame);
-    path = saga_path_join(folder, name, &s->error);
     ok = path && make_cloud(&cloud, s, frame);
     if (ok) {
         *n_splats += cloud.n;
-        ok = written(s, saga_cloud_write_ply(path, &cloud, &s->error));
+        ok = written(s, saga_cloud_write(path, &cloud, &s->error));
         saga_cloud_free(&cloud);
     }
+    free(name);
     free(path);
     return ok;
 }
 
-static bool fill_folder(session *s, const char *folder)
+static bool fill_folder(session *s, const char *folder, const char *pattern)
 {
     const uint32_t first = (uint32_t)s->o->frames.a;
     const uint32_t end = s->o->frames.b ? (uint32_t)s->o->frames.b
@@ -90,37 +91,29 @@ static bool fill_folder(session *s, const char *folder)
     for (uint32_t i = first; i < end && ok; i++) {
         char doing[64];
 
-        ok = write_ply(s, folder, i, &n);
+        ok = write_part(s, folder, pattern, i, &n);
         (void)snprintf(doing, sizeof doing, "frame %" PRIu32 " of %" PRIu32,
                        i, s->film.info.n_frames);
         saga_meter_show(&meter, (i - first + 1.0) / (end - first), doing);
     }
     saga_meter_end(&meter);
     if (ok)
-        printf("%s: %" PRIu32 " frames, %.0f splats a frame\n", s->o->ply_seq,
+        printf("%s: %" PRIu32 " frames, %.0f splats a frame\n", s->o->out,
                end - first, (double)n / (end - first));
     return ok;
 }
 
-static bool write_ply_seq(session *s)
+/* Makes the folder and what is in it. Frames are written under another name of
+ * the folder, which is given up for the wanted one when all are there. */
+static bool write_folder(session *s, const char *path, const char *pattern)
 {
-    const char *const path = s->o->ply_seq;
-    char *folder;
     int lock;
+    char *const folder = saga_output_folder(path, &lock, &s->error);
     bool ok;
 
-    if (s->film.info.n_frames <= (uint32_t)s->o->frames.a ||
-        s->film.info.n_frames < (uint32_t)s->o->frames.b)
-        return saga_fail(&s->error, s->film.name, "give a range inside them",
-                         "--frames %d:%d goes beyond its %" PRIu32 " frames",
-                         (int)s->o->frames.a, (int)s->o->frames.b,
-                         s->film.info.n_frames);
-    /* Frames are written under another name, which is given up for the wanted
-     * one when all are there. */
-    folder = saga_output_folder(path, &lock, &s->error);
     if (!written(s, folder != NULL))
         return false;
-    ok = fill_folder(s, folder) &&
+    ok = fill_folder(s, folder, pattern) &&
          written(s, rename(folder, path) == 0 || saga_fail_errno(
              &s->error, path, "remove it or choose another name",
              "is in the way"));
@@ -132,28 +125,48 @@ static bool write_ply_seq(session *s)
     return ok;
 }
 
+/* Returns the folder of a name, NULL if it has none; the caller frees it. */
+static char *folder_of(const char *name, saga_error *error)
+{
+    const char *const slash = strrchr(name, '/');
+    char *const folder = saga_string_copy(name, error);
+
+    if (folder && slash)
+        folder[slash - name] = '\0';
+    return folder;
+}
+
+static bool write_sequence(session *s)
+{
+    char *folder;
+    bool ok;
+
+    if (s->film.info.n_frames <= (uint32_t)s->o->frames.a ||
+        s->film.info.n_frames < (uint32_t)s->o->frames.b)
+        return saga_fail(&s->error, s->film.name, "give a range inside them",
+                         "--frames %d:%d goes beyond its %" PRIu32 " frames",
+                         (int)s->o->frames.a, (int)s->o->frames.b,
+                         s->film.info.n_frames);
+    folder = folder_of(s->o->out, &s->error);
+    ok = folder && write_folder(s, folder, strrchr(s->o->out, '/') + 1);
+    free(folder);
+    return ok;
+}
+
 /* --- A frame ------------------------------------------------------------- */
 
 static bool write_frame(session *s)
 {
     const options *const o = s->o;
+    const int frame = o->frame < 0 ? 0 : o->frame;
     saga_cloud cloud;
     bool ok;
 
-    if (!o->spz && !o->glb)
-        return true;
-    if (!make_cloud(&cloud, s, (uint32_t)o->frame))
+    if (!make_cloud(&cloud, s, (uint32_t)frame))
         return false;
-    ok = written(s, (!o->spz || saga_cloud_write_spz(o->spz, &cloud,
-                                                     &s->error)) &&
-                    (!o->glb || saga_cloud_write_glb(o->glb, &cloud,
-                                                     &s->error)));
-    for (int i = 0; i < 2 && ok; i++) {
-        const char *const name = i ? o->glb : o->spz;
-
-        if (name)
-            printf("%s: frame %d, %zu splats\n", name, o->frame, cloud.n);
-    }
+    ok = written(s, saga_cloud_write(o->out, &cloud, &s->error));
+    if (ok)
+        printf("%s: frame %d, %zu splats\n", o->out, frame, cloud.n);
     saga_cloud_free(&cloud);
     return ok;
 }
@@ -164,7 +177,7 @@ static int export_all(session *s, const char *name, const saga_bytes *bytes)
 
     if (saga_film_open(&s->film, name, bytes->data, bytes->nbytes, 1,
                        &s->error) &&
-        (!s->o->ply_seq || write_ply_seq(s)) && write_frame(s))
+        (saga_is_numbered(s->o->out) ? write_sequence(s) : write_frame(s)))
         tell_colours(s);
     else
         status = s->unwritten ? SAGA_EXIT_USAGE : SAGA_EXIT_DATA;
@@ -175,21 +188,69 @@ static int export_all(session *s, const char *name, const saga_bytes *bytes)
     return status;
 }
 
+/* A sequence has a folder of its own, so that it is there as a whole or not at
+ * all. */
+static int check_sequence(const options *o)
+{
+    saga_error error = { "" };
+    char *folder;
+    int status = SAGA_EXIT_OK;
+
+    if (!strchr(o->out, '/'))
+        return saga_cli_error(SAGA_EXIT_USAGE, "export: %s: a sequence gets a "
+                              "new folder; give it with the name, like "
+                              "frames/%s", o->out, o->out);
+    folder = folder_of(o->out, &error);
+    if (!folder)
+        return saga_cli_error(SAGA_EXIT_USAGE, "export: %s", error.message);
+    if (strchr(folder, '%'))
+        status = saga_cli_error(SAGA_EXIT_USAGE, "export: %s: the number is "
+                                "in the folder's name; put it behind the last "
+                                "slash", o->out);
+    else if (access(folder, F_OK) == 0)
+        status = saga_cli_error(SAGA_EXIT_USAGE, "export: %s: exists; remove "
+                                "it or choose another name", folder);
+    free(folder);
+    return status;
+}
+
 static int check_options(const options *o)
 {
-    if (!o->ply_seq && !o->spz && !o->glb)
-        return saga_cli_error(SAGA_EXIT_USAGE, "export: give --ply-seq DIR, "
-                              "--spz FILE or --glb FILE; `saga help export` "
-                              "explains");
-    if (o->ply_seq && access(o->ply_seq, F_OK) == 0)
-        return saga_cli_error(SAGA_EXIT_USAGE, "export: %s: exists; remove it "
-                              "or choose another name", o->ply_seq);
-    return SAGA_EXIT_OK;
+    char known[SAGA_SUFFIXES_NBYTES];
+
+    if (!o->out)
+        return saga_cli_error(SAGA_EXIT_USAGE, "export: -o OUT is missing; "
+                              "`saga help export` explains");
+    saga_cloud_suffixes(known);
+    if (!saga_cloud_format_of(o->out))
+        return saga_cli_error(SAGA_EXIT_USAGE, "export: %s: its name ends as "
+                              "no format of splats; end it as one of %s",
+                              o->out, known);
+    if (saga_is_numbered(o->out) ? o->frame >= 0 : o->frames.a || o->frames.b)
+        return saga_cli_error(SAGA_EXIT_USAGE, "export: --frame N is for a "
+                              "single file, --frames A:B for a sequence, which "
+                              "has a number in its name, like "
+                              "frames/%%04d.ply; one of them does not fit %s",
+                              o->out);
+    return saga_is_numbered(o->out) ? check_sequence(o) : SAGA_EXIT_OK;
+}
+
+/* The formats, for the help. */
+static void print_formats(void)
+{
+    printf("\nFormats:\n");
+    for (int i = 0; saga_cloud_format_at(i); i++) {
+        const saga_cloud_format *const f = saga_cloud_format_at(i);
+        char text[256];
+
+        (void)snprintf(text, sizeof text, "%s: %s", f->name, f->carries);
+        saga_cli_row(f->suffix, text);
+    }
 }
 
 static int run(int argc, char **argv)
 {
-    options o = { .camera = -1, .degree = 1 };
+    options o = { .frame = -1, .camera = -1, .degree = 1 };
     session s = { .o = &o, .colours = { .segment = -1 } };
     const char *name;
     saga_bytes bytes;
@@ -208,16 +269,13 @@ static int run(int argc, char **argv)
 }
 
 static const saga_cli_option option_list[] = {
-    { "--ply-seq", "DIR", "a PLY for each frame, in a new folder",
-      saga_cli_text, offsetof(options, ply_seq), 0, 0 },
-    { "--frames", "A:B", "... of frames A to B - 1 alone", saga_cli_range,
-      offsetof(options, frames), 0, INT32_MAX },
-    { "--spz", "FILE", "one frame as SPZ (version 3)", saga_cli_text,
-      offsetof(options, spz), 0, 0 },
-    { "--glb", "FILE", "one frame as binary glTF (KHR_gaussian_splatting)",
-      saga_cli_text, offsetof(options, glb), 0, 0 },
-    { "--frame", "N", "... which (default 0)", saga_cli_int,
+    { "-o", "OUT", "the file; its name ends as its format does. With %d or "
+      "%04d\nin the name: a file for each frame, in a new folder",
+      saga_cli_text, offsetof(options, out), 0, 0 },
+    { "--frame", "N", "which frame (default 0)", saga_cli_int,
       offsetof(options, frame), 0, INT32_MAX },
+    { "--frames", "A:B", "of a sequence frames A to B - 1 alone",
+      saga_cli_range, offsetof(options, frames), 0, INT32_MAX },
     { "--sh", "0|1|2|3", "colours that depend on the view: spherical "
       "harmonics of\nthis degree, fitted to what the decoder shows the rig\n"
       "(default 1)",
@@ -236,14 +294,14 @@ const saga_command saga_command_export = {
     "is what the moment leaves of it; splats below the decoder's cut of 1/256\n"
     "are left out.\n"
     "\n"
-    "  saga export scene.saga --ply-seq scene-ply\n"
-    "  saga export scene.saga --glb scene.glb --frame 12\n"
+    "  saga export scene.saga -o scene.glb --frame 12\n"
+    "  saga export scene.saga -o frames/scene_%04d.spz\n"
     "\n"
-    "PLY and glTF hold all numbers as the decoder has them; SPZ rounds. A\n"
-    "viewer's pictures still differ from `saga render`: colours that depend\n"
-    "on the view are fitted; an opacity above 1, which makes a flat top,\n"
+    "A viewer's pictures differ from `saga render`: colours that depend on\n"
+    "the view are fitted; an opacity above 1, which makes a flat top,\n"
     "becomes a wider splat; most viewers widen splats by 0.3 square pixels,\n"
     "ours by 0.1; they round in float. docs/results/export.md tells what each\n"
-    "does, and how near it comes.\n",
-    option_list, (int)(sizeof option_list / sizeof option_list[0]), run, NULL
+    "does, and how near it comes, and how much each format rounds.\n",
+    option_list, (int)(sizeof option_list / sizeof option_list[0]), run,
+    print_formats
 };

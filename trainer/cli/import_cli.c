@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * saga import codes splats that another program trained: PLY files, without
- * pictures. It draws them for cameras all round, or those it is given, and what
- * training then sees are these pictures.
+ * saga import codes splats that another program trained, without pictures. It
+ * draws them for cameras all round, or those it is given, and these pictures
+ * are what training then sees.
  */
 #include "alloc.h"
 #include "cli.h"
@@ -38,7 +38,7 @@ enum { N_RINGS = 3, N_ROUND = 8, SIDE = 400, MOST_FILES = 65535 };
 #define WANTED_MSE 1e-4
 
 typedef struct {
-    const char *ply, *out, *cameras;
+    const char *out, *cameras;
     saga_cli_pair size;
     int primitives, iterations, level, seed, threads;
     double lambda, fps;
@@ -46,6 +46,7 @@ typedef struct {
 
 typedef struct {
     const options *o;
+    const char *splats;      /* a file, or a folder of a sequence */
     char **path;             /* (n_files) */
     int n_files;
     saga_cloud first;        /* of the first file */
@@ -78,28 +79,51 @@ static bool add_file(session *s, const char *folder, const char *name)
     return path[s->n_files] && ++s->n_files;
 }
 
-static bool list_files(session *s)
+/* Adds the files of a folder whose names end as a format does; all end alike,
+ * so that nothing else that lies there becomes a frame. */
+static bool list_folder(session *s, DIR *dir)
 {
-    const char *const ply = s->o->ply;
-    DIR *dir;
+    const char *const folder = s->splats;
+    const saga_cloud_format *first = NULL;
     bool ok = true;
 
-    if (!saga_path_is_folder(ply))
-        return add_file(s, NULL, ply);
-    dir = opendir(ply);
+    for (struct dirent *e; ok && (e = readdir(dir)) != NULL;) {
+        const saga_cloud_format *const f = saga_cloud_format_of(e->d_name);
+
+        if (!f)
+            continue;
+        first = first ? first : f;
+        if (f != first)
+            ok = saga_fail(&s->error, folder, "leave one of them in the "
+                           "folder", "has files of several formats (%s, %s)",
+                           first->suffix, f->suffix);
+        else if (s->n_files == MOST_FILES)
+            ok = saga_fail(&s->error, folder, "take fewer", "has more than %d "
+                           "files of splats", MOST_FILES);
+        else
+            ok = add_file(s, folder, e->d_name);
+    }
+    return ok;
+}
+
+static bool list_files(session *s)
+{
+    char known[SAGA_SUFFIXES_NBYTES];
+    DIR *dir;
+    bool ok;
+
+    if (!saga_path_is_folder(s->splats))
+        return add_file(s, NULL, s->splats);
+    dir = opendir(s->splats);
     if (!dir)
-        return saga_fail_errno(&s->error, ply, "check its permissions",
+        return saga_fail_errno(&s->error, s->splats, "check its permissions",
                                "cannot be opened");
-    for (struct dirent *e; ok && (e = readdir(dir)) != NULL;)
-        if (saga_has_suffix(e->d_name, ".ply"))
-            ok = s->n_files < MOST_FILES
-                ? add_file(s, ply, e->d_name)
-                : saga_fail(&s->error, ply, "take fewer", "has more than %d "
-                            "PLY files", MOST_FILES);
+    ok = list_folder(s, dir);
     closedir(dir);
+    saga_cloud_suffixes(known);
     if (ok && !s->n_files)
-        ok = saga_fail(&s->error, ply, "give a folder of them, a file a frame",
-                       "has no .ply file");
+        ok = saga_fail(&s->error, s->splats, "give a folder of them, a file a "
+                       "frame", "has no file of splats (%s)", known);
     if (ok)
         qsort(s->path, (size_t)s->n_files, sizeof *s->path, by_name);
     return ok;
@@ -128,7 +152,7 @@ static int height_of(const session *s, int otherwise)
     return s->o->size.b ? s->o->size.b : otherwise;
 }
 
-/* Sets the cameras all round; y of PLY files is down by custom. */
+/* Sets the cameras all round; y of a cloud is down by custom. */
 static bool ring(session *s)
 {
     const int w = width_of(s, SIDE), h = height_of(s, SIDE);
@@ -352,7 +376,7 @@ static int import(session *s)
     if (saga_output_open_alone(&s->out, s->o->out, &s->error)) {
         status = SAGA_EXIT_DATA;
         ok = list_files(s) &&
-             saga_cloud_read_ply(&s->first, s->path[0], &s->error) &&
+             saga_cloud_read(&s->first, s->path[0], &s->error) &&
              find_cameras(s) && draw(s) && train(s);
         saga_meter_end(&s->meter);
         if (!ok)
@@ -382,16 +406,15 @@ static int run(int argc, char **argv)
 {
     options o = { .level = 2, .seed = 1, .fps = 30.0 };
     session s = { .o = &o };
-    const int status = saga_cli_parse(&saga_command_import, &o, NULL, argc,
-                                      argv);
+    const int status = saga_cli_parse(&saga_command_import, &o, &s.splats,
+                                      argc, argv);
 
     if (status != SAGA_CLI_GO_ON)
         return status;
-    if (!o.ply || !o.out)
-        return saga_cli_error(SAGA_EXIT_USAGE, "import: %s is missing; `saga "
-                              "help import` explains", o.ply ? "-o OUT"
-                              : "--ply-seq PATH");
-    if (cannot_read(o.ply) || (o.cameras && cannot_read(o.cameras)))
+    if (!o.out)
+        return saga_cli_error(SAGA_EXIT_USAGE, "import: -o OUT is missing; "
+                              "`saga help import` explains");
+    if (cannot_read(s.splats) || (o.cameras && cannot_read(o.cameras)))
         return SAGA_EXIT_USAGE;
     if (!(o.fps > 0.0))
         return saga_cli_error(SAGA_EXIT_USAGE, "import: --fps takes a number "
@@ -402,9 +425,6 @@ static int run(int argc, char **argv)
 }
 
 static const saga_cli_option option_list[] = {
-    { "--ply-seq", "PATH", "a folder of PLY files, a frame each in the order "
-      "of their\nnames; or one file, a still", saga_cli_text,
-      offsetof(options, ply), 0, 0 },
     { "-o", "OUT", "the .saga file to be written", saga_cli_text,
       offsetof(options, out), 0, 0 },
     { "--cameras", "FILE", "where it is looked at from: the rig of a .saga "
@@ -431,18 +451,20 @@ static const saga_cli_option option_list[] = {
 };
 
 const saga_command saga_command_import = {
-    "import", "--ply-seq PATH", 0,
-    "a .saga file of splats from any trainer (PLY)",
-    "Codes splats that another program trained, without pictures. A still\n"
-    "keeps its splats: networks are fitted to them, and then improved. A\n"
-    "sequence is learned anew, as one segment: which splat of a frame is\n"
-    "which of the next is not asked.\n"
+    "import", "SPLATS", 1,
+    "a .saga file of splats from any trainer (PLY, SPZ)",
+    "Codes splats that another program trained, without pictures. SPLATS is\n"
+    "a file, or a folder of files, a frame each in the order of their names,\n"
+    "in one of the formats that `saga help export` lists. A still keeps its\n"
+    "splats: networks are fitted to them, and then improved. A sequence is\n"
+    "learned anew, as one segment: which splat of a frame is which of the\n"
+    "next is not asked.\n"
     "\n"
     "Both are judged by pictures that are drawn from the files, from cameras\n"
     "all round unless there are others (--cameras): what none of them sees\n"
     "comes out badly. So for a room give cameras inside.\n"
     "\n"
-    "  saga import --ply-seq chair.ply -o chair.saga\n"
-    "  saga import --ply-seq frames -o scene.saga --cameras old.saga\n",
+    "  saga import chair.spz -o chair.saga\n"
+    "  saga import frames -o scene.saga --cameras old.saga\n",
     option_list, (int)(sizeof option_list / sizeof option_list[0]), run, NULL
 };

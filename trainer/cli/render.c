@@ -9,6 +9,7 @@
 #include "commands.h"
 #include "error.h"
 #include "file.h"
+#include "numbered.h"
 #include "orbit.h"
 #include "render_path.h"
 #include "render_picture.h"
@@ -135,41 +136,6 @@ static void time_of(uint32_t *num, uint32_t *den, const session *s, int i)
 
 /* --- Names --------------------------------------------------------------- */
 
-/* Finds the one %d or %0Nd of a name; NULL if there is none, or something
- * else. */
-static const char *find_number(const char *name, int *width, size_t *n)
-{
-    const char *const at = strchr(name, '%');
-    const char *p = at ? at + 1 : NULL;
-
-    *width = 0;
-    while (p && *p >= '0' && *p <= '9' && *width < 10)
-        *width = 10 * *width + (*p++ - '0');
-    if (!p || *p != 'd' || *width > 20 || strchr(p, '%'))
-        return NULL;
-    *n = (size_t)(p + 1 - at);
-    return at;
-}
-
-/* Returns the name of picture `number`; to be freed. */
-static char *name_of(session *s, int number)
-{
-    const char *const out = s->o->out;
-    const size_t room = strlen(out) + 32;
-    char *const name = saga_alloc(room, 1, out, &s->error);
-    size_t n;
-    int width;
-    const char *const at = find_number(out, &width, &n);
-
-    /* check_name has seen to it that there is a number. */
-    if (name && s->n > 1)
-        snprintf(name, room, "%.*s%0*d%s", (int)(at - out), out, width,
-                 number, at + n);
-    else if (name)
-        snprintf(name, room, "%s", out);
-    return name;
-}
-
 static bool is_video(const char *out)
 {
     return saga_has_suffix(out, ".mp4");
@@ -178,8 +144,6 @@ static bool is_video(const char *out)
 static int check_name(const session *s)
 {
     const char *const out = s->o->out;
-    size_t n;
-    int width;
 
     if (is_video(out) && (s->o->depth || s->o->alpha))
         return mistake("--depth and --alpha are written as .png or .exr");
@@ -188,7 +152,7 @@ static int check_name(const session *s)
     if (!saga_has_suffix(out, ".png") && !saga_has_suffix(out, ".exr"))
         return saga_cli_error(SAGA_EXIT_USAGE, "render: %s: pictures are "
                               "written as .png or .exr, films as .mp4", out);
-    if (s->n > 1 && !find_number(out, &width, &n))
+    if (s->n > 1 && !saga_is_numbered(out))
         return saga_cli_error(SAGA_EXIT_USAGE, "render: %s: %d pictures need "
                               "one number in the name, like out_%%04d.png",
                               out, s->n);
@@ -204,7 +168,8 @@ static bool write_one(session *s, const saga_camera *c, int number)
 
     if (s->video.out.path)
         return saga_film_writer_add(&s->video, s->sight.all, &s->error);
-    name = name_of(s, number);
+    name = s->n > 1 ? saga_numbered_name(s->o->out, number, &s->error)
+                    : saga_string_copy(s->o->out, &s->error);
     if (!name)
         return false;
     ok = saga_sight_write(&s->sight, name, c->width, c->height, &s->error);

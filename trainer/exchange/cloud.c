@@ -3,6 +3,7 @@
 
 #include "alloc.h"
 
+#include <math.h>
 #include <stdlib.h>
 
 bool saga_cloud_alloc(saga_cloud *cloud, size_t n, int degree,
@@ -31,6 +32,12 @@ void saga_cloud_free(saga_cloud *cloud)
     free(cloud->logit);
     free(cloud->colour);
     *cloud = (saga_cloud){ .n = 0 };
+}
+
+float saga_cloud_logit(double opacity)
+{
+    return opacity <= 0.0 ? -INFINITY
+         : opacity >= 1.0 ? INFINITY : (float)log(opacity / (1.0 - opacity));
 }
 
 /* The ellipsoid of the rotation F R F is that of F R, since F, which is

@@ -30,6 +30,9 @@ bool saga_cloud_alloc(saga_cloud *cloud, size_t n, int degree,
 /* Takes an empty one too. */
 void saga_cloud_free(saga_cloud *cloud);
 
+/* Returns the logit of an opacity: infinite for 0 and 1. */
+float saga_cloud_logit(double opacity);
+
 /* Turns it half around the axis x or z (0 or 2). PLY files have x right, y down
  * and z forward by custom. Around x, that is right, up, back, as SPZ has it;
  * around z, left, up, forward, as glTF has it. */

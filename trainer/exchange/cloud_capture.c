@@ -267,7 +267,7 @@ static bool read_frame(saga_capture *c, saga_canvas *canvas,
     saga_cloud cloud;
     bool ok;
 
-    if (!saga_cloud_read_ply(&cloud, s->path[number], error))
+    if (!saga_cloud_read(&cloud, s->path[number], error))
         return false;
     add_points(c, &cloud, s->n_frames);
     ok = draw_frame(c, canvas, &cloud, number, error);

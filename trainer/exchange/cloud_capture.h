@@ -11,7 +11,7 @@
 #include "cloud.h"
 #include "splat.h"
 
-/* PLY files, a frame each, and the cameras they are drawn for. */
+/* Files of splats, a frame each, and the cameras they are drawn for. */
 typedef struct saga_cloud_source {
     char **path;             /* (n_frames) */
     int n_frames;

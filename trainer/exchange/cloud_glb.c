@@ -214,8 +214,7 @@ static bool write_file(const char *path, const glb *g, const char *text,
     return saga_output_close(&out, ok, error);
 }
 
-bool saga_cloud_write_glb(const char *path, saga_cloud *cloud,
-                          saga_error *error)
+static bool write_glb(const char *path, saga_cloud *cloud, saga_error *error)
 {
     glb g = { .cloud = cloud };
     json_t *o;
@@ -240,3 +239,21 @@ bool saga_cloud_write_glb(const char *path, saga_cloud *cloud,
     saga_cloud_turn(cloud, 2);
     return ok;
 }
+
+static bool is_glb(const saga_bytes *bytes)
+{
+    return bytes->nbytes >= 4 && saga_load_le(bytes->data, 4) == MAGIC;
+}
+
+static bool read_glb(saga_cloud *cloud, const saga_bytes *bytes,
+                     const char *path, saga_error *error)
+{
+    (void)cloud;
+    (void)bytes;
+    return saga_fail(error, path, "convert it to PLY", "glTF is not read");
+}
+
+const saga_cloud_format saga_glb_format = {
+    "glTF", ".glb", "floats, by KHR_gaussian_splatting", is_glb, read_glb,
+    write_glb
+};

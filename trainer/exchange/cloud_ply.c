@@ -1,4 +1,8 @@
-/* SPDX-License-Identifier: MIT */
+/* SPDX-License-Identifier: MIT
+ *
+ * PLY has the layout of the first Gaussian splatting: x y z nx ny nz f_dc
+ * f_rest opacity scale rot, all floats; normals are zeros. It is exact.
+ */
 #include "cloud_files.h"
 
 #include "output.h"
@@ -57,8 +61,7 @@ static size_t put_splat(uint8_t *record, const saga_cloud *cloud, size_t i)
     return (size_t)(at - record);
 }
 
-bool saga_cloud_write_ply(const char *path, const saga_cloud *cloud,
-                          saga_error *error)
+static bool write_ply(const char *path, saga_cloud *cloud, saga_error *error)
 {
     saga_output out;
     bool ok = true;
@@ -134,73 +137,50 @@ static bool find_degree(int *degree, const char *path,
                      "f_rest", n);
 }
 
-/* Splats that are wholly opaque may have an infinite logit. */
-#define MOST_LOGIT 16.0f
-
-/* Below the decoder's cut of 1/256 nothing is drawn. */
-#define LEAST_LOGIT (-5.54f)
-
-static bool is_sound(const float *row, int degree)
+static void take_splat(saga_cloud *cloud, size_t i, const float *row)
 {
-    const int n = REST + 3 * (saga_n_harmonics(degree) - 1);
-
-    /* Both comparisons are so written that NaN fails them. */
-    for (int i = 0; i < n; i++)
-        if (i != OPACITY && !(fabsf(row[i]) <= 1e6f))
-            return false;
-    return row[OPACITY] >= LEAST_LOGIT;
-}
-
-static void take_splat(saga_cloud *cloud, const float *row)
-{
-    const size_t i = cloud->n++;
     const int n = saga_n_harmonics(cloud->degree);
     float *const colour = cloud->colour + 3 * (size_t)n * i;
-    double length = 0.0;
 
     memcpy(cloud->mean + 3 * i, row + X, 3 * sizeof *row);
     memcpy(cloud->log_scale + 3 * i, row + SCALE, 3 * sizeof *row);
+    memcpy(cloud->quat + 4 * i, row + ROT, 4 * sizeof *row);
     memcpy(colour, row + DC, 3 * sizeof *row);
-    cloud->logit[i] = fminf(row[OPACITY], MOST_LOGIT);
-    /* Quaternions may come in any length; one of length 0 is no rotation. */
-    for (int k = 0; k < 4; k++)
-        length += (double)row[ROT + k] * (double)row[ROT + k];
-    for (int k = 0; k < 4; k++)
-        cloud->quat[4 * i + (size_t)k] = length > 0.0
-            ? (float)((double)row[ROT + k] / sqrt(length)) : k == 0;
+    cloud->logit[i] = row[OPACITY];
     /* f_rest has all of red first, then green, then blue. */
     for (int c = 0; c < 3; c++)
         for (int k = 1; k < n; k++)
             colour[3 * k + c] = row[REST + c * (n - 1) + k - 1];
 }
 
-bool saga_cloud_read_ply(saga_cloud *cloud, const char *path,
-                         saga_error *error)
+static bool read_ply(saga_cloud *cloud, const saga_bytes *bytes,
+                     const char *path, saga_error *error)
 {
     char text[N_COLUMNS][16];
     const char *name[N_COLUMNS];
     float *rows;
     size_t n;
-    int degree;
+    int degree = 0;
     bool ok;
 
-    *cloud = (saga_cloud){ .n = 0 };
     name_columns(text, name);
-    if (!saga_ply_columns(path, name, N_COLUMNS, &rows, &n, error))
+    if (!saga_ply_columns(bytes, path, name, N_COLUMNS, &rows, &n, error))
         return false;
-    ok = (n > 0 || saga_fail(error, path, "leave it out", "has no splats")) &&
-         find_degree(&degree, path, name, rows, error) &&
+    ok = (n == 0 || find_degree(&degree, path, name, rows, error)) &&
          saga_cloud_alloc(cloud, n, degree, error);
-    /* There is room for every row; from here n counts those that are taken. */
-    cloud->n = 0;
     for (size_t i = 0; i < n && ok; i++)
-        if (is_sound(rows + N_COLUMNS * i, degree))
-            take_splat(cloud, rows + N_COLUMNS * i);
+        take_splat(cloud, i, rows + N_COLUMNS * i);
     free(rows);
-    if (ok && !cloud->n)
-        ok = saga_fail(error, path, "train it again", "has no splat whose "
-                       "numbers are finite and that can be seen");
-    if (!ok)
-        saga_cloud_free(cloud);
     return ok;
 }
+
+static bool is_ply(const saga_bytes *bytes)
+{
+    return bytes->nbytes > 4 && memcmp(bytes->data, "ply", 3) == 0 &&
+           (bytes->data[3] == '\n' || bytes->data[3] == '\r');
+}
+
+const saga_cloud_format saga_ply_format = {
+    "PLY", ".ply", "floats, as trainers write them", is_ply, read_ply,
+    write_ply
+};

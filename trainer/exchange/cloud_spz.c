@@ -1,8 +1,5 @@
-/* SPDX-License-Identifier: MIT
- *
- * SPZ version 3: a header, then each attribute of all splats, as a gzip stream.
- */
-#include "cloud_files.h"
+/* SPDX-License-Identifier: MIT */
+#include "cloud_spz.h"
 
 #include "alloc.h"
 #include "output.h"
@@ -13,17 +10,13 @@
 #include <zlib.h>
 
 enum {
-    HEADER_NBYTES = 16, MAGIC = 0x5053474e, VERSION = 3,
+    VERSION = 3,
     SPLAT_NBYTES = 9 + 1 + 3 + 3 + 4, /* without harmonics */
     POSITION_BITS = 23,      /* and a sign */
     ENOUGH_BITS = 16,        /* for a coordinate; but never fewer than */
     FRACTION_BITS = 12,      /* behind the point, as other writers have; */
-    MOST_FRACTION_BITS = 24, /* readers shift by them */
-    QUAT_STEPS = 511
+    MOST_FRACTION_BITS = 24  /* readers shift by them */
 };
-
-/* A colour's byte covers more than 0..1 of the constant harmonic's. */
-#define COLOUR_PART 0.15
 
 static uint8_t byte_of(double x)
 {
@@ -76,12 +69,12 @@ static uint32_t quat_word(const float wxyz[4])
     /* Two bits for which it is, then ten for each of the others. */
     word = largest;
     for (uint32_t k = 0; k < 4; k++) {
-        const double size = fabs((double)q[k]) * sqrt(2.0) * QUAT_STEPS;
+        const double size = fabs((double)q[k]) * sqrt(2.0) * SPZ_QUAT_STEPS;
         const bool minus = (q[k] < 0.0f) != (q[largest] < 0.0f);
 
         if (k != largest)
             word = word << 10 | (uint32_t)minus << 9 |
-                   (uint32_t)lrint(fmin(size, QUAT_STEPS));
+                   (uint32_t)lrint(fmin(size, SPZ_QUAT_STEPS));
     }
     return word;
 }
@@ -108,7 +101,7 @@ static void put_attributes(uint8_t **at, const saga_cloud *cloud)
         *(*at)++ = byte_of(255.0 / (1.0 + exp(-(double)cloud->logit[i])));
     for (size_t i = 0; i < cloud->n; i++)
         for (size_t c = 0; c < 3; c++)
-            *(*at)++ = byte_of(255.0 * (COLOUR_PART * (double)cloud->colour[
+            *(*at)++ = byte_of(255.0 * (SPZ_COLOUR_PART * (double)cloud->colour[
                 each * i + c] + 0.5));
     for (size_t k = 0; k < 3 * cloud->n; k++)
         *(*at)++ = byte_of(16.0 * ((double)cloud->log_scale[k] + 10.0));
@@ -122,13 +115,13 @@ static void put_attributes(uint8_t **at, const saga_cloud *cloud)
 
 static size_t raw_nbytes(const saga_cloud *cloud)
 {
-    return HEADER_NBYTES + cloud->n * (size_t)(SPLAT_NBYTES +
+    return SPZ_HEADER_NBYTES + cloud->n * (size_t)(SPLAT_NBYTES +
            3 * (saga_n_harmonics(cloud->degree) - 1));
 }
 
 static void put_cloud(uint8_t *at, const saga_cloud *cloud, int bits)
 {
-    saga_put_le(&at, MAGIC, 4);
+    saga_put_le(&at, SPZ_MAGIC, 4);
     saga_put_le(&at, VERSION, 4);
     saga_put_le(&at, (uint32_t)cloud->n, 4);
     saga_put_le(&at, (uint32_t)cloud->degree, 1);
@@ -167,8 +160,7 @@ static bool write_gzip(const char *path, uint8_t *bytes, size_t n,
     return ok;
 }
 
-bool saga_cloud_write_spz(const char *path, saga_cloud *cloud,
-                          saga_error *error)
+static bool write_spz(const char *path, saga_cloud *cloud, saga_error *error)
 {
     const size_t n = raw_nbytes(cloud);
     const int bits = fraction_bits(cloud);
@@ -188,3 +180,9 @@ bool saga_cloud_write_spz(const char *path, saga_cloud *cloud,
     free(bytes);
     return ok;
 }
+
+const saga_cloud_format saga_spz_format = {
+    "SPZ", ".spz", "24-bit positions, 8-bit opacities, colours and scales, "
+    "10-bit quaternions, gzipped; version 3 is written, 2 to 4 are read",
+    saga_is_spz, saga_spz_read, write_spz
+};

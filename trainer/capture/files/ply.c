@@ -310,17 +310,14 @@ static bool read_columns(saga_cursor *c, const char *path, ply_header *h,
     return true;
 }
 
-bool saga_ply_columns(const char *path, const char *const *names, int n_names,
-                      float **columns, size_t *n, saga_error *error)
+bool saga_ply_columns(const saga_bytes *bytes, const char *path,
+                      const char *const *names, int n_names, float **columns,
+                      size_t *n, saga_error *error)
 {
     ply_header h = {.names = names, .n_fields = n_names};
-    saga_bytes bytes;
+    saga_cursor c = {bytes->data, bytes->data + bytes->nbytes, false};
     *columns = NULL;
-    if (!saga_read_file(&bytes, path, error))
-        return false;
-    saga_cursor c = {bytes.data, bytes.data + bytes.nbytes, false};
     const bool ok = read_columns(&c, path, &h, columns, error);
-    saga_bytes_free(&bytes);
     if (!ok) {
         free(*columns);
         *columns = NULL;

@@ -9,15 +9,18 @@
 #define SAGA_PLY_H
 
 #include "capture.h"
+#include "file.h"
 
 /* Reads points; *points is allocated. Points that are not finite are dropped
  * and counted in *n_dropped. */
 bool saga_ply_read(const char *path, saga_point **points, size_t *n_points,
                    size_t *n_dropped, saga_error *error);
-/* Reads n_names <= 256 named properties of the vertices: *columns, (n,
- * n_names), is allocated; a property that the file lacks is NaN. */
-bool saga_ply_columns(const char *path, const char *const *names, int n_names,
-                      float **columns, size_t *n, saga_error *error);
+/* Reads n_names <= 256 named properties of the vertices from a file's bytes:
+ * *columns, (n, n_names), is allocated; a property that the file lacks is NaN.
+ * path is for messages. */
+bool saga_ply_columns(const saga_bytes *bytes, const char *path,
+                      const char *const *names, int n_names, float **columns,
+                      size_t *n, saga_error *error);
 /* Writes binary little-endian with float positions; the file appears completely
  * or not at all. */
 bool saga_ply_write(const char *path, const saga_point *points,
