@@ -38,7 +38,7 @@ static void make_layer(layer *l, uint32_t n_in, uint32_t n_out, int q_in,
     l->v = (saga_layer_values){
         l->weight, l->bias, n_in, n_out, q_in, l->q_out, l->finer, 0,
         (float)exp2(real_in(r, -9, -3)), (float)exp2(gen_range(r, -9, -3)),
-        int8
+        int8, 0, 0
     };
 }
 
@@ -251,6 +251,39 @@ TEST(quantiser_should_meet_8_bits)
     saga_dequantise_layer(weight, bias, &s, &l.v);
     assert_memory_equal(weight, l.weight, sizeof weight);
     assert_memory_equal(bias, l.bias, sizeof bias);
+}
+
+/* A row of q_out 9 from inputs of q_in 12 has a shift of 0 at the scale 2^-3,
+ * where steps of 1 have become 8. A weight is at most 32767 of these, in 16
+ * bits, and a bias 65535, the largest residual; both are rounded. */
+TEST(quantiser_should_refuse_a_row_that_no_scale_makes_valid)
+{
+    static const struct { float weight[2], bias; int valid; } row[] = {
+        { { 32767 * 8 + 3, 0 }, 0, 1 }, { { 32767 * 8 + 4, 0 }, 0, 0 },
+        { { 32767 * 8, -32767 * 8 }, 0, 1 }, { { 0, 0 }, 65535 * 8 + 3, 1 },
+        { { 0, 0 }, 65535 * 8 + 4, 0 }, { { 0, -1e30f }, 0, 0 },
+        { { 0, 0 }, -1e30f, 0 },
+    };
+    const uint8_t q_out[2] = { 9, 9 };
+
+    for (size_t i = 0; i < sizeof row / sizeof *row; i++) {
+        const float weight[4] = { 1, 1, row[i].weight[0], row[i].weight[1] };
+        const float bias[2] = { 1, row[i].bias };
+        const saga_layer_values v = {
+            weight, bias, 2, 2, 12, q_out, NULL, 0, 1, 1, 0, SAGA_NET_GEO, 2
+        };
+        FREED_BY(saga_layer_symbols_free) saga_layer_symbols s = {
+            .finer = NULL
+        };
+        saga_error error = { "" };
+
+        assert_int_equal(saga_quantise_layer(&s, &v, &error), row[i].valid);
+        if (!row[i].valid)
+            assert_string_equal(error.message,
+                                "row 1 of layer 2 of network 7 is too large "
+                                "to be coded; try another --seed, and report "
+                                "it");
+    }
 }
 
 /* --- Scales -------------------------------------------------------------- */

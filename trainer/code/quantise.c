@@ -125,8 +125,8 @@ static int try_layer(saga_layer_symbols *out, const saga_layer_values *v,
 
 /* Sets all rows at the scale 2^e. The scale of a row that is not valid there is
  * halved, which doubles its steps, until it is. */
-static void force_layer(saga_layer_symbols *out, const saga_layer_values *v,
-                        int e)
+static bool force_layer(saga_layer_symbols *out, const saga_layer_values *v,
+                        int e, saga_error *error)
 {
     uint32_t row;
 
@@ -135,11 +135,16 @@ static void force_layer(saga_layer_symbols *out, const saga_layer_values *v,
         const int least = (int)v->q_out[row] - v->q_in;
         int k = row_exponent(v, row, e);
 
-        /* The shift cannot be negative: at its least exponent a row stays as it
-         * is, valid or not. */
-        while (!try_row(out, v, row, k) && k > least)
-            k--;
+        /* The shift cannot be negative, which ends the search. */
+        while (!try_row(out, v, row, k))
+            if (--k < least)
+                return saga_fail(error, NULL,
+                                 "try another --seed, and report it",
+                                 "row %u of layer %d of network %d is too "
+                                 "large to be coded", (unsigned)row, v->layer,
+                                 v->net);
     }
+    return true;
 }
 
 /* Bits of residuals that share a scale, for each scale. */
@@ -343,9 +348,8 @@ bool saga_quantise_layer(saga_layer_symbols *out, const saga_layer_values *v,
      * larger the integers, the closer they are to multiples of the step. */
     while (e > unit && !try_layer(out, v, e))
         e--;
-    if (e <= unit)
-        force_layer(out, v, unit);
-    return set_scales(out, v->n_out, v->n_in, error);
+    return (e > unit || force_layer(out, v, unit, error)) &&
+           set_scales(out, v->n_out, v->n_in, error);
 }
 
 void saga_dequantise_layer(real *weight, real *bias,

@@ -35,6 +35,7 @@ typedef struct saga_layer_values {
     real step, bias_step;        /* wanted steps of weights and of biases; the
                                   * latter is a power of two */
     int int8;
+    int net, layer;              /* numbers, for errors */
 } saga_layer_values;
 
 /* Sets the symbols of a layer. It allocates their arrays, which the caller
@@ -45,8 +46,8 @@ typedef struct saga_layer_values {
  * weights, or such a low q_out, that a step would be below 1 unit, the row's
  * steps are doubled until it is valid. The scales of weights (one, one for each
  * row or one for each column) are those with the fewest bits, scales included.
- * Returns false with *error set if memory is short or the layer cannot be
- * coded. */
+ * Returns false with *error set if memory is short, or if a row is not valid
+ * even with a row shift of 0. */
 bool saga_quantise_layer(saga_layer_symbols *out, const saga_layer_values *v,
                          saga_error *error);
 

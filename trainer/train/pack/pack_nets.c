@@ -128,7 +128,7 @@ static bool pack_layer(saga_net_symbols *out, int *q_in, const saga_packing *p,
     uint8_t q[SAGA_MAX_VECTOR];
     saga_layer_values v = {
         f->w[i], f->b[i], (uint32_t)f->dim[i], n_out, *q_in, q, NULL, 0, 0, 0,
-        p->model->int8[net]
+        p->model->int8[net], net, i
     };
 
     l->finer = saga_calloc(n_out, 1, symbols_of_nets, error);
