@@ -834,6 +834,11 @@ static void bad_all(void)
         { "quat_q_too_large", SAGA_ERR_DATA,
           { TO(model.out_q[SAGA_OUT_QUAT], 15) } },
         { "rig_length", SAGA_ERR_DATA, { TO(n_cameras, 0) } },
+        /* The header says as many bytes as that takes, which are not there. */
+        { "cameras_too_many", SAGA_ERR_DATA,
+          { TO(n_cameras, SAGA_MAX_CAMERAS + 1),
+            TO(header_nbytes, SAGA_HEADER_NBYTES + 4u +
+               (SAGA_MAX_CAMERAS + 1) * SAGA_CAMERA_NBYTES) } },
         { "step_too_small", SAGA_ERR_DATA,
           { TO(model.step_q16[0], 15u << 16) } },
         { "source_coarse_parent", SAGA_ERR_DATA,
