@@ -6,6 +6,7 @@
 #include "preset.h"
 #include "testing.h"
 #include "tiny_training.h"
+#include "warm_up.h"
 
 TINY_GROUP(room, 5);
 
@@ -86,6 +87,16 @@ TEST(plan_should_be_short_when_it_is_of_a_still)
     }
     free(views);
     free(rgb);
+}
+
+/* Of 160 iterations 96 are a warm-up's and 64 take 2.5 times as long, which are
+ * 256 of a quarter of a second. Two teachers take half of that on top, by
+ * --minutes as in what `saga check` says. */
+TEST(minutes_should_pay_for_teachers)
+{
+    assert_true(fabs(saga_plan_timed(64, 0.25, 0) - 160) < 1e-9);
+    assert_true(fabs(saga_plan_timed(96, 0.25, 2) - 160) < 1e-9);
+    assert_true(saga_plan_time_with(2) == 1.5);
 }
 
 /* Whole pictures are taken where 30 visits to each fit into the minutes of the

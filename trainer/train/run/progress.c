@@ -6,12 +6,13 @@
 #include "train_state.h"
 
 #include "clock.h"
+#include "warm_up.h"
 
 #include <math.h>
 
 /* The relative cost of an iteration in each stage, from which the remaining
  * time is estimated. */
-static const double cost[SAGA_TRAIN_N_STAGES] = { 1, 2.5, 0 };
+static const double cost[SAGA_TRAIN_N_STAGES] = { 1, SAGA_RENDER_COST, 0 };
 
 /* A trial takes this many seconds. Its iterations cost this many times the mean
  * of a warm-up, because they have no small pictures. */
@@ -62,17 +63,15 @@ bool saga_train_spend_minutes(saga_train *t, saga_error *error)
 {
     const int n_turns = saga_train_n_turns(t, saga_train_may_have_base(t));
     const double warm = try_iterations(t, error) / TRIAL_COST;
-    const double mean = warm * (SAGA_WARM_PART * (1 + saga_train_teaching(t)) +
-                                (1 - SAGA_WARM_PART) *
-                                cost[SAGA_TRAIN_RENDER]);
 
-    if (!(mean > 0))
+    if (!(warm > 0))
         return false;
     /* A new split of the iterations is derived. The minutes are shared by all
      * trainings of the file. */
     t->o.n_warm = 0;
     t->o.n_iterations = (int)fmin(
-        fmax(60 * t->o.minutes / n_turns / mean, LEAST_TIMED), MOST_TIMED);
+        fmax(saga_plan_timed(60 * t->o.minutes / n_turns, warm, t->n_teachers),
+             LEAST_TIMED), MOST_TIMED);
     saga_options_derive(&t->o);
     t->flat_options.n_iterations = t->o.n_warm;
     return true;

@@ -29,11 +29,6 @@ bool saga_train_is_teaching(const saga_train *t)
     return t->novel.n_teachers < t->n_teachers;
 }
 
-double saga_train_teaching(const saga_train *t)
-{
-    return SAGA_LESSON_PART * t->n_teachers;
-}
-
 int saga_train_warm_iterations(const saga_train *t)
 {
     return t->n_teachers * saga_plan_lesson(t->o.n_warm) + t->o.n_warm;

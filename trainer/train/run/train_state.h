@@ -136,8 +136,6 @@ bool saga_train_begin_fit(saga_train *t, saga_error *error);
 bool saga_train_place_teachers(saga_train *t, saga_error *error);
 /* Tells whether t->flat is a teacher. */
 bool saga_train_is_teaching(const saga_train *t);
-/* Returns the time for all teachers, relative to that of a warm-up. */
-double saga_train_teaching(const saga_train *t);
 /* Return the iterations of the warm-up and all teachers: their total, and the
  * number done. */
 int saga_train_warm_iterations(const saga_train *t);
