@@ -16,11 +16,11 @@ typedef struct {
     saga_error *error;
     ref_file file;
     ref_scene scene;
-    saga_primitive *prim;    /* the integers' */
+    saga_primitive *prim;    /* from the integer decoder */
     int16_t *colour;
-    saga_model model;        /* the file's, with neighbours in both levels */
-    saga_scaffold masked;    /* the file's, whose groups are the mask */
-    double *was;             /* (n, F) features of the level */
+    saga_model model;        /* the file's, with neighbours in both tiers */
+    saga_scaffold masked;    /* the file's; group 1 marks a masked anchor */
+    double *was;             /* (n, F) the tier's features before masking */
     ref_splat *splat;
     uint32_t *order;
     double *rgb, *unmasked;  /* pictures */
@@ -65,7 +65,7 @@ static double psnr(const session *s)
                    : (double)INFINITY;
 }
 
-/* --- The features of a level --------------------------------------------- */
+/* --- The features of a tier ---------------------------------------------- */
 
 static uint32_t n_anchors(const session *s, int tier)
 {
@@ -102,6 +102,8 @@ static void score(saga_mask_score *to, session *s, const saga_mask_row *row)
     double wrong = 0, all = 0, cosine = 0;
     uint32_t n = 0;
 
+    /* Sums over the masked anchors: a is what the file has, b what was
+     * recovered. */
     for (uint32_t k = 0; k < row->n; k++) {
         double aa = 0, bb = 0, ab = 0;
 
@@ -123,7 +125,8 @@ static void score(saga_mask_score *to, session *s, const saga_mask_row *row)
     to->cosine = n ? cosine / n : (double)NAN;
 }
 
-/* Makes what follows from the features of a level, up to the picture. */
+/* Recomputes everything that depends on the features of a tier, up to the
+ * picture. */
 static void follow(session *s, int tier, double *rgb)
 {
     if (tier == SAGA_TIER_COARSE)
@@ -138,6 +141,7 @@ static void run_row(session *s, saga_mask_row *row)
                           sizeof *s->was;
     double *const feature = features_of(s, row->tier);
 
+    /* Each method starts from the same features and the same mask. */
     choose(s, row);
     memcpy(s->was, feature, nbytes);
     for (int how = 0; how < SAGA_N_RECOVERS; how++) {
@@ -149,6 +153,8 @@ static void run_row(session *s, saga_mask_row *row)
         row->by[how].psnr = psnr(s);
         memcpy(feature, s->was, nbytes);
     }
+    /* The next row may mask fine anchors, whose features follow() has made from
+     * masked coarse ones. */
     if (row->tier == SAGA_TIER_COARSE)
         ref_scene_fine(&s->scene);
 }
@@ -184,10 +190,10 @@ static void run(session *s, int percent)
         }
 }
 
-/* A file whose primitives have anchors of their own was coded without most
- * neighbours: K may be 1, the window 0. What anchors share is asked of 8
- * neighbours among 16 ranks either way at least, by the file's distance, radius
- * and temperature. */
+/* Widens a tier's interpolation to at least 8 neighbours within 16 ranks on
+ * either side; distance, radius and temperature stay the file's. A file in
+ * which each primitive has its own anchor may have been coded with K = 1 and a
+ * window of 0, so that its own interpolation finds nothing that is shared. */
 static void widen(saga_tier *tier)
 {
     enum { WINDOW = 16, NEIGHBOURS = 8 };
@@ -200,8 +206,9 @@ static void widen(saga_tier *tier)
 
 /* --- Together ------------------------------------------------------------ */
 
-/* Fine anchors reach as far as their parents' cells, which is how they look for
- * each other while they are decoded. */
+/* Copies the scaffold, so that its groups can become the mask. `before` gives
+ * each fine anchor the half-size of its parent's cell as support: the decoder
+ * searches for neighbours among fine anchors with this support. */
 static bool copy_scaffold(session *s)
 {
     const saga_scaffold *const sc = &s->scene.before;
@@ -263,6 +270,7 @@ bool saga_mask_file(saga_mask *mask, const char *name, const uint8_t *bytes,
     saga_segment seg;
     bool ok;
 
+    /* Only a file whose segments have one layer can be taken apart here. */
     memset(mask, 0, sizeof *mask);
     if (saga_find(&seg, bytes, nbytes, view->frame_num, view->frame_den) ==
             SAGA_OK && seg.offset <= nbytes &&

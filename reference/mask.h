@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: MIT
  *
- * How much the anchors of a file have in common (paper: Hierarchical 4D Anchor,
- * shareability): the features of a share of them are masked and recovered from
- * the others, by the file's own interpolation and by two that know nothing of
- * space and time. Everything is in double, from the decoded features on.
+ * This file measures how much the anchors of a file have in common (paper:
+ * Hierarchical 4D Anchor, shareability). The features of some anchors are
+ * masked and recovered from the other anchors, by the file's own interpolation
+ * and by two methods that ignore space and time. Everything after the decoded
+ * features is computed in double.
  */
 #ifndef SAGA_MASK_H
 #define SAGA_MASK_H
@@ -14,48 +15,51 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* Features are recovered from one of these. */
+/* The methods that recover the features of a masked anchor. */
 enum {
-    SAGA_RECOVER_NEIGHBOURS, /* the interpolation of the file, over the anchors
-                              * that are known: nearest in space and time */
-    SAGA_RECOVER_RANDOM,     /* as many known ones from anywhere in the level,
-                              * with the same weights */
-    SAGA_RECOVER_MEAN,       /* the mean of all known ones */
+    SAGA_RECOVER_NEIGHBOURS, /* the file's interpolation, over the known
+                              * anchors nearest in space and time */
+    SAGA_RECOVER_RANDOM,     /* the same number of known anchors, drawn from
+                              * the whole tier, with the same weights */
+    SAGA_RECOVER_MEAN,       /* the mean of all known anchors of the tier */
     SAGA_N_RECOVERS
 };
 
-/* The paper's masking ratios are not known; these are ours. */
+/* The paper does not give its masking ratios. We use five: see saga_mask_file.
+ */
 enum { SAGA_MASK_SHARES = 5, SAGA_MASK_MAX_ROWS = 2 * SAGA_MASK_SHARES };
 
 typedef struct saga_mask_score {
-    double error;            /* rms of what is wrong over rms of what was
-                              * masked; 0 where both are */
-    double cosine;           /* between an anchor's features and what was
-                              * recovered, mean over those that are not 0; NaN
-                              * of none */
-    double psnr;             /* of the picture, against the one with nothing
-                              * masked; INFINITY where they are equal */
+    double error;            /* rms error of the recovered features, divided by
+                              * the rms of the masked ones; 0 if all are equal
+                              */
+    double cosine;           /* between masked and recovered features: the mean
+                              * over anchors where neither is 0; NaN if there
+                              * is no such anchor */
+    double psnr;             /* of the picture, compared with the picture
+                              * without masking; INFINITY if they are equal */
 } saga_mask_score;
 
-/* A level with so much of it masked. */
+/* The result for one tier and one percentage of masked anchors. */
 typedef struct saga_mask_row {
     int tier;                /* SAGA_TIER_* */
     int percent;
     uint32_t n, n_masked;    /* anchors */
-    uint32_t n_alone;        /* masked, without a known neighbour */
+    uint32_t n_alone;        /* masked anchors without a known neighbour */
     saga_mask_score by[SAGA_N_RECOVERS];
 } saga_mask_row;
 
 typedef struct saga_mask {
     uint32_t segment;
     int32_t t;               /* 1/65536 of the segment */
-    int n_rows;              /* levels of a single anchor have none */
+    int n_rows;              /* a tier with a single anchor has no row */
     saga_mask_row row[SAGA_MASK_MAX_ROWS];
 } saga_mask;
 
-/* The segment and the picture are view's, of the file bytes[0..nbytes) that
- * messages call `name`. percent 1..99; 0: 10, 30, 50, 70 and 90. False: *error
- * says why. */
+/* Measures the segment and the picture that view selects, in the file
+ * bytes[0..nbytes), which messages call `name`. percent is 1..99, or 0 for 10,
+ * 30, 50, 70 and 90 one after the other. Returns false and sets *error if the
+ * file is refused or memory is missing. */
 bool saga_mask_file(saga_mask *mask, const char *name, const uint8_t *bytes,
                     size_t nbytes, const saga_verify_view *view, int percent,
                     saga_error *error);

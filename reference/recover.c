@@ -9,8 +9,8 @@ typedef struct {
     const saga_scaffold *sc;
     int tier, how;
     saga_rng random;
-    uint64_t n_random;       /* drawn so far */
-    double mean[SAGA_MAX_FEATURES]; /* of known anchors */
+    uint64_t n_random;       /* numbers drawn so far */
+    double mean[SAGA_MAX_FEATURES]; /* features, over all known anchors */
 } recovery;
 
 static uint32_t n_anchors(const saga_scaffold *sc, int tier)
@@ -24,8 +24,8 @@ static int is_masked(const recovery *r, uint32_t rank)
                                        : r->sc->fine[rank].group;
 }
 
-/* A coarse anchor is where its coded centre is, and reaches as far as its cell.
- */
+/* Sets the position from which an anchor searches for neighbours. A coarse
+ * anchor's is its decoded centre; its support is half the size of its cell. */
 static void place(saga_position *p, const recovery *r, uint32_t rank)
 {
     if (r->tier == SAGA_TIER_FINE) {
@@ -54,7 +54,7 @@ static void set_mean(recovery *r, const double *feature)
         r->mean[i] /= n;
 }
 
-/* Any known anchor, each as likely. */
+/* Draws a known anchor; all are equally likely. */
 static uint32_t known(recovery *r)
 {
     uint32_t rank;
@@ -66,7 +66,8 @@ static uint32_t known(recovery *r)
     return rank;
 }
 
-/* The norm's weights sum to 1 within 2^-12; here they do exactly. */
+/* Sets a row to the weighted mean of its neighbours' rows. The decoder's
+ * weights sum to 1 within 2^-12 only, so they are divided by their sum. */
 static void weigh(double *feature, recovery *r, uint32_t rank,
                   const saga_neighbours *nb)
 {
@@ -95,6 +96,8 @@ uint32_t ref_recover(double *feature, const saga_scaffold *sc, int tier,
     uint32_t n_alone = 0;
 
     set_mean(&r, feature);
+    /* Neighbours of group 0 alone are searched: masked anchors are no source.
+     */
     for (uint32_t rank = 0; rank < n_anchors(sc, tier); rank++) {
         saga_neighbours nb;
         saga_position p;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Features of anchors are found anew from other anchors of their level, as if
- * they were not known. Places and supports are.
+ * Features of some anchors are recovered from the other anchors of their tier,
+ * as if they were unknown. Positions and supports of all anchors are known.
  */
 #ifndef REF_RECOVER_H
 #define REF_RECOVER_H
@@ -12,11 +12,11 @@
 
 #include <stdint.h>
 
-/* Anchors of group 1 are masked, those of group 0 known: 1 of them at least.
- * The masked rows of feature (n, F) are replaced by what the known ones say.
- * A masked anchor without a known neighbour takes the mean, whatever `how`,
- * SAGA_RECOVER_*, is;
- * returns the number of those. */
+/* Replaces the masked rows of feature (n, F), for an anchor of each row, by
+ * what the method `how`, SAGA_RECOVER_*, makes of the known rows. Anchors of
+ * group 1 are masked; anchors of group 0, at least one, are known. A masked
+ * anchor without a known neighbour gets the mean of the known ones whatever
+ * `how` is. Returns the number of such anchors. */
 uint32_t ref_recover(double *feature, const saga_scaffold *sc, int tier,
                      int how, saga_rng random);
 

@@ -16,7 +16,9 @@ double ref_dot(const double *a, const double *b, uint32_t n)
     return sum;
 }
 
-/* Signs of slot p are parities of p and powers of a generator. */
+/* Sets slot p to its initial state. All elements have the same magnitude; the
+ * sign of element d is the parity of p AND a^d, where a generates the field of
+ * L elements (poly: its polynomial's low bits, for L = 32 to 512). */
 static void start_slot(double *slot, const ref_bank *m, uint32_t p)
 {
     static const uint32_t poly[5] = { 5, 3, 3, 29, 17 };
@@ -51,6 +53,7 @@ bool ref_bank_begin(ref_bank *m, const ref_nets *n, saga_error *error)
                         "the memory bank", error);
     if (!m->slot || !m->own)
         return false;
+    /* What SLOT makes of a slot's number never changes: it runs here once. */
     for (uint32_t p = 0; p < m->n_slots; p++) {
         start_slot(m->slot + p * m->width, m, p);
         memset(one, 0, sizeof one);
@@ -85,7 +88,8 @@ void ref_bank_read(double *out, const ref_bank *m, const double *query)
     }
 }
 
-/* s = Norm(s + g (v - <v, s> s)); v has the gate's argument behind it. */
+/* s = Norm(s + g (v - <v, s> s)). v[width] is the argument of the gate g, a
+ * logistic function. */
 static void update_slot(double *slot, const ref_nets *n, const ref_bank *m,
                         const double *v)
 {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Entropy parameters of all blocks in double, in the order of coding, and the
- * values that follow from them and the symbols.
+ * This file computes the entropy parameters of all blocks in double, in the
+ * order of coding, and the values that they give together with the symbols.
  */
 #include "ref_bank.h"
 #include "ref_places.h"
@@ -9,7 +9,7 @@
 #include <math.h>
 #include <string.h>
 
-/* --- What networks are told of a block ----------------------------------- */
+/* --- The inputs that networks get for a block ---------------------------- */
 
 static uint32_t side_information(double *in, const ref_scene *s,
                                  const ref_block *b, const double x[4])
@@ -23,7 +23,8 @@ static uint32_t side_information(double *in, const ref_scene *s,
     return at;
 }
 
-/* QUERY and AGG, whose F last values come from a table; -1: zeros. */
+/* Runs QUERY or AGG, whose last F inputs are a row of a table of features
+ * (REF_TABLE_*), or zeros if table is -1. */
 static void token(double *out, const ref_scene *s, int net, const ref_block *b,
                   const double x[4], int table, uint32_t rank)
 {
@@ -49,7 +50,8 @@ static void read_for(double *out, const ref_scene *s, const ref_block *b,
     ref_bank_read(out, m, query);
 }
 
-/* A decoded anchor adds its token to the round. */
+/* Adds a decoded anchor's token to the round, if its tier writes to the bank.
+ */
 static void keep(const ref_scene *s, const ref_block *b, ref_bank *m)
 {
     double out[SAGA_MAX_VECTOR], x[4];
@@ -79,6 +81,8 @@ static void entropy(double *out, const ref_scene *s, const ref_block *b,
     double in[SAGA_MAX_VECTOR], side[SAGA_MAX_VECTOR];
     uint32_t at = 0;
 
+    /* The sources stand in E's input in this order; a kind without a source has
+     * no place for it. */
     if (sources & SAGA_SOURCE_HYPER) {
         side_information(side, s, b, b->x);
         ref_nets_run(in, &s->nets, SAGA_NET_HYPER, side);
@@ -101,7 +105,9 @@ static void entropy(double *out, const ref_scene *s, const ref_block *b,
     ref_nets_run(out, &s->nets, SAGA_NET_E_COARSE + b->kind, in);
 }
 
-/* Parameters of n residuals of a step, from row `first` of E's outputs on. */
+/* Sets mu and scale of n residuals. out points to their mus among E's outputs;
+ * their scales follow n_all outputs later. A scale index is 7 times the log2 of
+ * the deviation plus 22. */
 static void set_params(ref_scene *s, int step, size_t at, const double *out,
                        uint32_t n, uint32_t n_all)
 {
@@ -111,7 +117,7 @@ static void set_params(ref_scene *s, int step, size_t at, const double *out,
     }
 }
 
-/* y = mu + q step. */
+/* Returns the value of a symbol q: y = mu + q step. */
 static double decoded(const ref_scene *s, int step, const int32_t *q,
                       size_t at)
 {
@@ -163,6 +169,8 @@ static void prim_value(ref_scene *s, uint32_t prim)
             REF_Q14);
 }
 
+/* Predicts an anchor's residuals. If `decode` is 0, the scene's values are kept
+ * as they are, else the anchor's are replaced by what its symbols give. */
 static void code_anchor(ref_scene *s, int kind, uint32_t rank, ref_bank *m,
                         int decode)
 {
@@ -172,6 +180,7 @@ static void code_anchor(ref_scene *s, int kind, uint32_t rank, ref_bank *m,
 
     ref_block_make(&b, s, kind, rank);
     entropy(out, s, &b, m);
+    /* E's outputs: all mus, then all scales. */
     if (kind == SAGA_KIND_COARSE) {
         set_params(s, SAGA_STEP_CENTRE, 4u * rank, out, 4, 4 + f);
         set_params(s, SAGA_STEP_FEATURE, (size_t)rank * f, out + 4, f, 4 + f);

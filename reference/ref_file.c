@@ -38,7 +38,8 @@ uint32_t ref_file_rows(const ref_file *f, int step)
 
 /* --- Chunks -------------------------------------------------------------- */
 
-/* The chunk of that type at the beginning of *at, which moves past it. */
+/* Takes a chunk of the given type from the beginning of *at. Returns 0 if there
+ * is another. */
 static int take_chunk(ref_span *payload, recorder_chunks *at, uint32_t type)
 {
     saga_chunk chunk;
@@ -67,6 +68,8 @@ static int read_nets(ref_file *f)
     saga_nets_layout(&f->shapes, &f->h.model);
     f->params = must(aligned_alloc(16, (f->shapes.nbytes + 31u) / 16 * 16));
     recorder_alloc_nets(&f->nets, &f->shapes);
+    /* Three coders in a row: the recorder asks the counter of bits, which asks
+     * the range decoder. */
     saga_range_dec_init(&range, f->chunk[REF_NETWORKS].p,
                         f->chunk[REF_NETWORKS].n);
     saga_cost_init(&cost, &range.coder);
@@ -82,7 +85,8 @@ static int read_nets(ref_file *f)
 
 /* --- The segment --------------------------------------------------------- */
 
-/* A recorder_watch: the symbols are kept already. */
+/* Keeps mu, scale and value of a block; a recorder_watch. The recorder has
+ * already kept the block's symbols. */
 static void keep_values(void *user, const saga_scaffold *sc, saga_at at,
                         const int16_t *mu, const uint8_t *scale, uint32_t n)
 {
@@ -119,6 +123,7 @@ static int read_scaffold(ref_file *f, recorder_chunks at)
         f->scale[i] = must(calloc(n + 1, 1));
     }
     recorder_scaffold(&f->sc, &f->h.model, &f->shapes, f->params, f->n);
+    /* recorder_fill sets cost.inner to the range decoder of each chunk. */
     saga_cost_init(&cost, NULL);
     recorder_init(&r, &cost.coder);
     r.watch = keep_values;
@@ -141,6 +146,7 @@ static const char *read_parts(ref_file *f, const uint8_t *bytes, size_t n,
     ref_span payload;
 
     read_rig(f, bytes);
+    /* Index, networks and base follow one another in the head of the file. */
     if ((seg && (seg->offset > n || seg->nbytes > n - seg->offset)) ||
         !take_chunk(&payload, &at, SAGA_CHUNK_INDEX))
         return "the index is not valid";
@@ -188,7 +194,7 @@ const char *ref_file_read(ref_file *f, const uint8_t *bytes, size_t n)
         return "files of several segments cannot be taken apart yet";
     if (info.n_layers != 1)
         return "files of several layers cannot be taken apart yet";
-    /* The last frame is behind all of the index. */
+    /* To find the last frame, saga_find has to read the whole index. */
     if (saga_find(&seg, bytes, n, info.n_frames - 1, 1))
         return "the index is not valid";
     return ref_file_read_layer(f, bytes, n, &seg, 0);

@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * A layer of a segment of a .saga file, or the base, as its parts: header and
- * rig, the symbols, what they decode to, and what they cost. For tools that
- * code the same scene otherwise, and for the reference, which decodes it
- * otherwise.
+ * A ref_file holds a layer of a segment of a .saga file, or the base, in parts:
+ * header and rig, symbols, decoded values, and bits. Experiments use it to code
+ * the same scene in another way, the reference to decode it in another way.
  */
 #ifndef REF_FILE_H
 #define REF_FILE_H
@@ -21,7 +20,7 @@
 
 enum { REF_NETWORKS, REF_COARSE, REF_FINE, REF_PRIM, REF_N_CHUNKS };
 
-/* A part of the bytes that were read, which stay the caller's. */
+/* A part of the file's bytes, which the caller owns. */
 typedef struct ref_span {
     const uint8_t *p;
     size_t n;
@@ -31,43 +30,45 @@ typedef struct ref_file {
     saga_header h;
     saga_rig_camera *rig;
     int is_base;
-    saga_segment_header segment; /* of all its layers; not of the base */
-    saga_counts n;               /* of the layer, of the base */
+    saga_segment_header segment; /* has all its layers; unset for the base */
+    saga_counts n;               /* of the layer or the base */
     saga_nets shapes;
     uint8_t *params;             /* the networks' block */
     saga_net_symbols nets;
     saga_symbols s;
-    int16_t *value[SAGA_N_STEPS]; /* of the residuals, by SAGA_STEP_*: (coarse,
+    int16_t *value[SAGA_N_STEPS]; /* dequantised values by SAGA_STEP_*: (coarse,
                                    * 4), (coarse, F), (fine, 4), (prim, 4), as
-                                   * common/syntax.h dequantises them */
-    int16_t *mu[SAGA_N_STEPS];   /* what was predicted of each, */
-    uint8_t *scale[SAGA_N_STEPS]; /* and the index of its distribution */
-    saga_scaffold sc;            /* after all chunks */
+                                   * in common/syntax.h */
+    int16_t *mu[SAGA_N_STEPS];   /* the prediction of each value */
+    uint8_t *scale[SAGA_N_STEPS]; /* the index of its distribution */
+    saga_scaffold sc;            /* as it is after all chunks */
     ref_span chunk[REF_N_CHUNKS]; /* payloads */
-    double bits[SAGA_N_SYMS];    /* code lengths, networks included, */
-    double net_bits[SAGA_N_NETS]; /* and of each of them */
+    double bits[SAGA_N_SYMS];    /* code length by SAGA_SYM_* */
+    double net_bits[SAGA_N_NETS]; /* code length of each network */
 } ref_file;
 
-/* Reads a file that has one segment of one layer and no base. NULL: done,
- * and ref_file_free; else why not, a constant string, and there is nothing to
- * free. */
+/* Reads a file that has one segment with one layer and no base. Returns NULL if
+ * it succeeds; ref_file_free then frees f. Else returns the reason, a constant
+ * string, and there is nothing to free. */
 const char *ref_file_read(ref_file *f, const uint8_t *bytes, size_t n);
-/* The same of a layer of one segment of any file, which saga_find has found;
- * seg NULL: of its base, which there is. */
+/* Does the same for one layer of the segment `seg`, which saga_find has found
+ * in any file; if seg is NULL, for the base, which the file must have. */
 const char *ref_file_read_layer(ref_file *f, const uint8_t *bytes, size_t n,
                                 const saga_segment *seg, uint32_t layer);
 void ref_file_free(ref_file *f);
 
-/* The colours of a primitive: how many the integers have. */
+/* Returns the number of int16 values that the decoder keeps as the colour of a
+ * primitive: 3, or if colours depend on the view the number of outputs of
+ * F_color's first layer. */
 uint32_t ref_file_colours(const ref_file *f);
-/* Makes what saga_reconstruct does, in double: (prim) and (prim,
- * ref_file_colours); free both, also after a failure. */
+/* Runs saga_reconstruct on the scaffold. *prim has shape (prim), *colour (prim,
+ * ref_file_colours). The caller frees both, also after a failure. */
 bool ref_file_primitives(saga_primitive **prim, int16_t **colour,
                          const ref_file *f, saga_error *error);
 
-/* Channels of a step's values: 4 or F. */
+/* Returns the number of channels of a step's values: 4 or F. */
 uint32_t ref_file_channels(const ref_file *f, int step);
-/* How many rows of them there are. */
+/* Returns the number of rows of a step's values: anchors or primitives. */
 uint32_t ref_file_rows(const ref_file *f, int step);
 
 #endif

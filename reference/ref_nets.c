@@ -19,7 +19,8 @@ static double weight_of(const saga_layer *l, uint32_t row, uint32_t k)
                    : ((const int16_t *)l->weight)[at];
 }
 
-/* A row's shift is a factor of its weights and bias. */
+/* Converts a layer to double. A row's shift becomes a factor of its weights and
+ * bias. */
 static bool take_layer(ref_nets *n, int net, int i, const saga_layer *l,
                        saga_error *error)
 {
@@ -50,7 +51,8 @@ static int finer_output(const saga_nets *shapes,
         ? symbols->layer[net][last].finer[k] : 0;
 }
 
-/* The direction adds values as fine as those they are added to. */
+/* Sets the units of a network's inputs and outputs. COLOUR_VIEW's outputs are
+ * added to COLOUR_BASE's and therefore have the same units. */
 static void take_units(ref_nets *n, const saga_nets *shapes,
                        const saga_net_symbols *symbols, int net)
 {
@@ -105,7 +107,8 @@ bool ref_nets_has(const ref_nets *n, int net)
 
 /* --- A run --------------------------------------------------------------- */
 
-/* x[0..n) enter a layer. */
+/* Rounds the inputs x[0..n) of a layer, or measures their largest magnitudes if
+ * the rounding is off. */
 static void round_inputs(double *x, uint32_t n, ref_rounding *r, int net,
                          int layer)
 {
@@ -123,8 +126,8 @@ static void round_inputs(double *x, uint32_t n, ref_rounding *r, int net,
     }
 }
 
-/* Activations are in the last places of their formats here, whatever those
- * are: only the first and the last are known. */
+/* Between the layers, activations are counted in last places of the decoder's
+ * integers. The units of hidden layers are not known and not needed. */
 void ref_nets_run(double *out, const ref_nets *n, int net, const double *in)
 {
     const saga_net_shape *const s = &n->shape[net];
@@ -137,7 +140,7 @@ void ref_nets_run(double *out, const ref_nets *n, int net, const double *in)
 
         if (n->rounding)
             round_inputs(x, s->dim[i], n->rounding, net, i);
-        /* W x + b, and ReLU but behind the last layer. */
+        /* W x + b, then ReLU except after the last layer. */
         for (uint32_t row = 0; row < s->dim[i + 1]; row++) {
             double sum = n->bias[net][i][row];
 
@@ -159,7 +162,8 @@ void ref_nets_run(double *out, const ref_nets *n, int net, const double *in)
 
 /* --- Embedding ----------------------------------------------------------- */
 
-/* Octaves of one axis, whose first has `turns` turns; returns 2 octaves. */
+/* Sets out to the sine and cosine of `turns` turns, twice, four times ... as
+ * many; returns the number of values, 2 for each octave. */
 static uint32_t octaves(double *out, const saga_model *m, double turns)
 {
     for (uint32_t k = 0; k < m->octaves; k++) {
@@ -169,7 +173,8 @@ static uint32_t octaves(double *out, const saga_model *m, double turns)
     return 2u * m->octaves;
 }
 
-/* A quarter turn per half-cube and per half of a segment. */
+/* The lowest octave makes a quarter turn over half the cube, or half a segment.
+ */
 uint32_t ref_embed(double *out, const saga_model *m, const double x[4])
 {
     uint32_t at = 0;
@@ -179,7 +184,7 @@ uint32_t ref_embed(double *out, const saga_model *m, const double x[4])
     return at + octaves(out + at, m, ldexp(x[3] - 32768, -17));
 }
 
-/* A quarter turn per half-size. */
+/* The lowest octave makes a quarter turn over a half-size. */
 uint32_t ref_embed_offset(double *out, const saga_model *m,
                           const double offset[4])
 {

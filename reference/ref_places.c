@@ -34,7 +34,6 @@ void ref_move(double x[4], const double support[4], const double o[4])
     x[3] = ref_clamp(x[3] + support[3] * o[3], 0, SAGA_T_MAX);
 }
 
-/* Centre of a suffix cell, in half-sizes. */
 double ref_suffix_axis(uint32_t suffix, uint32_t bits, uint32_t axis)
 {
     return ldexp(2.0 * saga_morton_axis(suffix, bits, axis) + 1, -(int)bits) -
@@ -90,7 +89,7 @@ static void place_of(double x[4], double l[4], const ref_scene *s, int table,
             l[i] = ref_half_size(c, i);
 }
 
-/* Channel i of an anchor; contexts are the residual, the number of primitives
+/* A row of the table CONTEXT is the offset's residual, the number of primitives
  * and zeros. */
 double ref_feature_of(const ref_scene *s, int table, uint32_t rank,
                          uint32_t i)
@@ -130,7 +129,7 @@ static double distance(const ref_scene *s, int table, const ref_block *b,
     return fmin(d, 65535 / 4096.0);
 }
 
-/* out[0..F): features of the members, by the softmax of their distances. */
+/* out = sum_k softmax_k(-distance_k) feature_k over the neighbours k. */
 void ref_interpolate(double *out, const ref_scene *s, int table,
                         const ref_block *b, const saga_neighbours *nb)
 {
@@ -138,6 +137,8 @@ void ref_interpolate(double *out, const ref_scene *s, int table,
         ? SAGA_TIER_COARSE : SAGA_TIER_FINE];
     double weight[SAGA_MAX_NEIGHBOURS], least = INFINITY, sum = 0;
 
+    /* The softmax is taken relative to the least distance, so that no weight
+     * overflows. */
     for (uint32_t k = 0; k < nb->n; k++) {
         weight[k] = distance(s, table, b, nb->rank[k]);
         least = fmin(least, weight[k]);
@@ -155,7 +156,7 @@ void ref_interpolate(double *out, const ref_scene *s, int table,
     }
 }
 
-/* --- The integers' positions: they say who the neighbours are ------------ */
+/* --- Integer positions, from which the neighbours are found --------------- */
 
 static void integer_suffix(saga_position *p, const ref_scene *s,
                            uint32_t rank)
@@ -170,7 +171,6 @@ static void integer_suffix(saga_position *p, const ref_scene *s,
     saga_position_move(p, o_q14);
 }
 
-/* Coarse features at a fine anchor, before its offset is known and after. */
 void ref_coarse_at_fine(double *out, const ref_scene *s, const ref_block *b,
                            int is_known)
 {
@@ -219,6 +219,8 @@ void ref_block_make(ref_block *b, const ref_scene *s, int kind, uint32_t rank)
         b->support[i] = ref_half_size(c, i);
         b->log2_size[i] = ref_log2_half_size(c, i);
     }
+    /* A block sees only what is decoded before it: a coarse anchor its cell, a
+     * fine anchor its suffix cell, primitives their fine anchor. */
     if (kind == SAGA_KIND_COARSE) {
         ref_cell_centre(b->x, c);
         b->count = c->n_fine;

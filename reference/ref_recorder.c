@@ -65,7 +65,7 @@ static void residual(saga_coder *c, saga_at at, int32_t *q, const int16_t *mu,
     c->error = r->inner->error;
 }
 
-/* The upper members of a run of n get the bit. */
+/* A set's run of n suffixes is halved: members from `low` on have the bit. */
 static void keep_set(uint32_t *suffix, saga_at at, uint32_t n, uint32_t low)
 {
     uint32_t i;
@@ -78,7 +78,7 @@ static void keep(recorder *r, saga_at at, uint32_t sym, uint32_t n_sym)
 {
     switch (at.sym) {
     case SAGA_SYM_SPLIT:
-        /* Nodes come one after the other: the last is their number. */
+        /* Nodes come in order, so the last index gives their number. */
         if (at.index >= r->cap_nodes)
             r->coder.error = 1;
         else
@@ -110,7 +110,7 @@ static void keep(recorder *r, saga_at at, uint32_t sym, uint32_t n_sym)
         layer_of(r, at)->finer[at.row] = (uint8_t)sym;
         break;
     default:
-        /* A row shift comes as its eights, then its rest. */
+        /* A row shift comes in two symbols: shift / 8, then shift % 8. */
         layer_of(r, at)->shift[at.row] = (uint8_t)(at.column
             ? layer_of(r, at)->shift[at.row] | sym : sym << 3);
     }
@@ -134,6 +134,7 @@ static uint32_t uniform(saga_coder *c, saga_at at, uint32_t bits)
     const uint32_t v = r->inner->uniform(r->inner, at, bits);
     saga_layer_symbols *const l = layer_of(r, at);
 
+    /* Only a network's parameters have uniform symbols. */
     c->error = r->inner->error;
     if (at.sym == SAGA_SYM_NET_STEP)
         l->step_q16 = v;
@@ -220,7 +221,7 @@ recorder_chunks recorder_head(const saga_header *h, const uint8_t *bytes,
     return at;
 }
 
-/* The CRC of the head's last chunk. */
+/* Returns the CRC of the head's last chunk, with which a segment's begin. */
 static uint32_t owner_of(const saga_header *h, const uint8_t *bytes)
 {
     const size_t end = (size_t)saga_head_nbytes(h);
@@ -271,6 +272,7 @@ int recorder_segment(saga_segment_header *seg, const saga_header *h,
     if (!io.in || chunk.nbytes != saga_segment_nbytes(saga_n_layers(h)))
         return 0;
     saga_segment_io(&io, seg, saga_n_layers(h));
+    /* A maximum holds for a layer's anchors, and for all layers' primitives. */
     for (i = 0; i < saga_n_layers(h); i++) {
         const saga_counts *const n = &seg->layer[i].n;
 
@@ -294,6 +296,7 @@ int recorder_to_layer(recorder_chunks *at, const saga_segment_header *seg,
 
     if (n_layers == 1)
         return layer == 0;
+    /* The layers follow SEGM one after the other. */
     for (i = 0; i < n_layers; i++) {
         before += i < layer ? seg->layer[i].nbytes : 0;
         sum += seg->layer[i].nbytes;
@@ -333,6 +336,7 @@ int recorder_fill(saga_coder *front, saga_coder **inner,
     int part, ok = 1;
 
     saga_syntax_begin(sc);
+    /* Each chunk has its own range decoder, which must end with the chunk. */
     for (part = 0; part < 3 && ok; part++) {
         saga_range_dec range;
         saga_chunk chunk;
@@ -362,6 +366,7 @@ static int read_scaffold(const saga_header *h, const saga_nets *nets,
     recorder r;
     int ok;
 
+    /* recorder_fill sets the inner coder chunk by chunk. */
     recorder_init(&r, NULL);
     r.s = s;
     r.cap_nodes = recorder_nodes(n.coarse);
@@ -376,7 +381,7 @@ static int read_scaffold(const saga_header *h, const saga_nets *nets,
     return ok;
 }
 
-/* wanted: takes the symbols, or NULL. */
+/* Reads the base. Its symbols go to *wanted, or are freed if that is NULL. */
 static int read_base(const saga_header *h, const saga_nets *nets,
                      const uint8_t *params, saga_symbols *wanted,
                      recorder_chunks at)
@@ -417,13 +422,14 @@ static int read_nets(saga_net_symbols *out, const saga_header *h,
            saga_range_dec_finish(&range);
 }
 
-/* Segment `number`, if all of the index is valid and its bytes are there. */
+/* Finds segment `number`. Returns 0 if any part of the index is invalid or
+ * bytes of the segment are missing; a file with layers may end early. */
 static int find_segment(saga_segment *seg, uint32_t number,
                         const saga_header *h, const uint8_t *bytes, size_t n)
 {
     uint32_t frame = 0;
 
-    /* The last frame is behind all of the index. */
+    /* To find the last frame, saga_find has to read the whole index. */
     if (number >= h->n_segments ||
         saga_find(seg, bytes, n, h->n_frames - 1, 1))
         return 0;
@@ -463,7 +469,7 @@ static int read_file(saga_net_symbols *nets, saga_symbols *segment,
         ok = read_base(&h, &plan.nets, params,
                        is_base ? segment : NULL, at);
     at = recorder_segment_chunks(&h, bytes, &seg);
-    /* A file that ends early may have whole layers. */
+    /* A file that ends early may still have all bytes of its first layers. */
     if (at.n > n - seg.offset)
         at.n = n - (size_t)seg.offset;
     if (ok && segment && !is_base)

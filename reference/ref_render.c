@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * See ref_render.h. Nothing here is shared with the decoder but the constants
- * of model.h: widths, Q formats and orders of operation are its own.
+ * See ref_render.h. These functions share with the decoder only the constants
+ * of model.h: integer widths, Q formats and the order of operations differ.
  */
 #include "ref_render.h"
 
@@ -35,6 +35,7 @@ void ref_primitive_of(ref_primitive *out, const saga_primitive *p,
 {
     int i;
 
+    /* A parameter that the file's tools leave out has no format, and is 0. */
     for (i = 0; i < 3; i++) {
         out->mean[i] = p->x[i];
         out->support[i] = p->support[i];
@@ -74,6 +75,8 @@ void ref_animate(ref_animated *out, const ref_primitive *p, double t)
     for (i = 0; i < 4; i++)
         out->quat[i] = p->quat[i] + p->slope[i] * age;
     normalise(out->quat);
+    /* The peak is 8 / (1 + 2^(3 - opacity)); the life, a Gaussian in time,
+     * multiplies it by exp(-u^2). */
     out->q0 = log2(1 + exp2(SAGA_PEAK_LOG2 - p->opacity));
     if (isinf(out->q0))
         out->q0 = SAGA_PEAK_LOG2 - p->opacity;
@@ -124,7 +127,7 @@ static void quat_matrix(double r[3][3], const double q[4])
             r[i][k] = m[i][k];
 }
 
-/* The affine map from the unit Gaussian to pixels: rows of J W R S. */
+/* Sets t to the affine map from the unit Gaussian to pixels: t = J W R S. */
 static void affine(double t[2][3], const ref_animated *a, const saga_camera *c,
                    const double slope[2], double z)
 {
@@ -144,8 +147,9 @@ static void affine(double t[2][3], const ref_animated *a, const saga_camera *c,
                       (m[i][k] - slope[i] * m[2][k]);
 }
 
-/* det by Lagrange's identity: |t0|^2 |t1|^2 - (t0 t1)^2 = |t0 x t1|^2, since
- * the difference cancels in needles even in double. */
+/* Sets the covariance t t^T plus the low-pass, and its determinant. The
+ * determinant uses Lagrange's identity |t0|^2 |t1|^2 - (t0 t1)^2 = |t0 x t1|^2,
+ * because for thin splats the difference cancels even in double. */
 static void covariance(ref_splat *s, double t[2][3])
 {
     const double d = (double)SAGA_LOW_PASS_NUM / SAGA_LOW_PASS_DEN;
@@ -167,7 +171,8 @@ static void covariance(ref_splat *s, double t[2][3])
     s->det = cross2 + d * (a + c) + d * d;
 }
 
-/* The Cholesky factor of the conic in log2 units. */
+/* Sets the Cholesky factor of the conic, scaled so that v^2 + w^2 is in log2
+ * units. */
 static void factor(ref_splat *s)
 {
     const double k = log2_e / 2;
@@ -180,7 +185,7 @@ static void factor(ref_splat *s)
 int ref_project(ref_splat *s, const ref_animated *a, const saga_camera *c)
 {
     const double size[2] = { c->width, c->height };
-    const double border = 9830 / 65536.0; /* 0.15 as the norm has it */
+    const double border = 9830 / 65536.0; /* 0.15 in Q16, as in the format */
     double v[3] = { 0, 0, 0 }, slope[2], t[2][3];
     int i, k;
 
@@ -230,8 +235,8 @@ double ref_q(const ref_splat *s, double dx, double dy)
     return s->q0 + fall(log2_e / 2 * form, s->tools);
 }
 
-/* Pixels from lo (inclusive) to hi whose centre is within extent of mean, one
- * pixel outward. */
+/* Sets *lo (inclusive) and *hi (exclusive) so that all pixels whose centre is
+ * within extent of mean lie between, with a pixel to spare on either side. */
 static void bounds(int *lo, int *hi, double mean, double extent, int side)
 {
     *lo = (int)clamp(floor(mean - extent) - 1, 0, side);
@@ -307,6 +312,8 @@ void ref_blend(double *rgb, const saga_camera *c, const ref_splat *splats,
 
     if (!trans)
         abort();
+    /* Blend the splats front to back; what light remains shows the background.
+     */
     for (i = 0; i < n_pixels; i++)
         trans[i] = 1;
     for (i = 0; i < 3 * n_pixels; i++)
@@ -318,7 +325,7 @@ void ref_blend(double *rgb, const saga_camera *c, const ref_splat *splats,
     free(trans);
 }
 
-static const ref_splat *sorted; /* of the qsort in progress */
+static const ref_splat *sorted; /* by_depth compares these */
 
 static int by_depth(const void *a, const void *b)
 {
@@ -379,8 +386,9 @@ static int64_t round_shift(int64_t x, int n)
     return (x + ((int64_t)1 << (n - 1))) >> n;
 }
 
-/* Factors are below 2^29 and offsets below 2^25: v below 2^47, v13 below 2^32,
- * whose square is capped before it can leave 64 bits. */
+/* Returns v^2 in Q20. Factors are below 2^29 and offsets below 2^25, so that v
+ * is below 2^47 and v13 below 2^32; v13 is capped before its square could
+ * overflow 64 bits. */
 static int64_t square_q20(int64_t v_q28)
 {
     const int64_t v13 = round_shift(v_q28, 15);
@@ -390,7 +398,8 @@ static int64_t square_q20(int64_t v_q28)
     return round_shift(v13 * v13, 6);
 }
 
-/* s^2 / 2, of s in Q12; s from 8 on counts as 8 - 2^-20. */
+/* Returns s^2 / 2 in Q20, computed from s in Q12. An s of 8 or more counts as
+ * 8 - 2^-20. */
 static int64_t half_square_q20(int64_t s_q20)
 {
     const int64_t most = (8 << 20) - 1;
@@ -481,6 +490,7 @@ void ref_depth_exact(const saga_picture *pic, const saga_camera *c,
             uint64_t unused[3] = { 0, 0, 0 };
             uint32_t t = 65536, before;
 
+            /* The depth of a splat counts with the light that it takes. */
             *to = (saga_depth){ 0, 0, 0 };
             for (i = 0; i < n && t >= SAGA_T_FLOOR_Q16; i++) {
                 const saga_splat *const s = splats + order[i].index;

@@ -15,7 +15,8 @@ static const double sizes_max[4] = { 23, 23, 23, 16 };
 
 /* --- Fine anchors, primitives -------------------------------------------- */
 
-/* The fused feature replaces the interpolated one, where there is Fuse. */
+/* Replaces the interpolated feature by the fused one, if the file has a Fuse
+ * network for the tier. */
 static void fuse(double *feature, const ref_scene *s, int tier,
                  const double x[4])
 {
@@ -52,7 +53,7 @@ void ref_scene_fine(ref_scene *s)
         fine_anchor(s, rank);
 }
 
-/* An output's value i, 0 where it has no such row. */
+/* Returns value i of an output, or 0 if the output has no such row. */
 static double value(const double *out, const saga_rows *rows, int i)
 {
     return i < rows->n ? out[rows->first + i] : 0;
@@ -88,8 +89,8 @@ static void set_primitive(ref_primitive *p, const saga_model *m,
                        ref_log2_half_size(c, 3), 1 / 1024.0) - 16 : INFINITY;
 }
 
-/* A life of 32767/1024 octaves of time units does not fade, as the norm rounds
- * it. */
+/* Makes a primitive of the base, which neither moves nor fades: its temporal
+ * width, 2^(32767/1024) time units, is the longest that the format has. */
 static void stand_still(ref_primitive *p)
 {
     memset(p->motion, 0, sizeof p->motion);
@@ -98,7 +99,7 @@ static void stand_still(ref_primitive *p)
     p->log2_width = 32767 / 1024.0 - 16;
 }
 
-/* Makes a colour of pre-activations, which it overwrites. */
+/* Computes a colour from the pre-activations z, which it overwrites. */
 static void colour_of(double rgb[3], const ref_scene *s, double *z)
 {
     for (uint32_t i = 0; i < s->model->width[SAGA_NET_COLOUR]; i++)
@@ -117,6 +118,8 @@ static void primitive(ref_scene *s, uint32_t prim, uint32_t anchor)
     saga_position p;
     ref_block b;
 
+    /* The features of fine anchors around the primitive; neighbours are found
+     * from its integer position. */
     ref_block_make(&b, s, SAGA_KIND_PRIM, anchor);
     ref_move(b.x, b.support, s->offset[prim]);
     saga_position_fine(&p, &sc->fine[anchor]);
@@ -125,6 +128,7 @@ static void primitive(ref_scene *s, uint32_t prim, uint32_t anchor)
     ref_interpolate(v, s, REF_TABLE_FINE, &b, &nb);
     fuse(v, s, SAGA_TIER_FINE, b.x);
     ref_embed_offset(v + f, s->model, s->offset[prim]);
+    /* F_geo and F_color read the same input. */
     ref_nets_run(out, &s->nets, SAGA_NET_GEO, v);
     set_primitive(&s->prim[prim], s->model, out, &b, ref_cell_of(s, anchor));
     if (s->file->is_base)
@@ -157,6 +161,7 @@ void ref_scene_shade(double rgb[3], const ref_scene *s, uint32_t prim,
         memcpy(rgb, base, 3 * sizeof *rgb);
         return;
     }
+    /* The direction is that at the middle of the segment, at any time. */
     ref_animate(&a, &s->prim[prim], 0.5);
     for (int i = 0; i < 3; i++)
         v[i] = a.x[i] - centre[i];
@@ -191,6 +196,7 @@ static void reset_anchors(ref_scene *s)
     const uint32_t f = s->model->features;
     const int16_t *const r = s->file->value[SAGA_STEP_FINE];
 
+    /* Coarse anchors, then features, then fine anchors. */
     for (uint32_t k = 0; k < sc->n.coarse; k++) {
         for (int i = 0; i < 3; i++)
             s->centre[k][i] = sc->coarse[k].x[i];
@@ -231,6 +237,7 @@ void ref_scene_reset(ref_scene *s, const saga_primitive *prims,
     }
     for (size_t i = 0; i < (size_t)sc->n.prim * s->n_colour; i++)
         s->colour[i] = ref_scene_colour(s, i, colours[i]);
+    /* The predictions, as the recorder kept them. */
     for (int step = 0; step < SAGA_N_STEPS; step++) {
         const size_t n = (size_t)ref_file_rows(s->file, step) *
                          ref_file_channels(s->file, step);
@@ -244,8 +251,8 @@ void ref_scene_reset(ref_scene *s, const saga_primitive *prims,
 
 /* --- Memory -------------------------------------------------------------- */
 
-/* Until F_fine has run, the supports of fine anchors are half-sizes of their
- * parents' cells. */
+/* Makes `before`: until F_fine has run, the support of a fine anchor is half
+ * the size of its parent's cell. */
 static bool go_before(ref_scene *s, saga_error *error)
 {
     const saga_scaffold *const sc = &s->file->sc;
@@ -279,8 +286,8 @@ bool ref_scene_make(ref_scene *s, const ref_file *f,
     s->model = &f->h.model;
     s->n_colour = s->model->tools & SAGA_TOOL_VIEW
         ? s->model->width[SAGA_NET_COLOUR] : 3;
-    /* The scaffold, then what each primitive takes from it, then what the
-     * entropy model says of each step's symbols. */
+    /* First the arrays of the anchors, then those of the primitives, then the
+     * entropy model's predictions for each step. */
     s->centre = (double (*)[4])doubles(n.coarse, 4, error);
     s->coarse_feature = doubles(n.coarse, features, error);
     s->residual = (double (*)[4])doubles(n.fine, 4, error);

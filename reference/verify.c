@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * See verify.h. A run begins at a stage: what comes before it is the integers',
- * it and what follows are in double. The stage at which a run begins is seen
- * alone; the run that begins with the symbols is the chain.
+ * See verify.h. A run begins at a stage: earlier stages are computed by the
+ * integer decoder, this one and later ones in double. It gives the result
+ * `alone` of its first stage; the run that begins with the symbols gives the
+ * results `chain` of all stages.
  */
 #include "verify_session.h"
 
@@ -66,11 +67,13 @@ static bool take_apart(session *s, const uint8_t *bytes, size_t n,
 {
     exact *const e = &s->e;
 
+    /* The parts, in the order in which the decoder numbers primitives. */
     if (info->base_coarse > 0 && !read_part(s, bytes, n, NULL, 0))
         return false;
     for (uint32_t i = 0; i < info->n_layers; i++)
         if (!read_part(s, bytes, n, seg, i))
             return false;
+    /* All parts share the arrays of the integers. */
     e->stride = ref_file_colours(&s->part[0].file);
     e->prim = saga_alloc(n_prims(s), sizeof *e->prim, s->name, s->error);
     e->colour = saga_alloc(n_prims(s), e->stride * sizeof *e->colour, s->name,
@@ -101,7 +104,7 @@ static void project_all(session *s)
     }
 }
 
-/* The decoder that is shipped draws the picture. */
+/* Draws the picture with the decoder's own tiles and fast paths. */
 static saga_status draw(session *s, saga_decoder *dec)
 {
     enum { TILE = 16, LIST = 65536 };
@@ -136,6 +139,7 @@ static bool decode_and_draw(session *s, const uint8_t *bytes, size_t n,
 
     s->e.rgb = saga_alloc((size_t)s->camera->width * s->camera->height, 3,
                           "the picture", s->error);
+    /* The calls of a player, as README.md lists them. */
     if (work && s->e.rgb)
         status = saga_open(&dec, work, info->work_nbytes, bytes, n, NULL);
     if (status == SAGA_OK)
@@ -177,6 +181,7 @@ static void make_splats(session *s, int from)
             ref_animate(&r->moved[i], prim_of(s, i), s->v->t / 65536.0);
         else
             ref_animated_of(&r->moved[i], &s->e.moved[i]);
+        /* A run that begins with the pixels takes the integers' splats. */
         if (from > SAGA_VERIFY_SPLATS) {
             r->visible[i] = s->e.visible[i];
             if (r->visible[i])
@@ -206,6 +211,8 @@ static bool run(session *s, int from)
     const int is_chain = from == SAGA_VERIFY_SYMBOLS;
 
     tell(s, from, saga_verify_stage[from]);
+    /* `alone` of the symbols: predictions from the integers' values, before
+     * make_scene decodes each block in double. */
     for (int i = 0; i < s->n_parts && is_chain; i++)
         if (!ref_scene_contexts(&s->part[i].scene, s->error))
             return false;

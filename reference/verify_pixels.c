@@ -17,7 +17,8 @@ static int by_depth(const void *a, const void *b)
     return x->prim < y->prim ? -1 : x->prim > y->prim;
 }
 
-/* The decoder's order; what only the other one draws takes its own depth. */
+/* Sorts the splats in the decoder's order. A splat that exists in double only
+ * is sorted by its own depth. */
 static void sort(session *s)
 {
     canvas *const c = &s->c;
@@ -48,12 +49,12 @@ static void clear(session *s)
     }
 }
 
-/* One splat, as either has it (or NULL), into one pixel of both pictures. */
+/* A splat in integers and in double; NULL if it is not visible there. */
 typedef struct {
     const saga_splat *exact;
     const ref_splat *real;
     column q, alpha;
-    int drew[2];             /* either has blended it anywhere */
+    int drew[2];             /* whether each picture has blended it anywhere */
 } pair;
 
 static void blend_pair(canvas *c, pair *p, size_t at, int x, int y)
@@ -64,6 +65,8 @@ static void blend_pair(canvas *c, pair *p, size_t at, int x, int y)
     const int one = ref_blends_exact(c->t[at], q_q20);
     const int other = ref_blends(c->trans[at], q);
 
+    /* If only one picture blends the splat and q is on the same side of the cut
+     * in both, the reason is the stop. */
     if (one != other)
         c->otherwise[at] |= (q_q20 < SAGA_CUT_LOG2 << 20) !=
                             (q < SAGA_CUT_LOG2) ? CUT : STOP;
@@ -108,6 +111,7 @@ void verify_blend(session *s, int from)
                          !is_chain);
         p.alpha = verify_row(s, ST, "alpha", "1", ldexp(1, -16), !is_chain);
     }
+    /* Both pictures get the splats one by one, front to back. */
     sort(s);
     clear(s);
     for (uint32_t k = 0; k < s->c.n_order; k++) {
@@ -121,7 +125,7 @@ void verify_blend(session *s, int from)
     }
 }
 
-/* A sum and a worst of differences. */
+/* The sum of squared differences and the largest difference of n samples. */
 typedef struct {
     double sum, max;
     uint64_t n;
@@ -152,12 +156,12 @@ void verify_pixels(session *s, int from)
         level = verify_row(s, SAGA_VERIFY_PIXELS, "picture before 8 bits",
                            "level", 0, from == SAGA_VERIFY_PIXELS);
     for (size_t i = 0; i < s->v->n_pixels; i++) {
-        /* Pixels in which a splat is cut, or light ends, otherwise. */
+        /* Pixels in which the pictures decide differently. */
         to->n_cut += (s->c.otherwise[i] & CUT) != 0;
         to->n_stop += (s->c.otherwise[i] & STOP) != 0;
         for (int k = 0; k < 3; k++) {
-            /* sum + T background, of the integers (Q31) and in double, then
-             * what was drawn of the one and what 8 bits make of the other. */
+            /* sum + T background, in integers (Q31) and in double, then the
+             * decoder's 8-bit sample and the double rounded to 8 bits. */
             const double norm = ((double)s->c.sum[i][k] +
                 (double)s->c.t[i] * cam->background_q15[k]) / 2147483648.0;
             const double value = 255 * (s->c.rgb[i][k] + s->c.trans[i] *
@@ -169,7 +173,7 @@ void verify_pixels(session *s, int from)
             widen(&whole, drawn_as - value);
             widen(&rounded, drawn_as - near);
             to->n_far += fabs(drawn_as - near) > 1;
-            /* Alone, what roundings do where the decisions are the same. */
+            /* Where the decisions agree, only roundings make a difference. */
             if (!s->c.otherwise[i])
                 widen(&same, drawn_as - near);
             if (level.to)
@@ -185,7 +189,6 @@ void verify_pixels(session *s, int from)
     to->max_same = (int)same.max;
 }
 
-/* The norm's pixels, one by one, are what was drawn. */
 bool verify_norm(session *s)
 {
     const saga_camera *const c = s->camera;

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * A verification at work: verify.c runs it from each stage on, verify_stages.c
- * compares what the stages give, verify_pixels.c what is drawn.
+ * The state of a verification. verify.c runs it, beginning at each stage;
+ * verify_stages.c compares the results of the stages, verify_pixels.c the
+ * pictures.
  */
 #ifndef VERIFY_SESSION_H
 #define VERIFY_SESSION_H
@@ -11,14 +12,14 @@
 
 #include <math.h>
 
-/* The base or a layer: its primitives are those from `first` on. */
+/* The base or a layer. Its primitives begin at index `first`. */
 typedef struct {
     ref_file file;
     ref_scene scene;         /* in double */
     uint32_t first;
 } part;
 
-/* The integers. */
+/* The results of the integer decoder. */
 typedef struct {
     uint32_t n;              /* primitives of all parts */
     const saga_model *model;
@@ -26,13 +27,13 @@ typedef struct {
     saga_primitive *prim;
     int16_t *colour;         /* (prim, stride) */
     uint32_t stride;
-    saga_animated *moved;    /* (prim) at the time */
+    saga_animated *moved;    /* (prim) at the picture's time */
     saga_splat *splat;       /* (prim) */
     uint8_t *visible;        /* (prim) */
     uint8_t *rgb;            /* the decoder's picture */
 } exact;
 
-/* The same in double. */
+/* The same results in double. */
 typedef struct {
     ref_animated *moved;
     ref_splat *splat;
@@ -40,10 +41,10 @@ typedef struct {
 } real;
 
 typedef struct {
-    double sum, peak;        /* of squares; largest reference */
+    double sum, peak;        /* sum of squared errors; largest reference */
 } tally;
 
-/* A splat of either, or both. */
+/* A splat that at least one of the two pictures blends. */
 typedef struct {
     double depth;
     uint32_t prim;
@@ -51,12 +52,12 @@ typedef struct {
 
 enum { CUT = 1, STOP = 2 };
 
-/* The two pictures in the making. */
+/* The two pictures while they are drawn. */
 typedef struct {
-    uint32_t *t;             /* the norm's T and sums */
+    uint32_t *t;             /* T and sums of the integer reference */
     uint64_t (*sum)[3];
     double *trans, (*rgb)[3];
-    uint8_t *otherwise;      /* CUT, STOP */
+    uint8_t *otherwise;      /* CUT, STOP: why a splat is in one only */
     drawn *order;
     uint32_t n_order;
     uint32_t tools;          /* of the file, SAGA_TOOL_* */
@@ -105,7 +106,7 @@ typedef struct {
     tally *sum;
 } column;
 
-/* The row of that name, which is new or was made by another run. */
+/* Returns the row with this name, which is added if no run has made it yet. */
 column verify_row(session *s, int stage, const char *name, const char *unit,
                   double step, int is_alone);
 
@@ -122,14 +123,16 @@ static inline void note(column c, double value, double reference)
     note_error(c, value - reference, reference);
 }
 
-/* Sets what follows from a row's sums. */
+/* Computes rms and PSNR from a row's sums. */
 void verify_finish(saga_verify_error *e, const tally *t);
 
-/* Compares a stage of the integers with that in double; not the pixels. */
+/* Compares a stage in integers with the same in double; does nothing for the
+ * pixels, which are compared while they are blended. */
 void verify_stage(session *s, int stage, int is_alone);
 
-/* Draws both pictures pixel by pixel; compares them; and compares the norm's
- * pixels with what the decoder drew: false where they differ. */
+/* verify_blend draws both pictures pixel by pixel, verify_pixels compares them.
+ * verify_norm compares the integer reference with what the decoder drew, and
+ * returns false if a pixel differs. */
 void verify_blend(session *s, int from);
 void verify_pixels(session *s, int from);
 bool verify_norm(session *s);

@@ -3,7 +3,6 @@
 
 #include <string.h>
 
-/* The row of that name, which is new or was made by another run. */
 column verify_row(session *s, int stage, const char *name, const char *unit,
                   double step, int is_alone)
 {
@@ -48,6 +47,7 @@ static void compare_symbols(session *s, const part *p, int is_alone)
                                      q14, is_alone);
     const column scale = verify_row(s, ST, "scale", "index", 1, is_alone);
 
+    /* Centres, fine offsets and primitives' offsets share a row. */
     for (int step = 0; step < SAGA_N_STEPS; step++) {
         const int is_feature = step == SAGA_STEP_FEATURE;
         const size_t n = (size_t)ref_file_rows(f, step) *
@@ -134,7 +134,7 @@ static void compare_primitives(session *s, int is_alone)
     column colour = verify_row(s, ST, has_view ? "colour, first layer" :
                                "colour", "1", unit, is_alone);
 
-    /* Attributes of the integers, taken for reals, beside those in double. */
+    /* The integers' attributes, converted to double, and those in double. */
     for (uint32_t i = 0; i < n_prims(s); i++) {
         const ref_primitive *const r = prim_of(s, i);
         ref_primitive e;
@@ -145,7 +145,7 @@ static void compare_primitives(session *s, int is_alone)
         note_all(scale, e.log2_scale, r->log2_scale, 3);
         note_all(quat, e.quat, r->quat, 4);
     }
-    /* Colours, or where they depend on the view the part that does not. */
+    /* Colours; if they depend on the view, the part that does not. */
     for (size_t i = 0; i < (size_t)n_prims(s) * s->e.stride; i++) {
         const part *const p = part_of(s, (uint32_t)(i / s->e.stride));
 
@@ -155,7 +155,8 @@ static void compare_primitives(session *s, int is_alone)
     compare_dynamics(s, is_alone);
 }
 
-/* The angle between two rotations; unit quaternions, of either sign. */
+/* Returns the angle between two rotations, given as unit quaternions, which may
+ * differ in sign. */
 static double angle(const double a[4], const double b[4])
 {
     double plus = 0, minus = 0;
@@ -167,7 +168,7 @@ static double angle(const double a[4], const double b[4])
     return 4 * asin(fmin(1, sqrt(fmin(plus, minus)) / 2));
 }
 
-/* Invisible primitives are not looked at. */
+/* Compares animated primitives, except those too faint to be drawn. */
 static void compare_animation(session *s, int is_alone)
 {
     enum { ST = SAGA_VERIFY_ANIMATION };
