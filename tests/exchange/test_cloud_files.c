@@ -172,7 +172,7 @@ static const struct {
     const char *suffix;
     bounds most;
 } written[] = {
-    { ".ply", FLOATS }, { ".spz", SPZ(16) }
+    { ".ply", FLOATS }, { ".spz", SPZ(16) }, { ".glb", FLOATS }
 };
 
 TEST(splats_should_come_back_within_half_a_step)
@@ -196,7 +196,8 @@ static const struct {
     const char *name;
     bounds most;
 } theirs[] = {
-    { "version3.spz", SPZ(12) }, { "version4.spz", SPZ(12) }
+    { "version3.spz", SPZ(12) }, { "version4.spz", SPZ(12) },
+    { "splats.glb", FLOATS }
 };
 
 TEST(files_of_another_program_should_be_read)

@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Binary glTF 2.0: a JSON chunk that says what lies where in the binary chunk
- * behind it, one array of floats for each attribute.
+ * Writes one array of floats for each attribute.
  */
-#include "cloud_files.h"
+#include "cloud_glb.h"
 
 #include "alloc.h"
 #include "json_memory.h"
@@ -14,16 +13,12 @@
 #include <math.h>
 #include <stdlib.h>
 
-enum {
-    MAGIC = 0x46546c67, VERSION = 2, JSON = 0x4e4f534a, BIN = 0x004e4942,
-    FLOAT = 5126, ARRAY_BUFFER = 34962, POINTS = 0,
-    MOST_ATTRIBUTES = 4 + SAGA_MAX_HARMONICS
-};
+enum { ARRAY_BUFFER = 34962, MOST_ATTRIBUTES = 4 + SAGA_MAX_HARMONICS };
 
 /* An attribute: n_components floats of every splat, which `put` writes. */
 typedef struct attribute attribute;
 struct attribute {
-    char name[64];
+    char name[GLB_NAME_NBYTES];
     const char *type;
     int n_components;
     int harmonic;
@@ -78,18 +73,16 @@ static void list_attributes(glb *g)
     int n = 4;
 
     a[0] = (attribute){ "POSITION", "VEC3", 3, 0, mean };
-    a[1] = (attribute){ "KHR_gaussian_splatting:ROTATION", "VEC4", 4, 0,
+    a[1] = (attribute){ GLB_SPLATS ":ROTATION", "VEC4", 4, 0,
                         quat };
-    a[2] = (attribute){ "KHR_gaussian_splatting:SCALE", "VEC3", 3, 0, scale };
-    a[3] = (attribute){ "KHR_gaussian_splatting:OPACITY", "SCALAR", 1, 0,
+    a[2] = (attribute){ GLB_SPLATS ":SCALE", "VEC3", 3, 0, scale };
+    a[3] = (attribute){ GLB_SPLATS ":OPACITY", "SCALAR", 1, 0,
                         opacity };
     /* Coefficients go degree by degree, as in a cloud: n - 4 counts them. */
     for (int degree = 0; degree <= g->cloud->degree; degree++)
         for (int k = 0; k < 2 * degree + 1; k++, n++) {
             a[n] = (attribute){ "", "VEC3", 3, n - 4, colour };
-            (void)snprintf(a[n].name, sizeof a[n].name,
-                           "KHR_gaussian_splatting:SH_DEGREE_%d_COEF_%d",
-                           degree, k);
+            saga_glb_harmonic_name(a[n].name, degree, k);
         }
     g->n = n;
 }
@@ -121,9 +114,9 @@ static json_t *json_primitive(const glb *g)
 
     for (int i = 0; i < g->n; i++)
         json_object_set_new(of, g->attribute[i].name, json_integer(i));
-    return json_pack("{sosis{s{ssssssss}}}", "attributes", of, "mode", POINTS,
-                     "extensions", "KHR_gaussian_splatting",
-                     "kernel", "ellipse", "colorSpace", "srgb_rec709_display",
+    return json_pack("{sosis{s{ssssssss}}}", "attributes", of,
+                     "mode", GLB_POINTS, "extensions", GLB_SPLATS,
+                     "kernel", "ellipse", "colorSpace", GLB_COLOUR_SPACE,
                      "projection", "perspective",
                      "sortingMethod", "cameraDistance");
 }
@@ -138,7 +131,7 @@ static json_t *json_of(glb *g)
         const attribute *const a = &g->attribute[i];
         const size_t size = 4 * (size_t)a->n_components * cloud->n;
         json_t *const accessor = json_pack(
-            "{sisisIss}", "bufferView", i, "componentType", FLOAT, "count",
+            "{sisisIss}", "bufferView", i, "componentType", GLB_FLOAT, "count",
             (json_int_t)cloud->n, "type", a->type);
 
         if (i == 0)
@@ -152,7 +145,7 @@ static json_t *json_of(glb *g)
     return json_pack(
         "{s{ssss}s[s]sis[{s[i]}]s[{si}]s[{s[o]}]s[{sI}]soso}",
         "asset", "version", "2.0", "generator", "saga export",
-        "extensionsUsed", "KHR_gaussian_splatting", "scene", 0,
+        "extensionsUsed", GLB_SPLATS, "scene", 0,
         "scenes", "nodes", 0, "nodes", "mesh", 0,
         "meshes", "primitives", json_primitive(g),
         "buffers", "byteLength", (json_int_t)g->bin_nbytes,
@@ -185,16 +178,16 @@ static bool write_heads(FILE *f, const char *text, size_t bin_nbytes)
     const size_t n = strlen(text), padded = (n + 3) / 4 * 4;
     uint8_t head[20], bin[8], *at = head, *behind = bin;
 
-    saga_put_le(&at, MAGIC, 4);
-    saga_put_le(&at, VERSION, 4);
+    saga_put_le(&at, GLB_MAGIC, 4);
+    saga_put_le(&at, GLB_VERSION, 4);
     /* The length of the file: 20 bytes of its header and of the head of the
      * JSON chunk, the text, 8 bytes of the next head, and floats, which need no
      * padding. */
     saga_put_le(&at, (uint32_t)(20 + padded + 8 + bin_nbytes), 4);
     saga_put_le(&at, (uint32_t)padded, 4);
-    saga_put_le(&at, JSON, 4);
+    saga_put_le(&at, GLB_JSON, 4);
     saga_put_le(&behind, (uint32_t)bin_nbytes, 4);
-    saga_put_le(&behind, BIN, 4);
+    saga_put_le(&behind, GLB_BIN, 4);
     return fwrite(head, 1, 20, f) == 20 && fwrite(text, 1, n, f) == n &&
            fwrite("   ", 1, padded - n, f) == padded - n &&
            fwrite(bin, 1, 8, f) == 8;
@@ -240,20 +233,8 @@ static bool write_glb(const char *path, saga_cloud *cloud, saga_error *error)
     return ok;
 }
 
-static bool is_glb(const saga_bytes *bytes)
-{
-    return bytes->nbytes >= 4 && saga_load_le(bytes->data, 4) == MAGIC;
-}
-
-static bool read_glb(saga_cloud *cloud, const saga_bytes *bytes,
-                     const char *path, saga_error *error)
-{
-    (void)cloud;
-    (void)bytes;
-    return saga_fail(error, path, "convert it to PLY", "glTF is not read");
-}
-
 const saga_cloud_format saga_glb_format = {
-    "glTF", ".glb", "floats, by KHR_gaussian_splatting", is_glb, read_glb,
-    write_glb
+    "glTF", ".glb", "floats, by KHR_gaussian_splatting; "
+    "KHR_gaussian_splatting_compression_spz_2 is read, too",
+    saga_is_glb, saga_glb_read, write_glb
 };

@@ -66,27 +66,34 @@ static bool bad_json(const json_error_t *problem, const char *path,
                      problem->line, problem->column, problem->text);
 }
 
-json_t *saga_json_read(const char *path, saga_error *error)
+json_t *saga_json_parse(const saga_bytes *text, const char *path,
+                        saga_error *error)
 {
     json_error_t problem;
-    saga_bytes bytes;
-    if (!saga_read_file(&bytes, path, error))
-        return NULL;
     saga_json_watch();
-    json_t *root = json_loadb((const char *)bytes.data, bytes.nbytes, 0,
+    json_t *root = json_loadb((const char *)text->data, text->nbytes, 0,
                               &problem);
     /* Where an allocation failed, what jansson says of the text means
      * nothing. */
     bool ok = root || saga_json_starved() ||
-              bad_json(&problem, path, &bytes, error);
+              bad_json(&problem, path, text, error);
     if (saga_json_starved())
         ok = saga_no_memory(0, path, error);
     else if (ok && !json_is_object(root))
         ok = saga_fail(error, path, "correct the file", "\"(root)\" at the top "
                        "is no object, expected an object");
-    saga_bytes_free(&bytes);
     if (ok)
         return root;
     json_decref(root);
     return NULL;
+}
+
+json_t *saga_json_read(const char *path, saga_error *error)
+{
+    saga_bytes bytes;
+    if (!saga_read_file(&bytes, path, error))
+        return NULL;
+    json_t *const root = saga_json_parse(&bytes, path, error);
+    saga_bytes_free(&bytes);
+    return root;
 }

@@ -9,6 +9,7 @@
 #define SAGA_JSON_MEMORY_H
 
 #include "error.h"
+#include "file.h"
 
 #include <jansson.h>
 #include <stdbool.h>
@@ -31,5 +32,10 @@ void saga_json_merge_object(json_t *object, json_t *other);
  * json_decref. Returns NULL, with *error set, if memory is short or the file is
  * not JSON (with the line). */
 json_t *saga_json_read(const char *path, saga_error *error);
+
+/* Does the same with a text that is a part of a file: a NUL follows somewhere
+ * behind it. */
+json_t *saga_json_parse(const saga_bytes *text, const char *path,
+                        saga_error *error);
 
 #endif
