@@ -418,12 +418,41 @@ $(PAGE_FILES): $(BUILD)/saga $(BUILD)/saga-dec tools/help_pages.sh
 	@tools/help_pages.sh $(subst .,,$(suffix $@)) \
 	    $(BUILD)/$(basename $(@F)) >$@
 
-.PHONY: pages install
+.PHONY: pages install uninstall
 pages: $(PAGE_FILES)
+INSTALL = BINDIR='$(BINDIR)' LIBDIR='$(LIBDIR)' INCLUDEDIR='$(INCLUDEDIR)' \
+          DATADIR='$(DATADIR)' PYTHONDIR='$(PYTHONDIR)' DESTDIR='$(DESTDIR)' \
+          tools/install.sh
 install: all shared pages
-	@BINDIR='$(BINDIR)' LIBDIR='$(LIBDIR)' INCLUDEDIR='$(INCLUDEDIR)' \
-	    DATADIR='$(DATADIR)' PYTHONDIR='$(PYTHONDIR)' DESTDIR='$(DESTDIR)' \
-	    tools/install.sh $(BUILD)
+	@$(INSTALL) put $(BUILD)
+uninstall:
+	@$(INSTALL) remove $(BUILD)
+
+# Archives to be given away come to build/dist: a wheel, packages for npm, the
+# source, and the checksums of all. The same commit gives the same bytes.
+DIST = $(BUILD)/dist
+NPM := $(addprefix $(BUILD)/,web three playcanvas)
+RELEASE := $(shell sed -n 's/^.define SAGA_RELEASE "\(.*\)"/\1/p' decoder/saga.h)
+.PHONY: wheel npm dist
+wheel: $(SHARED)
+	@tools/wheel.py $< $(DIST)
+
+npm: web $(addsuffix /LICENSE,$(NPM))
+	@test -n '$(HAS_WASM)' || \
+	    { echo 'make npm needs clang and wasm-ld (Debian: clang lld)'; exit 1; }
+	@mkdir -p $(DIST)
+	@npm pack --offline --silent --pack-destination $(DIST) $(NPM:%=./%)
+
+$(addsuffix /LICENSE,$(NPM)): LICENSE
+	@mkdir -p $(@D)
+	@cp $< $@
+
+dist:
+	@rm -rf $(DIST)
+	@$(MAKE) --no-print-directory wheel npm
+	@git archive --prefix=saga-$(RELEASE)/ HEAD | gzip -n \
+	    >$(DIST)/saga-$(RELEASE).tar.gz
+	@cd $(DIST) && sha256sum *.whl *.tgz *.tar.gz >SHA256SUMS && cat SHA256SUMS
 
 # ---------------------------------------------------------------- tests
 
@@ -605,6 +634,10 @@ make compare     a capture through x265, SVT-AV1, libaom and VVenC, as far as
 make rd-short    the same of two small scenes at one rate, beside the last row
 make install     programs, library, header, manual pages, completion: PREFIX=
                  /usr/local, DESTDIR=, BINDIR, LIBDIR, INCLUDEDIR, DATADIR
+make uninstall   removes what make install has put there
+make wheel       the Python module with its library, in $(BUILD)/dist
+make npm         the packages for browsers and engines, in $(BUILD)/dist
+make dist        both, and the source, with their checksums; needs a clone
 make shared      $(SHARED), which a program or a module loads
 make numerics    what operators cost and how exact they are; a CPU minute
 make web         the page and the decoder for browsers, in $(BUILD)/web

@@ -144,6 +144,9 @@ man() {
 
 # ---- completion
 
+# topics: what `help` explains besides the commands.
+topics() { sed -n 's/^  '"$name"' help \([a-z][a-z]*\) .*/\1/p' "$tmp/all"; }
+
 # words FILE: the names of its options in one line.
 words() { table "$1" | cut -f 1 | tr '\n' ' ' | sed 's/ $//'; }
 
@@ -201,7 +204,7 @@ bash_completion() {
         while read -r c; do
             echo "        $c) words='$(words "$tmp/$c") --help' ;;"
         done <"$tmp/commands"
-        echo "        help) words='$(tr '\n' ' ' <"$tmp/commands")' ;;"
+        echo "        help) words='$(tr '\n' ' ' <"$tmp/commands")$(topics)' ;;"
         echo "        esac"
         echo "    fi"
     else

@@ -1,15 +1,31 @@
 #!/bin/sh
 # SPDX-License-Identifier: MIT
 #
-# install.sh BUILD: puts what is in BUILD below DESTDIR, in BINDIR, LIBDIR,
-# INCLUDEDIR, DATADIR and PYTHONDIR: programs, libraries, header, pkg-config's
-# description, manual pages, completions, the Python module. `make install` runs
-# it. Where there is no DESTDIR, the loader is told of the library (ldconfig).
+# install.sh put|remove BUILD: puts what is in BUILD below DESTDIR, in BINDIR,
+# LIBDIR, INCLUDEDIR, DATADIR and PYTHONDIR: programs, libraries, header,
+# pkg-config's description, manual pages, completions, the Python module; or
+# removes these, and folders that are empty then. `make install` and `make
+# uninstall` run it. Where there is no DESTDIR, the loader is told of the library
+# (ldconfig).
 set -eu
 
-build=$1
+verb=$1
+build=$2
+
+take_away() { # take_away PLACE
+    folder=$(dirname "$1")
+    rm -f "$DESTDIR$1"
+    # The root stays, and so does DESTDIR.
+    while [ "$folder" != / ] && rmdir "$DESTDIR$folder" 2>/dev/null; do
+        folder=$(dirname "$folder")
+    done
+}
 
 put() { # put MODE FILE PLACE
+    if [ "$verb" = remove ]; then
+        take_away "$3"
+        return
+    fi
     mkdir -p "$DESTDIR$(dirname "$3")"
     install -m "$1" "$2" "$DESTDIR$3"
 }
@@ -23,13 +39,21 @@ for p in saga saga-dec; do
 done
 put 644 "$build/libsaga.a" "$LIBDIR/libsaga.a"
 put 644 "$build/libsaga.so.0" "$LIBDIR/libsaga.so.0"
-ln -sf libsaga.so.0 "$DESTDIR$LIBDIR/libsaga.so"
+if [ "$verb" = remove ]; then
+    take_away "$LIBDIR/libsaga.so"
+else
+    ln -sf libsaga.so.0 "$DESTDIR$LIBDIR/libsaga.so"
+fi
 put 644 "$build/include/saga.h" "$INCLUDEDIR/saga.h"
 put 644 ports/python/saga.py "$PYTHONDIR/saga.py"
 
-release=$(sed -n 's/^#define SAGA_RELEASE "\(.*\)"/\1/p' \
-    "$build/include/saga.h")
-cat >"$build/pages/saga.pc" <<PC
+# What Python compiled of the module goes with it.
+[ "$verb" = put ] || for f in "$DESTDIR$PYTHONDIR"/__pycache__/saga.*.pyc; do
+    take_away "${f#"$DESTDIR"}"
+done
+
+release=$(sed -n 's/^#define SAGA_RELEASE "\(.*\)"/\1/p' decoder/saga.h)
+[ "$verb" = remove ] || cat >"$build/pages/saga.pc" <<PC
 libdir=$LIBDIR
 includedir=$INCLUDEDIR
 

@@ -133,10 +133,11 @@ def _lib():
     if _library:
         return _library
     here = os.path.dirname(os.path.abspath(__file__))
-    # PREFIX/share/saga/python has its library in PREFIX/lib, ports/python in
-    # the tree's build.
+    # A wheel has its library in saga.libs, PREFIX/share/saga/python in
+    # PREFIX/lib, ports/python in the tree's build.
     beside = [os.path.normpath(os.path.join(here, at, "libsaga.so.0"))
-              for at in ("../../../lib", "../../../lib64", "../../build")]
+              for at in ("saga.libs", "../../../lib", "../../../lib64",
+                         "../../build")]
     names = [os.environ["SAGA_LIBRARY"]] if "SAGA_LIBRARY" in os.environ \
         else [*filter(os.path.exists, beside), "libsaga.so.0",
               "/usr/local/lib/libsaga.so.0"]

@@ -208,12 +208,21 @@ export function hasSimd() {
 export async function loadModule({ simd = hasSimd(), base } = {}) {
     const name = simd ? 'saga_simd.wasm' : 'saga.wasm';
     const url = new URL(name, base || import.meta.url);
-    const response = await fetch(url).catch(() => null);
+    const bytes = await bytesAt(url).catch(() => null);
 
-    if (!response || !response.ok)
+    if (!bytes)
         throw new SagaError(`${name}: cannot be fetched; it belongs beside ` +
             'saga.js, `make web` builds it');
-    return WebAssembly.compile(await response.arrayBuffer());
+    return WebAssembly.compile(bytes);
+}
+
+// Node fetches no files.
+async function bytesAt(url) {
+    if (url.protocol === 'file:')
+        return (await import('node:fs/promises')).readFile(url);
+    const response = await fetch(url);
+
+    return response.ok ? response.arrayBuffer() : null;
 }
 
 // --- A file ----------------------------------------------------------------

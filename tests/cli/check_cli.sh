@@ -6,6 +6,8 @@
 #               mistake
 #   usage       wrong command lines end with status 2, nothing on stdout and
 #               one line on stderr that names what is wrong
+#   quiet       every command that shows progress on a terminal shows none with
+#               --quiet
 #   good        `saga info` takes every good vector, in text and JSON, which
 #               parses and says what `saga-dec --info` says; the bytes of the
 #               parts add up to the file
@@ -105,6 +107,51 @@ if [ -e /dev/full ]; then
     grep -q 'standard output' "$tmp/err" || complain "a full disk: no message"
 fi
 verdict usage
+
+# ---- quiet
+cat >"$tmp/quiet.py" <<'PYTHON'
+import os, pty, shlex, shutil, subprocess, sys
+
+saga, still, tmp = sys.argv[1:]
+
+
+def shown(command):
+    """What the program writes to a terminal on stderr."""
+    terminal, end = pty.openpty()
+    shutil.rmtree(tmp + "/made", ignore_errors=True)
+    if subprocess.call([saga, *command], stderr=end, cwd=tmp,
+                       stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL):
+        print(*command, "fails")
+    os.write(end, b"*")
+    return os.read(terminal, 1 << 20)
+
+
+for line in f"""
+synth made --size 48x32 --cameras 3 --frames 2 --hold-out 1 -> filmed
+check filmed
+encode filmed -o made --iterations 12 --primitives 64 -> filmed.saga
+eval filmed.saga filmed --no-ssim
+verify {still}
+analyse {still} --mask 50
+export {still} -o made/%d.ply -> plys
+import plys/0.ply -o made --iterations 4 --size 16x16 -> plys.saga
+render {still} --orbit 3 --size 16x16 -o %d.png
+""".strip().split("\n"):
+    line, _, kept = line.partition(" -> ")
+    command = shlex.split(line)
+    if b" %  " not in shown(command):
+        print(line, "shows no progress")
+    if os.path.isfile(tmp + "/made"):
+        os.remove(tmp + "/made")
+    if b" %  " in shown([*command, "--quiet"]):
+        print(line, "--quiet shows progress")
+    if kept:
+        os.rename(tmp + "/made", tmp + "/" + kept)
+PYTHON
+mkdir "$tmp/quiet"
+python3 "$tmp/quiet.py" "$(realpath "$saga")" "$PWD/vectors/good/still.saga" \
+    "$tmp/quiet" >>"$bad" 2>&1 || complain "quiet.py fails"
+verdict quiet
 
 # ---- good
 cat >"$tmp/agree.py" <<'PYTHON'

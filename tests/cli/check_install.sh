@@ -12,6 +12,7 @@
 #   pages       every option of every command is in the manual page and in each
 #               completion; the page has no warnings; bash completes, after an
 #               option what that takes
+#   uninstall   `make uninstall` leaves what others have put there, nothing else
 set -u
 cd "$(dirname "$0")/../.." || exit
 checks=install
@@ -115,7 +116,7 @@ put() { # put LDCONFIG DESTDIR: how ldconfig ends
     LDCONFIG=$1 DESTDIR=$2 PATH=$tmp/bin:$PATH BINDIR=$tmp/put/bin \
         LIBDIR=$tmp/put/lib INCLUDEDIR=$tmp/put/include \
         DATADIR=$tmp/put/share PYTHONDIR=$tmp/put/python \
-        tools/install.sh "$build" >"$tmp/log" 2>&1 ||
+        tools/install.sh put "$build" >"$tmp/log" 2>&1 ||
         complain "install.sh: $(tail -n 1 "$tmp/log")"
 }
 put 0 "$tmp/root2"
@@ -200,6 +201,7 @@ after() { # after WORDS WORD...: what is offered after them, in one line
     [ "$got" = "$1" ] || complain "${*:2}: '$got', not '$1'"
 }
 after 'fast balanced best' saga encode vectors --preset ''
+after presets saga help pre
 after 'balanced best' saga encode vectors --preset b
 after 'room ring' saga synth x --scene ''
 after '0 1 2 3' saga encode vectors --level ''
@@ -220,5 +222,28 @@ while read -r c o value _; do
         grep -qF -e "-l $o -x -a '${value//|/ }'" || complain "fish: $c --$o"
 done <"$tmp/sets"
 verdict pages
+
+# ---- uninstall
+: >"$at/bin/other"
+: >"$share/man/man1/other.1"
+: >"$tmp/root/opt/other"
+python3 -m compileall -q "$share/saga/python"
+"${MAKE:-make}" -s BUILD="$build" CC=gcc uninstall \
+    DESTDIR="$tmp/root" PREFIX=/opt/saga >"$tmp/log" 2>&1 ||
+    complain "make uninstall: $(tail -n 1 "$tmp/log")"
+(cd "$tmp/root" && find . | sort) >"$tmp/there"
+diff - "$tmp/there" >>"$bad" <<'LEFT'
+.
+./opt
+./opt/other
+./opt/saga
+./opt/saga/bin
+./opt/saga/bin/other
+./opt/saga/share
+./opt/saga/share/man
+./opt/saga/share/man/man1
+./opt/saga/share/man/man1/other.1
+LEFT
+verdict uninstall
 
 all_passed

@@ -16,7 +16,7 @@
 #include <stddef.h>
 
 typedef struct {
-    bool json;
+    bool json, quiet;
     int percent;
     saga_cli_picture picture;
 } options;
@@ -91,7 +91,7 @@ static const saga_line text[] = {
 static int analyse(session *s, const saga_bytes *bytes)
 {
     const saga_telling how = { s->o->json, 8, s->name };
-    saga_meter meter = { .quiet = false };
+    saga_meter meter = { .quiet = s->o->quiet };
     saga_film film;
     bool ok;
 
@@ -135,7 +135,8 @@ static const saga_cli_option option_list[] = {
       offsetof(options, percent), 1, 99 },
     SAGA_CLI_PICTURE(options, picture),
     { "--json", NULL, "the same as JSON", saga_cli_flag,
-      offsetof(options, json), 0, 0 }
+      offsetof(options, json), 0, 0 },
+    SAGA_CLI_QUIET(options, quiet)
 };
 
 const saga_command saga_command_analyse = {

@@ -19,7 +19,7 @@
 typedef struct {
     saga_capture_choice capture;
     const char *html, *fix;
-    bool json;
+    bool json, quiet;
 } options;
 
 /* --- The report ---------------------------------------------------------- */
@@ -163,7 +163,7 @@ static const saga_line text[] = {
 static bool load(saga_capture *c, const char *name, const options *o,
                  saga_error *no_overlap, saga_error *error)
 {
-    saga_meter meter = { 0 };
+    saga_meter meter = { .quiet = o->quiet };
     saga_capture_options with = saga_capture_chosen(&o->capture);
     bool ok;
 
@@ -223,6 +223,7 @@ static const saga_cli_option option_list[] = {
       saga_cli_text, offsetof(options, fix), 0, 0 },
     { "--json", NULL, "the same as JSON; null for what is unknown",
       saga_cli_flag, offsetof(options, json), 0, 0 },
+    SAGA_CLI_QUIET(options, quiet),
     SAGA_CAPTURE_OPTIONS(options, capture)
 };
 

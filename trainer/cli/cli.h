@@ -148,4 +148,9 @@ bool saga_meter_progress(void *user, double done, const char *doing);
 /* Removes the line, so that other output may follow. */
 void saga_meter_end(saga_meter *m);
 
+/* The option of every command that has a meter, and the bool that it sets. */
+#define SAGA_CLI_QUIET(type, field) \
+    { "--quiet", NULL, "shows no progress; messages remain", saga_cli_flag, \
+      offsetof(type, field), 0, 0 }
+
 #endif

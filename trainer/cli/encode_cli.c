@@ -70,7 +70,7 @@ static int judge(const saga_encode_options *o, const char *capture,
                  const char *result, json_t *report)
 {
     const saga_eval_request request = {
-        .capture = o->capture
+        .capture = o->capture, .quiet = o->quiet
     };
     json_t *judged;
     const int status = saga_eval_judge(&judged, o->output, capture, &request);
@@ -239,6 +239,7 @@ static const saga_cli_option option_list[] = {
       "it", saga_cli_text, AT(log), 0, 0 },
     { "--json", NULL, "the report as JSON", saga_cli_flag,
       AT(json), 0, 0 },
+    SAGA_CLI_QUIET(saga_encode_options, quiet),
     { "--ablate", "LIST", "leave parts of the entropy model out, to learn what "
       "they\nare worth; words with commas between:"
       SAGA_ABLATION_WORDS(SAGA_ABLATION_HELP),

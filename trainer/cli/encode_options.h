@@ -54,6 +54,7 @@ typedef struct saga_encode_options {
     bool resume;
     const char *log;         /* file, or NULL */
     bool json;               /* print the report as JSON */
+    bool quiet;              /* show no progress */
 } saga_encode_options;
 
 saga_encode_options saga_encode_defaults(void);

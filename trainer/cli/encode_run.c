@@ -22,7 +22,7 @@ static int train_segment(saga_encode_session *s)
 {
     saga_outcome status;
 
-    s->meter = (saga_meter){ 0 };
+    s->meter = (saga_meter){ .quiet = s->o->quiet };
     status = saga_train_run(s->train, &s->error);
     saga_meter_end(&s->meter);
     saga_encode_complain(s);

@@ -111,7 +111,7 @@ static int open_segment(saga_encode_session *s, int segment)
     c.end_frame = s->whole.first_frame + saga_encode_begin(s, segment + 1);
     /* First of all, so that two segments are never in memory together. */
     saga_capture_free(&s->capture);
-    s->meter = (saga_meter){ 0 };
+    s->meter = (saga_meter){ .quiet = s->o->quiet };
     if (saga_capture_load(&s->capture, s->capture_name, &c, &s->error)) {
         saga_meter_end(&s->meter);
         return SAGA_EXIT_OK;

@@ -388,7 +388,7 @@ static int open_capture(session *s, saga_capture *to, const char *name)
     const options *const o = s->o;
     saga_capture_options c = saga_capture_chosen(&o->capture);
     const bool there = saga_path_is_folder(name) || saga_path_is_file(name);
-    saga_meter meter = { 0 };
+    saga_meter meter = { .quiet = s->o->quiet };
     bool ok;
 
     c.first_frame += o->only.a;
@@ -414,7 +414,7 @@ static bool match(session *s)
 
 static int compare(session *s)
 {
-    saga_meter meter = { 0 };
+    saga_meter meter = { .quiet = s->o->quiet };
     const saga_eval_options o = {
         .pictures = s->o->pictures,
         .score = { .no_ssim = s->o->no_ssim, .equirect = s->o->equirect,
@@ -506,6 +506,7 @@ static int run(int argc, char **argv)
 static const saga_cli_option option_list[] = {
     { "--json", NULL, "the same as JSON; null for infinite or undefined",
       saga_cli_flag, offsetof(options, json), 0, 0 },
+    SAGA_CLI_QUIET(options, quiet),
     { "--only", "A:B", "compare frames A to B - 1 of the file, no others",
       saga_cli_range, offsetof(options, only), 0, SAGA_MAX_FRAMES },
     { "--pictures", "DIR", "write each view's middle frame there: truth, "

@@ -11,6 +11,7 @@
 
 typedef struct saga_eval_request {
     bool json;                   /* print JSON */
+    bool quiet;                  /* show no progress */
     bool no_ssim, equirect;
     saga_capture_choice capture;
     saga_cli_pair only; /* evaluate only these frames of the file; 0, 0: all */

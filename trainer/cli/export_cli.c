@@ -23,6 +23,7 @@ typedef struct {
     const char *out;
     saga_cli_pair frames;
     int frame, camera, degree; /* frame, camera: -1 if not given */
+    bool quiet;
 } options;
 
 typedef struct {
@@ -84,7 +85,7 @@ static bool fill_folder(session *s, const char *folder, const char *pattern)
     const uint32_t first = (uint32_t)s->o->frames.a;
     const uint32_t end = s->o->frames.b ? (uint32_t)s->o->frames.b
                                         : s->film.info.n_frames;
-    saga_meter meter = { .quiet = false };
+    saga_meter meter = { .quiet = s->o->quiet };
     size_t n = 0;
     bool ok = true;
 
@@ -281,7 +282,8 @@ static const saga_cli_option option_list[] = {
       "(default 1)",
       saga_cli_int, offsetof(options, degree), 0, SAGA_MAX_DEGREE },
     { "--camera", "N", "... or as camera N of the rig sees them",
-      saga_cli_int, offsetof(options, camera), 0, 65535 }
+      saga_cli_int, offsetof(options, camera), 0, 65535 },
+    SAGA_CLI_QUIET(options, quiet)
 };
 
 const saga_command saga_command_export = {

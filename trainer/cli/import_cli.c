@@ -42,6 +42,7 @@ typedef struct {
     saga_cli_pair size;
     int primitives, iterations, level, seed, threads;
     double lambda, fps;
+    bool quiet;
 } options;
 
 typedef struct {
@@ -318,7 +319,7 @@ static bool train(session *s)
     if (!set_options(&o, s))
         return false;
     s->train = saga_train_new(&s->capture, &o, &s->error);
-    s->meter = (saga_meter){ .quiet = false };
+    s->meter = (saga_meter){ .quiet = s->o->quiet };
     return s->train && saga_train_run(s->train, &s->error) == SAGA_DONE;
 }
 
@@ -330,6 +331,7 @@ static bool draw(session *s)
         .progress = saga_meter_progress, .progress_user = &s->meter
     };
 
+    s->meter = (saga_meter){ .quiet = s->o->quiet };
     return saga_cloud_capture(&s->capture, &source, &s->error);
 }
 
@@ -447,7 +449,8 @@ static const saga_cli_option option_list[] = {
     { "--seed", "N", "of all random numbers (default 1)", saga_cli_int,
       offsetof(options, seed), 0, INT32_MAX },
     { "--threads", "N", "threads (default: all cores); no effect on the file",
-      saga_cli_int, offsetof(options, threads), 1, 1024 }
+      saga_cli_int, offsetof(options, threads), 1, 1024 },
+    SAGA_CLI_QUIET(options, quiet)
 };
 
 const saga_command saga_command_import = {

@@ -36,7 +36,7 @@ typedef struct {
     int orbit, threads;
     double time;            /* seconds; < 0: not given */
     double stereo;          /* metres, or the capture's units */
-    bool depth, alpha;
+    bool depth, alpha, quiet;
     saga_cli_pair frame, frames, size;
 } options;
 
@@ -220,7 +220,7 @@ static int make_one(session *s, int i)
 
 static int make_all(session *s)
 {
-    saga_meter meter = { .quiet = s->n == 1 };
+    saga_meter meter = { .quiet = s->o->quiet || s->n == 1 };
     int status = SAGA_EXIT_OK;
 
     for (int i = 0; i < s->n && !status; i++) {
@@ -526,7 +526,8 @@ static const saga_cli_option option_list[] = {
       "background\nshows. .exr: floats (A); .png: 16 bits, 65535 is 1",
       saga_cli_flag, offsetof(options, alpha), 0, 0 },
     { "--threads", "N", "threads (default: all cores); no effect on pixels",
-      saga_cli_int, offsetof(options, threads), 1, 1024 }
+      saga_cli_int, offsetof(options, threads), 1, 1024 },
+    SAGA_CLI_QUIET(options, quiet)
 };
 
 const saga_command saga_command_render = {

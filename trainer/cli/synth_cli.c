@@ -19,7 +19,7 @@ typedef struct {
     saga_cli_pair size;
     int cameras, hold_out, frames, samples, depth_every, points, seed, threads;
     double fps;
-    bool exr;
+    bool exr, quiet;
 } options;
 
 static bool find_scene(saga_synth_scene *scene, const char *name)
@@ -54,7 +54,7 @@ static saga_synth_options resolve(const options *o, saga_synth_scene scene)
 
 static int write(const char *folder, const options *o)
 {
-    saga_meter meter = { 0 };
+    saga_meter meter = { .quiet = o->quiet };
     saga_synth_scene scene;
     saga_synth_options s;
     saga_error error = { "" };
@@ -116,7 +116,8 @@ static const saga_cli_option option_list[] = {
     { "--exr", NULL, "pictures as EXR, not PNG", saga_cli_flag,
       offsetof(options, exr), 0, 0 },
     { "--threads", "N", "threads (default: all cores); no effect on the files",
-      saga_cli_int, offsetof(options, threads), 1, 1024 }
+      saga_cli_int, offsetof(options, threads), 1, 1024 },
+    SAGA_CLI_QUIET(options, quiet)
 };
 
 const saga_command saga_command_synth = {

@@ -15,7 +15,7 @@
 #include <stddef.h>
 
 typedef struct {
-    bool json;
+    bool json, quiet;
     saga_cli_picture picture;
 } options;
 
@@ -165,7 +165,7 @@ static const saga_line text[] = {
 static int verify(session *s, const saga_bytes *bytes)
 {
     const saga_telling how = { s->o->json, 8, s->name };
-    saga_meter meter = { .quiet = false };
+    saga_meter meter = { .quiet = s->o->quiet };
     int status = SAGA_EXIT_DATA;
     bool ok;
 
@@ -205,7 +205,8 @@ static int run(int argc, char **argv)
 static const saga_cli_option option_list[] = {
     SAGA_CLI_PICTURE(options, picture),
     { "--json", NULL, "the same as JSON", saga_cli_flag,
-      offsetof(options, json), 0, 0 }
+      offsetof(options, json), 0, 0 },
+    SAGA_CLI_QUIET(options, quiet)
 };
 
 const saga_command saga_command_verify = {
