@@ -614,11 +614,12 @@ numerics:
 
 # Only a change of the format may change a vector: look at the difference before
 # you commit it.
-$(BUILD)/make_vectors: $(OBJ)/tests/stream/make_vectors.o $(HELPERS) \
-    $(REFERENCE) $(TRAIN) $(LIB)
+$(BUILD)/make_vectors $(BUILD)/transcode: $(BUILD)/%: \
+    $(OBJ)/tests/stream/%.o $(HELPERS) $(REFERENCE) $(TRAIN) $(LIB)
 	$(LINK) $(OMP) $^ $(HOST_LIBS) -o $@
-vectors: $(BUILD)/make_vectors
+vectors: $(BUILD)/make_vectors $(BUILD)/transcode
 	$(BUILD)/make_vectors vectors
+	tests/stream/make_refusals.py $(BUILD)/transcode vectors
 
 clean:
 	rm -rf $(BUILD)

@@ -3,8 +3,8 @@
  * check_vectors DIR [PATH]: every line of DIR/MANIFEST, every stage; bad files
  * must give their exact status. PATH is plain, x4 or avx2 (common/cpu.h) in
  * place of the best one that the machine has. Plain C and no test library, so
- * that it runs on every target. A missing file is a failure. Prints `N passed,
- * N failed`.
+ * that it runs on every target. A missing file is a failure. Then every line of
+ * DIR/REFUSALS. Prints `N passed, N failed`.
  *
  * Symbols are read by ref_recorder.h and the shared traversal, everything
  * else through saga.h.
@@ -192,6 +192,90 @@ static int check_line(const char *dir, const char *line)
     return ok;
 }
 
+/* --- REFUSALS ------------------------------------------------------------ */
+
+enum { LINE = 1 << 16 };
+
+/* Applies edits AT:N:HEX to a file, whose bytes become *bytes. Returns 0 if one
+ * cannot be read. The text of an edit has at least two bytes for each of its
+ * own. */
+static int edit(uint8_t **bytes, size_t *n, const char *edits)
+{
+    uint8_t *const out = malloc(*n + strlen(edits) + 1);
+    size_t from = 0, to = 0;
+    unsigned long at, old;
+    unsigned byte;
+    int used = 0;
+
+    if (!out)
+        return 0;
+    while (sscanf(edits, " %lu:%lu:%n", &at, &old, &used) == 2 && used) {
+        if (at < from || at > *n || old > *n - at)
+            break;
+        memcpy(out + to, *bytes + from, at - from);
+        to += at - from;
+        from = at + old;
+        for (edits += used; sscanf(edits, "%2x", &byte) == 1 &&
+                            *edits != ' ' && *edits != '\n'; edits += 2)
+            out[to++] = (uint8_t)byte;
+        used = 0;
+    }
+    memcpy(out + to, *bytes + from, *n - from);
+    *n = to + *n - from;
+    free(*bytes);
+    *bytes = out;
+    return *edits == '\n';
+}
+
+/* The status of finding the file's last frame. */
+static saga_status find_last(const uint8_t *bytes, size_t n)
+{
+    saga_info info;
+    saga_segment seg;
+    const saga_status s = saga_probe(&info, bytes, n);
+
+    return s ? s : saga_find(&seg, bytes, n, info.n_frames - 1, 1);
+}
+
+static saga_status refusal(const char *kind, const uint8_t *bytes, size_t n)
+{
+    saga_stages stages;
+    saga_naming naming;
+
+    return strcmp(kind, "names") == 0 ? saga_name_camera(&naming, bytes, n, 0)
+         : strcmp(kind, "last") == 0 ? find_last(bytes, n)
+         : saga_stages_of(&stages, bytes, n, 0, 0, 0, pixels, sizeof pixels);
+}
+
+static int check_refusal(const char *dir, const char *line)
+{
+    char rule[32], name[64], kind[16], file[64];
+    int status, used = 0, ok = 0;
+    uint8_t *bytes;
+    size_t n = 0;
+
+    if (sscanf(line, "%31s %63s %15s %d %63s%n", rule, name, kind, &status,
+               file, &used) != 5 || !used) {
+        printf("FAIL REFUSALS: cannot read the line: %s", line);
+        return 0;
+    }
+    bytes = read_file(dir, file, &n);
+    if (!bytes || !edit(&bytes, &n, line + used)) {
+        printf("FAIL %s %s: cannot be made from %s\n", rule, name, file);
+    } else {
+        const saga_status s = refusal(kind, bytes, n);
+
+        ok = (int)s == status;
+        if (!ok)
+            printf("FAIL %s %s: status %d, not %d\n", rule, name, (int)s,
+                   status);
+    }
+    free(bytes);
+    return ok;
+}
+
+/* --- Both lists ---------------------------------------------------------- */
+
 /* Returns 0 where the machine lacks the path. */
 static int choose_path(const char *name)
 {
@@ -206,10 +290,36 @@ static int choose_path(const char *name)
     return cpu <= best;
 }
 
+/* Checks every line of a list; returns 0 if there is none. */
+static int check_list(const char *dir, const char *list,
+                      int (*check)(const char *dir, const char *line))
+{
+    static char line[LINE];
+    char path[1024];
+    const int before = n_passed + n_failed;
+    FILE *f;
+
+    snprintf(path, sizeof path, "%s/%s", dir, list);
+    f = fopen(path, "r");
+    while (f && fgets(line, sizeof line, f)) {
+        if (line[0] == '#' || line[0] == '\n')
+            continue;
+        if (check(dir, line))
+            n_passed++;
+        else
+            n_failed++;
+    }
+    if (f)
+        fclose(f);
+    if (n_passed + n_failed > before)
+        return 1;
+    printf("FAIL %s: no vector\n", path);
+    return 0;
+}
+
 int main(int argc, char **argv)
 {
-    char manifest[1024], line[1024];
-    FILE *f;
+    int ok;
 
     if (argc < 2 || argc > 3) {
         fprintf(stderr, "usage: check_vectors DIR [plain | x4 | avx2]\n");
@@ -219,25 +329,9 @@ int main(int argc, char **argv)
         printf("FAIL %s: this machine has no such path\n", argv[2]);
         return 1;
     }
-    snprintf(manifest, sizeof manifest, "%s/MANIFEST", argv[1]);
-    f = fopen(manifest, "r");
-    if (!f) {
-        printf("FAIL %s: missing\n", manifest);
-        return 1;
-    }
-    while (fgets(line, sizeof line, f)) {
-        if (line[0] == '#' || line[0] == '\n')
-            continue;
-        if (check_line(argv[1], line))
-            n_passed++;
-        else
-            n_failed++;
-    }
-    fclose(f);
-    if (n_passed + n_failed == 0) {
-        printf("FAIL %s: no vector\n", manifest);
-        n_failed = 1;
-    }
+    ok = check_list(argv[1], "MANIFEST", check_line) &
+         check_list(argv[1], "REFUSALS", check_refusal);
+    n_failed += !ok;
     printf("%d passed, %d failed\n", n_passed, n_failed);
     return n_failed != 0;
 }

@@ -1,0 +1,454 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""make_refusals.py TRANSCODE [FOLDER]: writes FOLDER/REFUSALS (vectors/).
+
+Each line is a file that a decoder must refuse, described by edits of a good
+vector; vectors/README.md has the format. Fields, their places and their ranges
+come from the tables of docs/bitstream.md, so that a range which changes there
+changes here. A row breaks one rule and keeps all others where this is possible:
+checksums are made anew, and a file with a bad header ends after its header, so
+that a decoder without the check would report TRUNCATED.
+
+TRANSCODE is the program of tests/stream/transcode.c, which replaces a symbol in
+a range coded payload.
+"""
+import os
+import subprocess
+import sys
+
+import levels
+import page
+from film import Edit, Film
+
+OK, ARG, DATA, TRUNCATED, VERSION, LEVEL = 0, -1, -10, -11, -12, -13
+
+rows = {}
+
+
+def row(rule, name, status, edit, kind="status"):
+    """Adds a line; rule is the check of the norm that the file breaks."""
+    assert (rule, name) not in rows, (rule, name)
+    rows[rule, name] = f"{rule} {name} {kind} {status} {edit.line()}"
+
+
+def head_row(film, rule, name, status, **fields):
+    """A file that ends after its header, which has other values."""
+    edit = Edit(film)
+    for field, value in fields.items():
+        edit.set(field.replace("__", "."), value)
+    edit.cut(film.header_nbytes)
+    row(rule, name, status, edit)
+
+
+# --- Opening -----------------------------------------------------------------
+
+# Ranges of the tables whose violation is not DATA, by the field's name: the
+# rule of section 4 and the status of a value below and above.
+OTHERS = {
+    "level": ("open.10", LEVEL), "more_layers": ("open.8", VERSION),
+    "hash_levels": ("open.8", VERSION), "hash_log2_entries": ("open.8", VERSION),
+    "version": ("open.2", VERSION), "reserved": ("open.2", VERSION),
+}
+COUNTS = ("max_coarse", "max_fine", "max_prim", "n_coarse", "n_fine", "n_prim")
+MAY_BE_0 = ("net_fuse_c", "net_fuse_f", "net_fine", "net_geo")
+
+
+def outside(field):
+    """Values just outside a field's range: below it, above it, and the first
+    of each gap."""
+    most = (1 << 8 * field.size) - 1
+    found = []
+    for (_, end), (begin, _) in zip(field.ranges, field.ranges[1:]):
+        if end + 1 < begin:
+            found.append(end + 1)
+    if field.signed:
+        most >>= 1
+    if field.ranges[0][0] > (-most - 1 if field.signed else 0):
+        found.insert(0, field.ranges[0][0] - 1)
+    if field.ranges[-1][1] < most:
+        found.append(field.ranges[-1][1] + 1)
+    return found
+
+
+def verdict(name, value, field):
+    """The rule and status of a value outside the range of a header's field."""
+    last = name.split(".")[-1]
+    if last == "version" and value == 0:
+        return "open.2", DATA
+    if last in OTHERS:
+        return OTHERS[last]
+    if last in COUNTS and value > field.ranges[-1][1]:
+        return "open.11", LEVEL
+    if last.startswith("sources_") and value >= 16:
+        return "open.8", VERSION
+    if last == "tools":
+        known = 0x67f
+        return ("open.4", VERSION) if value & ~known else ("open.9", DATA)
+    if last in ("n_cameras", "header_nbytes"):
+        return "open.5", DATA
+    return "open.9", DATA
+
+
+def header_ranges(film, names):
+    for name in names:
+        field = film.field(name)
+        if not field.ranges or field.count > 1:
+            continue
+        for value in outside(field):
+            rule, status = verdict(name, value, field)
+            head_row(film, rule, f"{name}={value}", status, **{name: value})
+
+
+def opening(plain, bank):
+    """plain has a base and two segments, bank has a bank."""
+    names = [n for n in plain.fields if n.startswith(("header.", "base."))]
+    header_ranges(plain, [n for n in names if "bank_" not in n])
+    header_ranges(bank, [n for n in bank.fields
+                         if n.startswith("bank.") or "bank_" in n])
+    for at in range(4):
+        edit = Edit(plain).replace(at, 1, bytes([plain.data[at] ^ 0x20]))
+        row("open.1", f"magic[{at}]", DATA, edit.cut(at + 1))
+    for n in (0, 3, 7, page.sizes["Header"] - 1):
+        row("open.3", f"n={n}", TRUNCATED, Edit(plain, sign=False).cut(n))
+    row("open.6", "n=header_nbytes-1", TRUNCATED,
+        Edit(plain, sign=False).cut(plain.header_nbytes - 1))
+    row("open.7", "crc", DATA, Edit(plain).damage("header.crc"))
+    for bit in (7, 8, *range(11, 32)):
+        head_row(plain, "open.4", f"tools|2^{bit}", VERSION,
+                 header__tools=plain.get("header.tools") | 1 << bit)
+    n = plain.header_nbytes
+    for by in (-1, 1):
+        head_row(plain, "open.5", f"header_nbytes{by:+}", DATA,
+                 header__header_nbytes=n + by)
+    head_row(plain, "open.9", "n_frames<n_segments", DATA, header__n_frames=1)
+    networks(plain, [n for n in plain.fields if n.startswith("header.net_")])
+    networks(bank, [n for n in bank.fields if n.startswith("bank.net_")])
+    tools(plain, bank)
+    ends(plain)
+
+
+def networks(film, names):
+    for name in names:
+        if name.endswith(".width") and name.split(".")[1] not in MAY_BE_0:
+            head_row(film, "open.9", f"{name}=0", DATA, **{name: 0})
+    if "header.net_colour.width" in names:
+        head_row(film, "open.9", "net_colour.width=33", DATA,
+                 header__net_colour__width=33)
+
+
+def tools(plain, bank):
+    """Section 3 on BANK, PLAIN_WRITE and bank_*."""
+    off = bank.get("header.tools")
+    slots, width = bank.get("header.bank_slots"), bank.get("header.bank_width")
+    head_row(plain, "open.9", "plain_write-without-bank", DATA,
+             header__tools=plain.get("header.tools") | 1 << 10)
+    for kind in ("coarse", "fine", "prim"):
+        name = f"header.sources_{kind}"
+        head_row(plain, "open.9", f"{name}-reads-no-bank", DATA,
+                 **{name: plain.get(name) | 8})
+    head_row(plain, "open.9", "bank_slots-without-bank", DATA,
+             header__bank_slots=slots)
+    head_row(plain, "open.9", "bank_width-without-bank", DATA,
+             header__bank_width=width)
+    head_row(plain, "open.9", "bank_blocks-without-bank", DATA,
+             header__bank_blocks=1)
+    for name in ("bank_slots", "bank_width", "bank_blocks"):
+        head_row(bank, "open.9", f"{name}=0-with-bank", DATA,
+                 **{f"header.{name}": 0})
+    head_row(bank, "open.9", "bank-unread", DATA,
+             **{f"header.sources_{kind}": bank.get(f"header.sources_{kind}") & 7
+                for kind in ("coarse", "fine", "prim")})
+    head_row(bank, "open.9", "512-slots-of-8", DATA, header__bank_slots=512,
+             header__bank_width=8)
+    assert off & 1 << 9
+
+
+def ends(plain):
+    """Where the head is incomplete."""
+    nets = plain.chunk("NETS")
+    row("open.12", "n=nets_end-1", TRUNCATED,
+        Edit(plain, sign=False).cut(nets.end - 1))
+    row("open.12", "n=base_end-1", TRUNCATED,
+        Edit(plain, sign=False).cut(plain.head_nbytes - 1))
+
+
+def level_rows(film):
+    """Headers at each limit of each level, which are TRUNCATED since nothing
+    follows them, and just above it."""
+    place = {n.split(".", 1)[1]: n for n in film.fields
+             if n.startswith(("header.", "base.", "bank."))
+             and film.field(n).count == 1 and n != "header.crc"}
+    good = {name: film.get(path) for name, path in place.items()}
+    for level in range(len(levels.CAPS)):
+        for limit, at, above, grown in levels.pairs(good, level):
+            for name, h, status in (("at", at, TRUNCATED),
+                                    ("above", above, LEVEL)):
+                edit = Edit(film)
+                for field, value in h.items():
+                    if value != good[field]:
+                        edit.set(place[field], value)
+                rule = "open.11" if status == LEVEL else "open.12"
+                text = f"level{level}.{limit}.{name}-by-{'+'.join(grown)}"
+                if (rule, text) not in rows:
+                    row(rule, text, status, edit.cut(film.header_nbytes))
+
+
+# --- Chunks ------------------------------------------------------------------
+
+def chunk_rows(film, rule, label, rest):
+    """What is checked of each chunk, which stands in `rest` bytes."""
+    at = film.chunk(label).at
+    row(rule, f"{label}.type", DATA,
+        Edit(film).set(f"{label}.type", int.from_bytes(b"XXXX", "little")))
+    row(rule, f"{label}.crc", DATA, Edit(film).damage(f"{label}.crc"))
+    row(rule, f"{label}.owner", DATA, Edit(film).owned(label, 0))
+    row(rule, f"{label}.nbytes", TRUNCATED,
+        Edit(film).set(f"{label}.nbytes", rest - 12 + 1))
+    row(rule, f"{label}.damage", DATA,
+        Edit(film, sign=False).replace(
+            at + 12, 1, bytes([film.data[at + 12] ^ 1])))
+
+
+def chunks(plain, layers):
+    segment = plain.segment(0)
+    for label, rule in (("INDX", "find"), ("NETS", "open.13")):
+        chunk_rows(plain, rule, label, plain.chunk(label).nbytes)
+    for rule, part in (("base", "base"), ("segment", "segment0")):
+        end = plain.head_nbytes if rule == "base" else segment[1]
+        for name, number in (("COAR", 6), ("FINE", 7), ("PRIM", 8)):
+            label = f"{part}.{name}"
+            chunk_rows(plain, f"{rule}.{number}", label,
+                       end - plain.chunk(label).at)
+    chunk_rows(plain, "segment.2", "segment0.SEGM", segment[1] - segment[0])
+    for name in ("COAR", "FINE", "PRIM"):
+        label = f"segment0.layer1.{name}"
+        chunk_rows(layers, "segment.10", label,
+                   segment_end(layers) - layers.chunk(label).at)
+    too_few_bytes(plain)
+    continued(plain)
+
+
+def segment_end(film):
+    return film.segment(0)[1]
+
+
+def too_few_bytes(film):
+    """Less than a chunk header is left in the bytes that a length gives."""
+    base = film.chunk("base.COAR").at
+    begin, _ = film.segment(0)
+    for name, number in (("COAR", 6), ("FINE", 7), ("PRIM", 8)):
+        for left in (0, 11):
+            n = film.chunk(f"base.{name}").at - base + left
+            row(f"base.{number}", f"base.{name}.left={left}", TRUNCATED,
+                Edit(film).set("base.nbytes", n))
+            n = film.chunk(f"segment0.{name}").at - begin + left
+            row(f"segment.{number}", f"{name}.left={left}", TRUNCATED,
+                Edit(film).set("index0.nbytes", n))
+    for left in (0, 11):
+        row("segment.2", f"SEGM.left={left}", TRUNCATED,
+            Edit(film).set("index0.nbytes", left))
+
+
+def continued(film):
+    """Chunks that continue the CRC of the wrong chunk."""
+    for label, owner in (("NETS", "INDX"), ("base.COAR", "header"),
+                         ("base.FINE", "NETS"), ("base.PRIM", "NETS"),
+                         ("segment0.SEGM", "NETS"),
+                         ("segment0.COAR", "segment0.SEGM"),
+                         ("segment0.FINE", "segment0.COAR"),
+                         ("segment0.PRIM", "segment0.FINE")):
+        row("section.2", f"{label}-continues-{owner}", DATA,
+            Edit(film).owned(label, film.crc(owner)))
+
+
+# --- Index and segments ------------------------------------------------------
+
+def index(plain):
+    n = plain.get("INDX.nbytes")
+    frames = plain.get("header.n_frames")
+    for by in (-1, -16):
+        row("find", f"INDX.nbytes{by:+}", DATA,
+            Edit(plain).shrink("INDX.nbytes", n + by))
+    row("find", "index0.n_frames=0", DATA, Edit(plain).set("index0.n_frames", 0))
+    row("find", "index0.n_frames-above-all", DATA,
+        Edit(plain).set("index0.n_frames", frames + 1))
+    row("find", "index0.n_frames-2^32", DATA,
+        Edit(plain).set("index0.n_frames", 2**32 - 1))
+    last = plain.n_segments - 1
+    row("find", "fewer-frames-than-the-header", DATA,
+        Edit(plain).set("header.n_frames", frames + 1), kind="last")
+    row("find", "second-entry-above-all", DATA,
+        Edit(plain).set(f"index{last}.n_frames",
+                        plain.get(f"index{last}.n_frames") + 1), kind="last")
+    row("find", "second-entry=0", DATA,
+        Edit(plain).set(f"index{last}.n_frames", 0), kind="last")
+    for name, value in (("offset", len(plain.data)), ("offset", 1 << 63),
+                        ("offset", (1 << 64) - 1), ("nbytes", 2**32 - 1)):
+        row("segment.1", f"index0.{name}={value}", TRUNCATED,
+            Edit(plain).set(f"index0.{name}", value))
+    row("segment.1", "n=segment_end-1", TRUNCATED,
+        Edit(plain, sign=False).cut(segment_end(plain) - 1))
+
+
+def segments(plain, layers):
+    names = ("number", "first_frame", "n_frames")
+    for name in names:
+        path = f"segment0.{name}"
+        row("segment.4", f"{path}+1", DATA,
+            Edit(plain).set(path, plain.get(path) + 1))
+    for name, k in (("coarse", 0), ("fine", 0), ("prim", 0)):
+        n = plain.get(f"segment0.layer0.n_{name}")
+        row("segment.4", f"n_{name}>max_{name}", DATA,
+            Edit(plain).set(f"header.max_{name}", n - 1))
+        row("segment.4", f"n_{name}=2^32-1", DATA,
+            Edit(plain).set(f"segment0.layer{k}.n_{name}", 2**32 - 1))
+    row("segment.4", "n_coarse=0", DATA,
+        Edit(plain).set("segment0.layer0.n_coarse", 0))
+    row("segment.3", "SEGM.nbytes-1", DATA,
+        Edit(plain).resize("segment0.SEGM", -1))
+    row("segment.3", "SEGM.nbytes+1", DATA,
+        Edit(plain).resize("segment0.SEGM", 1))
+    row("segment.9", "byte-after-PRIM", DATA,
+        Edit(plain).surplus("segment0.PRIM"))
+    row("open.16", "byte-after-PRIM-of-base", DATA,
+        Edit(plain).surplus("base.PRIM"))
+    layered(layers)
+
+
+def layered(film):
+    path = "segment0.layer{}.{}"
+    for layer in (0, 1):
+        for by in (-1, 1):
+            name = path.format(layer, "nbytes")
+            row("segment.4", f"{name}{by:+}", DATA,
+                Edit(film).set(name, film.get(name) + by))
+        name = path.format(layer, "n_coarse")
+        row("segment.4", f"{name}=0", DATA, Edit(film).set(name, 0))
+    for kind in ("coarse", "fine"):
+        most = max(film.get(path.format(k, f"n_{kind}")) for k in (0, 1))
+        row("segment.4", f"layers.n_{kind}>max", DATA,
+            Edit(film).set(f"header.max_{kind}", most - 1))
+    prim = sum(film.get(path.format(k, "n_prim")) for k in (0, 1))
+    row("segment.4", "layers.n_prim-together", DATA,
+        Edit(film).set("header.max_prim", prim - 1))
+    row("segment.4", "layers.n_prim-wraps", DATA,
+        Edit(film).set(path.format(0, "n_prim"), 2**32 - 1)
+        .set(path.format(1, "n_prim"), prim + 1))
+    first = film.chunk("segment0.layer0.PRIM").end
+    row("segment.5", "first-layer-cut", TRUNCATED,
+        Edit(film, sign=False).cut(first - 1))
+    row("segment.5", "first-layer-missing", TRUNCATED,
+        Edit(film, sign=False).cut(film.chunk("segment0.layer0.COAR").at))
+
+
+# --- Views, names ------------------------------------------------------------
+
+def views(film):
+    for name, field in film.fields.items():
+        if not name.startswith("camera0.") or not field.ranges:
+            continue
+        for k in range(field.count):
+            for value in outside(field):
+                element = f"{name}[{k}]" if field.count > 1 else name
+                row("view", f"{element}={value}", ARG,
+                    Edit(film).set(element, value))
+    most = film.field("camera0.rotation_q30").ranges[0][1]
+    for k in range(3):
+        edit = Edit(film)
+        for axis, value in enumerate((most // 2, -(most // 2), most % 2 + 1)):
+            edit.set(f"camera0.rotation_q30[{3 * k + axis}]", value)
+        row("view", f"rotation-row-{k}-of-sum-{most + 1}", ARG, edit)
+
+
+def names(film):
+    chunk = film.chunk("NAME")
+    for number, (payload, status) in enumerate(page.examples()):
+        edit = Edit(film).replace(chunk.at + 20, chunk.nbytes - 20, payload)
+        edit.set("NAME.nbytes", 8 + len(payload)).cut(chunk.end)
+        row("names.6" if status else "names", f"example-{number + 1}", status,
+            edit, kind="names")
+    for n in (0, 7):
+        edit = Edit(film).replace(chunk.at + 12 + n, chunk.nbytes - 12 - n, b"")
+        row("names.5", f"NAME.nbytes={n}", DATA,
+            edit.set("NAME.nbytes", n).cut(chunk.end), kind="names")
+    for label, edit, status in (
+            ("type", Edit(film).set("NAME.type", 0x58585858), ARG),
+            ("crc", Edit(film).damage("NAME.crc"), DATA),
+            ("owner", Edit(film).owned("NAME", 0), DATA),
+            ("nbytes", Edit(film).set("NAME.nbytes", len(film.data)),
+             TRUNCATED)):
+        row("names.4" if status != ARG else "names.3", f"NAME.{label}", status,
+            edit, kind="names")
+    for n in (0, 3, 11, chunk.nbytes - 1):
+        row("names.2" if n < 4 else "names.4", f"NAME.cut={n}", TRUNCATED,
+            Edit(film, sign=False).cut(chunk.at + n), kind="names")
+
+
+# --- Contents ----------------------------------------------------------------
+
+def contents(transcode, plain, folder):
+    """Payloads with another symbol, by tests/stream/transcode.c."""
+    listing = subprocess.run(
+        [transcode, os.path.join(folder, plain.name)], check=True,
+        capture_output=True, text=True).stdout
+    for line in listing.splitlines():
+        rule, name, status, label, payload = line.split()
+        row(rule, name, int(status),
+            Edit(plain).payload(label, bytes.fromhex(payload)))
+
+
+def counts(film):
+    """Sections 6 and 10: counts of SEGM and the base that the symbols do not
+    have, and payloads that are not used up."""
+    for kind in ("coarse", "fine", "prim"):
+        for by in (-1, 1):
+            for path, most in ((f"segment0.layer0.n_{kind}",
+                                f"header.max_{kind}"), (f"base.n_{kind}", "")):
+                edit = Edit(film).set(path, film.get(path) + by)
+                if most:
+                    edit.set(most, film.get(most) + 1)
+                row("section.10", f"{path}{by:+}", DATA, edit)
+    for label in ("NETS", "base.COAR", "base.FINE", "base.PRIM",
+                  "segment0.COAR", "segment0.FINE", "segment0.PRIM"):
+        chunk = film.chunk(label)
+        row("section.6", f"{label}+1", DATA, Edit(film).resize(label, 1))
+        row("section.6", f"{label}-1", DATA, Edit(film).resize(label, -1))
+        row("section.6", f"{label}-empty", DATA,
+            Edit(film).resize(label, 12 - chunk.nbytes))
+        row("section.6", f"{label}-code=2^32-1", DATA,
+            Edit(film).replace(chunk.at + 12, 4, b"\xff" * 4))
+
+
+HEAD = """\
+# Files that a decoder must refuse, a line each: the check of
+# docs/bitstream.md that the file fails, a name, what is asked of the file, the
+# status, a good vector, and edits of it, AT:N:HEX, in order: N bytes at AT of
+# the good file are replaced. README.md says more. Made by `make vectors`.
+"""
+
+
+def main():
+    transcode = sys.argv[1]
+    folder = sys.argv[2] if len(sys.argv) > 2 else "vectors"
+
+    def film(name):
+        return Film(folder, f"good/{name}.saga")
+
+    plain, layers = film("base_level3"), film("layers")
+    opening(plain, film("memory_level3"))
+    level_rows(plain)
+    level_rows(film("memory_level3"))
+    chunks(plain, layers)
+    index(plain)
+    segments(plain, layers)
+    views(plain)
+    names(film("names"))
+    counts(plain)
+    if transcode != "-":
+        contents(transcode, film("linear"), folder)
+    with open(os.path.join(folder, "REFUSALS"), "w") as f:
+        f.write(HEAD + "\n".join(rows.values()) + "\n")
+    print(f"{len(rows)} refusals")
+
+
+main()
