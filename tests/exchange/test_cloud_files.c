@@ -3,7 +3,7 @@
  * Files of splats: what each format of the table writes comes back within what
  * its bits allow; files that another program made of the same cloud are read
  * alike; damaged ones are survived. tests/exchange/theirs has files that
- * @playcanvas/splat-transform 2.7.1 wrote of gen_cloud's 40 splats of degree 3:
+ * @playcanvas/splat-transform 2.7.1 wrote of gen_cloud's splats:
  *     splat-transform gen.ply version4.spz
  */
 #include "cloud_files.h"
@@ -168,11 +168,19 @@ static void check_cloud(const saga_cloud *a, const saga_cloud *b,
     0.50001 * 0.70711 / 511, \
     { 0.50001 / 255 / 0.15, 4.50001 / 128, 8.50001 / 128, 8.50001 / 128 } }
 
+/* A chunk has one of 1023 steps of its extent on the second axis, 2047 on the
+ * others; extents are at most those of the whole cloud: 2, logarithms of scales
+ * 4, coefficients of colours 2, of which a byte has 255 steps. */
+#define PACKED { 1.00001 / 1023, 2.00001 / 1023, 0.50001 / 255, \
+    0.50001 * 1.41422 / 1023, \
+    { 1.00001 / 255, 4.00001 / 256, 4.00001 / 256, 4.00001 / 256 } }
+
 static const struct {
     const char *suffix;
     bounds most;
 } written[] = {
-    { ".ply", FLOATS }, { ".spz", SPZ(16) }, { ".glb", FLOATS }
+    { ".ply", FLOATS }, { ".spz", SPZ(16) }, { ".glb", FLOATS },
+    { ".compressed.ply", PACKED }
 };
 
 TEST(splats_should_come_back_within_half_a_step)
@@ -194,20 +202,23 @@ TEST(splats_should_come_back_within_half_a_step)
 
 static const struct {
     const char *name;
+    size_t n;
+    int degree;
     bounds most;
 } theirs[] = {
-    { "version3.spz", SPZ(12) }, { "version4.spz", SPZ(12) },
-    { "splats.glb", FLOATS }
+    { "version3.spz", 40, 3, SPZ(12) }, { "version4.spz", 40, 3, SPZ(12) },
+    { "splats.glb", 40, 3, FLOATS },
+    { "splats.compressed.ply", 300, 1, PACKED }
 };
 
 TEST(files_of_another_program_should_be_read)
 {
-    FREED_BY(saga_cloud_free) saga_cloud a;
-
-    gen_cloud(&a, 40, 3);
     for (size_t f = 0; f < sizeof theirs / sizeof theirs[0]; f++) {
+        FREED_BY(saga_cloud_free) saga_cloud a;
         FREED_BY(saga_cloud_free) saga_cloud b;
         char path[64];
+
+        gen_cloud(&a, theirs[f].n, theirs[f].degree);
 
         (void)snprintf(path, sizeof path, "tests/exchange/theirs/%s",
                        theirs[f].name);
