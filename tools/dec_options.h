@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The command line of saga-dec, and numbers as saga-play has them too.
+ * The command line of saga-dec, and the parsing of numbers, which saga-play
+ * shares.
  */
 #ifndef DEC_OPTIONS_H
 #define DEC_OPTIONS_H
@@ -10,19 +11,21 @@
 typedef struct {
     const char *file, *camera, *out;
     uint32_t time_num, time_den;
-    double seconds;          /* of decoding, at most; 0: any */
+    double seconds;          /* limit of the time to decode; 0: no limit */
     int crc, info;
 } dec_options;
 
 extern const char dec_usage[];
 
-/* Reads a number of 32 bits, all of text up to `end`; 0 if it is none. */
+/* Reads a 32-bit number, which must fill the text up to the character `end`.
+ * Returns 0 if it does not. */
 int dec_parse_u32(uint32_t *v, const char *text, char end);
 
-/* Reads a time, above 0 and at most 1e9; 0 if it is none. */
+/* Reads a time above 0 and at most 1e9. Returns 0 if the text is not one. */
 int dec_parse_seconds(double *seconds, const char *text);
 
-/* Sets *o, which has its defaults; 0, said on stderr, if that cannot be. */
+/* Sets *o, which already has its defaults, from the command line. Returns 0,
+ * after a message on stderr, if an option is unknown, wrong or missing. */
 int dec_parse_options(dec_options *o, int argc, char **argv);
 
 #endif

@@ -12,7 +12,7 @@
 
 #define PART ".saga-part-"
 
-/* Removes a part whose writer was killed: nobody has it locked. */
+/* Removes a part unless a writer has it locked: its writer was killed. */
 static void remove_part(const char *part)
 {
     const int fd = open(part, O_RDONLY | O_NOFOLLOW | O_NONBLOCK);
@@ -26,7 +26,7 @@ static void remove_part(const char *part)
     close(fd);
 }
 
-/* Looks for parts of the path that are left. */
+/* Removes all parts of the path that killed writers have left. */
 static void sweep(const char *path)
 {
     const char *const slash = strrchr(path, '/');
@@ -54,7 +54,8 @@ static void sweep(const char *path)
         closedir(dir);
 }
 
-/* A new part, locked as long as it is open; -1 with errno. */
+/* Makes a new part, which is locked as long as it is open. Returns its
+ * descriptor, or -1 with errno set. */
 static int create_part(dec_output *out, const struct stat *old)
 {
     int fd = -1, i;
@@ -71,7 +72,7 @@ static int create_part(dec_output *out, const struct stat *old)
             return -1;
         if (fd < 0)
             continue;
-        /* Another one's sweep may have taken it before it was locked. */
+        /* Another process may have removed it before it was locked. */
         flock(fd, LOCK_EX);
         if (fstat(fd, &info) == 0 && info.st_nlink > 0)
             break;
@@ -88,6 +89,7 @@ int dec_output_open(dec_output *out, const char *name)
     struct stat old;
     int exists, fd;
 
+    /* A file that exists is replaced and keeps its mode; a link to it stays. */
     out->part[0] = '\0';
     if (strlen(name) >= sizeof out->path) {
         errno = ENAMETOOLONG;
@@ -110,7 +112,7 @@ int dec_output_close(dec_output *out, int whole)
 {
     int ok = 1, code = 0;
 
-    /* The first failure's errno is the one that tells. */
+    /* errno is that of the first failure, which caused the others. */
     if (whole && (fflush(out->f) ||
                   (out->part[0] && rename(out->part, out->path)))) {
         ok = 0;

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * A picture's file is written beside its place and renamed when it is whole, as
- * all output of saga is. What is no regular file is written directly.
+ * A picture is written into a temporary file, the part, in the same folder. The
+ * part is renamed when it is complete, as all output of saga is. Devices and
+ * pipes are written directly.
  */
 #ifndef DEC_OUTPUT_H
 #define DEC_OUTPUT_H
@@ -11,15 +12,16 @@
 
 typedef struct {
     FILE *f;
-    char path[PATH_MAX];         /* links followed */
-    char part[PATH_MAX];         /* empty: written directly */
+    char path[PATH_MAX];         /* with links resolved */
+    char part[PATH_MAX];         /* empty if the file is written directly */
 } dec_output;
 
-/* Opens out->f for what becomes the file `name`; 0, or -1 with errno. */
+/* Opens out->f, whose contents will become the file `name`. Returns 0, or -1
+ * with errno set. */
 int dec_output_open(dec_output *out, const char *name);
 
-/* Closes it. It keeps its place if `whole` says that all was written, and else
- * is removed; 0, or -1 with errno. */
+/* Closes out->f. If `whole` is true, the part is renamed to its path, else it
+ * is removed. Returns 0, or -1 with errno set. */
 int dec_output_close(dec_output *out, int whole);
 
 #endif

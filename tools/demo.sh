@@ -1,9 +1,10 @@
 #!/bin/bash
 # SPDX-License-Identifier: MIT
 #
-# demo.sh SAGA FOLDER THREADS [OPTIONS]: the built-in scene -> a capture -> a
-# .saga file -> its scores and a picture, truth beside decode. Run again, it
-# goes on where it was stopped. OPTIONS go to `saga encode`.
+# demo.sh SAGA FOLDER THREADS [OPTIONS]: renders the built-in scene as a
+# capture, encodes it, evaluates the file, and draws pictures next to the filmed
+# ones. If it was stopped, the same command continues. OPTIONS go to `saga
+# encode`.
 set -euo pipefail
 saga=$1
 demo=$2
@@ -16,7 +17,7 @@ file=$demo/demo.saga
 if [ ! -d "$capture" ]; then
     "$saga" synth "$capture" --threads "$threads"
 fi
-# A file that is there and newer than the program is not made again.
+# A finished file that is newer than the program is not made again.
 if [ -f "$file.ckpt" ] || [ ! "$file" -nt "$saga" ]; then
     echo "encoding; after Ctrl-C, the same command goes on from a checkpoint"
     resume=()
@@ -31,6 +32,6 @@ echo
 echo "$file: the scene; \`saga render\` draws it from anywhere"
 echo "$demo/encode.json: what training reached, what symbols cost"
 echo "$demo/pictures: truth, decode and 4 x their difference, for each camera"
-# In a pipe, times would tell a subshell's.
+# In a pipe, `times` would report the CPU time of a subshell.
 times >"$demo/times.txt"
 echo "CPU time of all: $(awk 'NR == 2 { print $1 }' "$demo/times.txt")"

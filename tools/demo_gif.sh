@@ -1,10 +1,10 @@
 #!/bin/bash
 # SPDX-License-Identifier: MIT
 #
-# demo_gif.sh SAGA FOLDER OUT.gif: the README's moving picture, from what
-# tools/demo.sh left in FOLDER. Three panels run side by side at half speed: the
-# truth of a camera that training never saw (cam03), the file drawn from there,
-# and the file drawn along a path between the cameras.
+# demo_gif.sh SAGA FOLDER OUT.gif: makes the README's animated picture from the
+# results of tools/demo.sh in FOLDER. Three panels run side by side at half
+# speed: the pictures of a held-out camera (cam03), the file drawn from this
+# camera, and the file drawn along a path between the cameras.
 set -euo pipefail
 saga=$1
 demo=$2

@@ -1,8 +1,8 @@
 #!/bin/sh
 # SPDX-License-Identifier: MIT
 #
-# embed.sh TABLE FILE...: the files as a C source on stdout, the table
-# saga_TABLE_files of trainer/cli/view_files.h.
+# embed.sh TABLE FILE...: prints a C source with the bytes of the files, as the
+# table saga_TABLE_files of trainer/cli/view_files.h.
 set -eu
 table=$1
 shift

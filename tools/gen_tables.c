@@ -1,12 +1,13 @@
 /* SPDX-License-Identifier: MIT
  *
- * Prints one generated header: `gen_tables fx` is common/fx_tables.h,
- * `gen_tables prob` is common/prob_tables.h. The headers are checked in, and
- * `make tables` compares them with this program's output.
+ * This program prints a generated header: `gen_tables fx` prints
+ * common/fx_tables.h, `gen_tables prob` prints common/prob_tables.h. The
+ * headers are checked in, and `make tables` compares them with this program's
+ * output.
  *
- * Entries are real formulas rounded to the nearest integer. A value very near
- * to a half could round differently with another libm: the program then
- * refuses, so whatever it prints is the same on every machine.
+ * Entries are real numbers rounded to the nearest integer. A value very near to
+ * a half could round differently with another libm. The program refuses such
+ * values, so that its output is the same on every machine.
  */
 #include <math.h>
 #include <stdint.h>
@@ -14,9 +15,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* x is a probability times up to 32768 (absolute error some 1e-11), or the
- * value of one function (relative error some 2^-52): the margin is far above
- * both. */
+/* Rounds x, and exits if x is too near to a half. x is either a probability
+ * times at most 32768, with an absolute error of about 1e-11, or the value of
+ * one function, with a relative error of about 2^-52; the margin is far larger
+ * than both. */
 static uint32_t round_entry(double x)
 {
     const double fraction = x - floor(x);
@@ -165,10 +167,11 @@ static void print_fx(void)
 #define M_MAX 255
 #define N_MAX 16
 
-/* Escape has the probability that the table leaves to it. */
+/* A row ends where the tails beyond it have at most this probability, which is
+ * that of escape. */
 #define TAIL_MAX (1.0 / 8192)
 
-/* P(X >= x) of a normal variable of deviation sigma. */
+/* Returns P(X >= x) for a normal variable X with deviation sigma. */
 static double upper_tail(double x, double sigma)
 {
     return 0.5 * erfc(x / (sigma * sqrt(2.0)));
@@ -179,7 +182,7 @@ static double scale_sigma(int i)
     return exp2((i - 22) / 7.0);
 }
 
-/* P(q = m), one sign. */
+/* Returns P(q = m) for m as it is, without P(q = -m). */
 static double bin_mass(int m, double sigma)
 {
     if (m == 0)
@@ -201,7 +204,8 @@ static uint32_t at_least_one(uint32_t x)
     return x ? x : 1;
 }
 
-/* Starts for a total c of the unrounded frequencies; returns start[M+1]. */
+/* Fills start[0..M+1] with frequencies that sum to c before they are rounded
+ * and raised to at least 1. Returns their actual sum, start[M+1]. */
 static uint32_t fill_starts(uint32_t *start, int m_max, double sigma, int c)
 {
     uint32_t f = at_least_one(round_entry(c * bin_mass(0, sigma)));
@@ -216,9 +220,9 @@ static uint32_t fill_starts(uint32_t *start, int m_max, double sigma, int c)
     return start[m_max + 1];
 }
 
-/* The frequencies that are lifted to 1 are paid for by all the others: the
- * largest c that leaves escape its share. What is then left over goes to symbol
- * 0. Returns the row's length. */
+/* Makes the row of scale i; returns its length. Frequencies raised to 1 make
+ * the sum too large, so all are scaled by the largest c with which escape keeps
+ * its share. The remainder goes to symbol 0. */
 static size_t scale_row(uint32_t *start, int i)
 {
     const double sigma = scale_sigma(i);
@@ -260,8 +264,9 @@ static void print_scales(void)
     printf("};\n");
 }
 
-/* The starts of 1..n. Frequencies binomial(n, k) 2^(15-n), whole numbers up to
- * n = 15. At n = 16 both ends would be 1/2: they get 1 and the middle pays. */
+/* Makes the starts of symbols 1..n. The frequencies binomial(n, k) 2^(15-n) are
+ * whole numbers up to n = 15. With n = 16 both ends would be 1/2; they get 1,
+ * and the middle gets less. */
 static void binomial_row(uint32_t *start, int n)
 {
     uint32_t choose = 1, sum = 0;

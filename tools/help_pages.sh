@@ -1,9 +1,9 @@
 #!/bin/sh
 # SPDX-License-Identifier: MIT
 #
-# help_pages.sh man|bash|zsh|fish PROGRAM: a manual page, or the completion of a
-# shell, on stdout. Both are made of what the program's own --help says, which
-# saga prints from its tables of options: so there is nothing to keep in step.
+# help_pages.sh man|bash|zsh|fish PROGRAM: prints a manual page, or the
+# completion for a shell. Both are made from the program's own --help, which
+# saga prints from its tables of options, so that they never disagree with it.
 set -eu
 
 form=$1
@@ -23,10 +23,10 @@ else
 fi
 while read -r c; do "$program" help "$c" >"$tmp/$c"; done <"$tmp/commands"
 
-# table FILE: "NAME<tab>VALUE<tab>FIRST LINE OF ITS HELP<tab>CHOICES" of each
-# option. The help may begin on the line below. The choices are the words of a
-# VALUE a|b|c, "*" where it is a file's name, or what the list below the help of
-# a LIST has in its first column.
+# table FILE: prints "NAME<tab>VALUE<tab>FIRST LINE OF ITS HELP<tab>CHOICES" for
+# each option. The help may begin on the next line. The choices are the words of
+# a VALUE such as a|b|c; or "*" if the VALUE is a file's name; or, if the VALUE
+# is LIST, the first column of the list below its help.
 table() {
     awk '
         function flush() {
@@ -58,7 +58,7 @@ summary() { sed -nE "s/^  $1 +[A-Z-][^ ]*( [^ ]+)*  +(.*)/\2/p" "$tmp/all"; }
 
 # ---- manual pages
 
-# roff FILE: a command's help, without the usage line, as roff.
+# roff FILE: prints a command's help, without the usage line, as roff.
 roff() {
     sed 1,2d "$1" | sed 's/\\/\\e/g; s/-/\\-/g' | awk '
         function text(line) {
@@ -91,7 +91,7 @@ roff() {
         option {
             line = $0
             sub(/^ */, "", line)
-            # A list inside of the help of an option keeps its lines.
+            # A list in the help of an option keeps its lines.
             if (line ~ /  /) print ".br"
             text(line)
             next
@@ -144,15 +144,15 @@ man() {
 
 # ---- completion
 
-# topics: what `help` explains besides the commands.
+# topics: prints the words that `help` explains besides the commands.
 topics() { sed -n 's/^  '"$name"' help \([a-z][a-z]*\) .*/\1/p' "$tmp/all"; }
 
-# words FILE: the names of its options in one line.
+# words FILE: prints the names of its options in one line.
 words() { table "$1" | cut -f 1 | tr '\n' ' ' | sed 's/ $//'; }
 
-# bash_values FILE PATTERN: what follows options that take a value, as branches
-# of a case, whose patterns begin with PATTERN. Nothing follows where any number
-# or word may.
+# bash_values FILE PATTERN: prints the branches of a case that complete the
+# values of options. Their patterns begin with PATTERN. An option that takes any
+# number or word has no branch.
 bash_values() {
     table "$1" | awk -F '\t' -v before="$2" -v quote="'" '
         $2 == "" { next }
@@ -219,7 +219,7 @@ bash_completion() {
     echo "complete -o filenames -F _$(echo "$name" | tr - _) $name"
 }
 
-# zsh_options FILE: arguments of _arguments, a line each.
+# zsh_options FILE: prints the arguments for _arguments, one on each line.
 zsh_options() {
     table "$1" | sed "s/'//g; s/\[/(/g; s/\]/)/g; s/:/ /g" |
         awk -F '\t' '{

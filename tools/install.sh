@@ -1,12 +1,12 @@
 #!/bin/sh
 # SPDX-License-Identifier: MIT
 #
-# install.sh put|remove BUILD: puts what is in BUILD below DESTDIR, in BINDIR,
-# LIBDIR, INCLUDEDIR, DATADIR and PYTHONDIR: programs, libraries, header,
-# pkg-config's description, manual pages, completions, the Python module; or
-# removes these, and folders that are empty then. `make install` and `make
-# uninstall` run it. Where there is no DESTDIR, the loader is told of the library
-# (ldconfig).
+# install.sh put|remove BUILD: installs from BUILD the programs, libraries,
+# header, description for pkg-config, manual pages, completions and Python module,
+# or removes them and the folders that are empty then. They go to BINDIR, LIBDIR,
+# INCLUDEDIR, DATADIR and PYTHONDIR below DESTDIR. `make install` and `make
+# uninstall` run it. Without DESTDIR it also runs ldconfig, so that programs find
+# the library.
 set -eu
 
 verb=$1

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * saga-dec: a picture from a .saga file, with the decoder library and the
- * reading and writing of files, nothing else. It allocates nothing: all memory
- * is static, its size a level's, chosen when building (make LEVEL=n).
+ * saga-dec draws a picture from a .saga file. It consists of the decoder
+ * library and code that reads and writes files. It allocates nothing: all
+ * memory is static, enough for the level that is chosen when building (make
+ * LEVEL=n).
  */
 #include "saga.h"
 
@@ -24,10 +25,11 @@
 
 enum { BAND = 16, LIST = 4096, MAX_WIDTH = 16384, BUDGET = 1 << 20 };
 
-/* The longest header: 1024 cameras. */
+/* The longest header, which has 1024 cameras, fits. */
 enum { PROBE_NBYTES = 1 << 17 };
 
-/* A head or a segment is read at once, and is smaller coded than decoded. */
+/* A head or a segment is read as a whole. Coded, it is smaller than the work
+ * block that decodes it. */
 #define INPUT_NBYTES (SAGA_WORK_MAX(SAGA_LEVEL) + PROBE_NBYTES)
 
 static struct {
@@ -62,8 +64,8 @@ static int fail(const char *file, const char *what)
 
 /* --- Input --------------------------------------------------------------- */
 
-/* Up to n bytes at offset into the input buffer, as many as it holds; how many
- * came, 0 beyond the file's end, or -1. */
+/* Reads up to n bytes at offset into the input buffer, at most its size.
+ * Returns the number of bytes read, 0 beyond the end of the file, or -1. */
 static long read_at(FILE *f, uint64_t offset, size_t n)
 {
     struct stat info;
@@ -102,8 +104,8 @@ static int read_camera_file(saga_camera *c, const char *name)
         }
     }
     fclose(f);
-    /* Sizes and the background have 16 bits: one that has more ends the list
-     * there. */
+    /* Sizes and the background must fit in 16 bits; the list of numbers ends at
+     * one that does not. */
     for (i = 17; i < n; i++)
         if (v[i] < 0 || v[i] > 65535)
             n = i;
@@ -146,7 +148,7 @@ static int read_camera(saga_camera *c, const dec_options *o, size_t head_nbytes)
 
 /* --- Output -------------------------------------------------------------- */
 
-/* Rows y0..y1 of the view into memory.rows. */
+/* Draws rows y0..y1 of the view into memory.rows. */
 static saga_status draw_band(const saga_decoder *dec, const saga_camera *c,
                              int32_t y0, int32_t y1)
 {
@@ -166,13 +168,15 @@ static saga_status draw_band(const saga_decoder *dec, const saga_camera *c,
     picture.stride_nbytes = 3u * c->width;
     picture.nbytes = sizeof memory.rows;
     picture.bits = 8;
+    /* saga_draw returns after each BUDGET of work. */
     do
         s = saga_draw(dec, &job, &picture, BUDGET);
     while (s == SAGA_AGAIN);
     return s;
 }
 
-/* The picture band by band: into f (may be NULL) and its CRC. 0, 1 or 2. */
+/* Draws the picture band by band, writes it to f, which may be NULL, and
+ * updates its CRC. Returns an exit status. */
 static int draw(const dec_options *o, const saga_decoder *dec,
                 const saga_camera *c, FILE *f, uint32_t *crc)
 {
@@ -268,9 +272,10 @@ static int refuse_cover(const dec_options *o, const saga_decoder *dec,
     return 1;
 }
 
-/* A file that ends early may still have layers that are whole. A segment that
- * claims to be larger than all memory is looked at nevertheless: its beginning
- * tells whether that is so. */
+/* Reads and decodes a segment. A file that ends early may still have complete
+ * layers, so that missing bytes are not an error here. A segment that claims to
+ * be larger than the buffer is decoded as far as it was read: if its beginning
+ * is already wrong, that is the error that is reported. */
 static int decode(const dec_options *o, FILE *f, saga_decoder *dec,
                   const saga_segment *seg, const saga_watch *watch)
 {
@@ -288,7 +293,7 @@ static int decode(const dec_options *o, FILE *f, saga_decoder *dec,
     return s ? refuse(o->file, "cannot decode the segment", s) : 0;
 }
 
-/* Reads, decodes and draws; f is the open file. */
+/* Reads, decodes and draws from the open file f. Returns an exit status. */
 static int run(const dec_options *o, FILE *f, const saga_info *info)
 {
     double deadline = now() + o->seconds;
@@ -302,7 +307,7 @@ static int run(const dec_options *o, FILE *f, const saga_info *info)
     long n;
     int status;
 
-    /* The head: networks, and the base. */
+    /* The head has the networks and the base. */
     n = read_at(f, 0, info->head_nbytes);
     if (n < 0)
         return fail(o->file, "cannot read the head");
@@ -319,7 +324,7 @@ static int run(const dec_options *o, FILE *f, const saga_info *info)
     status = read_camera(&camera, o, info->head_nbytes);
     if (status)
         return status;
-    /* The segment of that time. */
+    /* Find and decode the segment at this time. */
     s = saga_find(&seg, memory.input, info->head_nbytes, o->time_num,
                   o->time_den);
     if (s)
@@ -327,7 +332,7 @@ static int run(const dec_options *o, FILE *f, const saga_info *info)
     status = decode(o, f, dec, &seg, watch);
     if (status)
         return status;
-    /* Its picture. */
+    /* Draw the picture. */
     s = saga_view(dec, &camera, seg.t);
     if (s == SAGA_ERR_LEVEL)
         return refuse_cover(o, dec, info->level, &camera);
@@ -340,7 +345,8 @@ static int run(const dec_options *o, FILE *f, const saga_info *info)
     return status;
 }
 
-/* Output that could not be written is a failure: the disk may be full. */
+/* Flushes stdout. Returns status, or a failure if that could not be written,
+ * for example because the disk is full. */
 static int flushed(int status)
 {
     errno = 0;
@@ -349,7 +355,8 @@ static int flushed(int status)
     return status;
 }
 
-/* The file, without waiting for somebody to write into a pipe. */
+/* Opens a file without blocking, so that a pipe without a writer is refused
+ * instead of waited for. */
 static FILE *open_input(const char *name)
 {
     const int fd = open(name, O_RDONLY | O_NONBLOCK);
@@ -385,7 +392,7 @@ int main(int argc, char **argv)
     }
     if (!dec_parse_options(&o, argc, argv))
         return 2;
-    /* The beginning tells what the file is; only then is the rest read. */
+    /* The header tells whether this is a .saga file, before more is read. */
     f = open_input(o.file);
     if (!f)
         return 2;

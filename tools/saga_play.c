@@ -1,24 +1,25 @@
 /* SPDX-License-Identifier: MIT
  *
- * saga-play: the pictures of a file, drawn by several threads; the worked
+ * saga-play draws the pictures of a file with several threads; it is the worked
  * example of docs/threads.md. It prints each picture's CRC-32C, which does not
- * depend on the threads, and at the end how long a picture took, and how much
- * processor time of all threads.
+ * depend on the number of threads, and at the end the time and the CPU time of
+ * all threads for a picture.
  *
  *     saga-play [OPTIONS] FILE [THREADS [CAMERA [PICTURES]]]
  *
- * Options stand anywhere:
- *     --seconds S   it gives up when decoding a segment takes longer
- *     --y4m FILE    writes the pictures as YUV4MPEG2, "-" to stdout, instead of
- *                   their CRCs: Y'CbCr 4:4:4 of 8 bits in limited range. A file
- *                   appears whole or not at all
- *     --rgb FILE    the same without a header: R, G, B bytes
+ * Options may stand anywhere:
+ *     --seconds S   gives up if decoding a segment takes longer
+ *     --y4m FILE    writes the pictures as YUV4MPEG2 instead of printing their
+ *                   CRCs: Y'CbCr 4:4:4 with 8 bits in limited range. "-" is
+ *                   stdout. A file appears when it is complete
+ *     --rgb FILE    writes R, G, B bytes without a header instead
  *
- * A Y4M file does not say how its colours were made. Players take BT.601 up to
- * 576 lines and BT.709 above, and so does saga-play.
+ * A Y4M file does not state its colour matrix. Players use BT.601 up to 576
+ * lines and BT.709 above, and so does saga-play.
  *
- * While the threads draw a picture, this one prepares the next in a second
- * decoder, and then draws too. A third decodes the next segment meanwhile.
+ * While other threads draw a picture, the main thread prepares the next one in
+ * a second decoder, and then helps to draw. A further thread decodes the next
+ * segment in a third decoder.
  */
 #include "saga.h"
 
@@ -35,14 +36,14 @@
 enum { MAX_THREADS = 64, ROWS = 32, LIST = 1 << 15, BUDGET = 1 << 22 };
 #define NO_SEGMENT 0xffffffffu
 
-/* A decoder's block and what is decoded in it. */
+/* A decoder's work block, and the number of the segment decoded in it. */
 typedef struct {
     void *work;
     saga_decoder *dec;
     uint32_t segment;
 } block;
 
-/* One thread's scratch; they share the rest. */
+/* A drawing thread and its own scratch memory. */
 typedef struct {
     struct player *player;
     void *scratch;
@@ -54,15 +55,16 @@ typedef struct player {
     size_t n;
     saga_info info;
     saga_camera camera;
-    double seconds;          /* of decoding a segment, or the base; 0: any */
-    block shown[2];          /* pictures take turns */
+    double seconds;          /* limit for decoding a segment, or the base; 0: no
+                              * limit */
+    block shown[2];          /* for even and odd pictures */
     block ahead;             /* the next segment */
     pthread_t decoding;
     int is_decoding;
     painter painters[MAX_THREADS];
     uint32_t n_threads;
-    FILE *out;               /* NULL: CRCs to stdout */
-    unsigned char *yuv;      /* NULL: out gets R, G, B; else three planes */
+    FILE *out;               /* NULL: CRCs are printed on stdout */
+    unsigned char *yuv;      /* three planes; NULL: out gets R, G, B */
     /* The picture being drawn. */
     const saga_decoder *dec;
     unsigned char *rgb;
@@ -114,7 +116,8 @@ static double ms_of(clockid_t clock)
     return 1e3 * (double)t.tv_sec + 1e-6 * (double)t.tv_nsec;
 }
 
-/* A decoder is asked in its own thread; user is when its time is over. */
+/* Returns whether the deadline, in ms, has passed; a saga_watch, which a
+ * decoder calls in its own thread. */
 static int is_late(void *user)
 {
     const double *const deadline = user;
@@ -160,7 +163,7 @@ static void decode(player *p, block *b, const saga_segment *seg)
     b->segment = seg->number;
 }
 
-/* The segment behind the first shown one, on a thread of its own. */
+/* Decodes the next segment; the main function of a thread. */
 static void *decode_ahead(void *arg)
 {
     player *const p = arg;
@@ -178,7 +181,8 @@ static void finish_ahead(player *p)
     p->is_decoding = 0;
 }
 
-/* `ahead.segment` holds the segment's first frame until it is decoded. */
+/* Starts to decode the segment after `seg`, if there is one. Until it is
+ * decoded, ahead.segment holds its first frame. */
 static void begin_ahead(player *p, const saga_segment *seg)
 {
     const uint32_t frame = seg->first_frame + seg->n_frames;
@@ -191,14 +195,15 @@ static void begin_ahead(player *p, const saga_segment *seg)
         stop("no thread");
 }
 
-/* A decoded block is copied as it is: it has offsets, no pointers. */
+/* Copies a decoded block, which holds offsets and no pointers. */
 static void copy(const player *p, block *to, const block *from)
 {
     memcpy(to->work, from->work, p->info.work_nbytes);
     to->segment = from->segment;
 }
 
-/* Makes the splats of a frame in its block. */
+/* Decodes the segment of a frame, unless a block already has it, and makes the
+ * splats of the frame in its block. */
 static void prepare(player *p, uint32_t frame)
 {
     block *const b = &p->shown[frame & 1];
@@ -206,6 +211,7 @@ static void prepare(player *p, uint32_t frame)
     saga_segment seg;
 
     check(saga_find(&seg, p->bytes, p->n, frame, 1));
+    /* A copy from another block takes less time than decoding again. */
     if (b->segment != seg.number && other->segment == seg.number) {
         copy(p, b, other);
     } else if (b->segment != seg.number) {
@@ -221,13 +227,14 @@ static void prepare(player *p, uint32_t frame)
 
 /* --- Pictures ------------------------------------------------------------ */
 
-/* Takes bands of rows until none is left. */
+/* Draws bands of rows until none is left. */
 static void *paint(void *arg)
 {
     const painter *const me = arg;
     player *const p = me->player;
     const size_t line = 3u * p->camera.width;
 
+    /* next_row hands each band to exactly one thread. */
     for (;;) {
         const int32_t y = atomic_fetch_add(&p->next_row, ROWS);
         const int32_t end = y + ROWS < p->camera.height ? y + ROWS
@@ -250,7 +257,7 @@ static void *paint(void *arg)
     }
 }
 
-/* All threads draw `frame`; this one prepares the next before it helps. */
+/* Draws `frame` with all threads. This thread first prepares the next frame. */
 static void draw(player *p, uint32_t frame, int has_next)
 {
     uint32_t i;
@@ -268,26 +275,27 @@ static void draw(player *p, uint32_t frame, int has_next)
         pthread_join(p->painters[i].thread, NULL);
 }
 
-/* --- What is written ----------------------------------------------------- */
+/* --- Output -------------------------------------------------------------- */
 
-/* Luma is (red R + green G + blue B) / 10000; chroma is B or R less luma, over
- * twice what the other two colours have of it. */
+/* Luma is (red R + green G + blue B) / 10000. Chroma is (B - luma) /
+ * (2 - blue / 5000) and (R - luma) / (2 - red / 5000). */
 typedef struct {
     int32_t red, green, blue;
 } luma;
 
 static const luma bt601 = { 2990, 5870, 1140 }, bt709 = { 2126, 7152, 722 };
 
-enum { LINES_601 = 576 };   /* the most that players take for BT.601 */
+enum { LINES_601 = 576 };   /* players use BT.601 up to this height */
 
-/* offset + num / den, rounded to the nearest. Of the largest, chroma's, num is
- * below 224 * 255 * 9278 = 2^28.98 and den 2 * 255 * 9278. */
+/* Returns offset + num / den, rounded to the nearest integer. It does not
+ * overflow: the largest values are those of chroma, where num is at most 224 *
+ * 255 * 9278 in magnitude and offset * den at most 128 * 2 * 255 * 9278. */
 static unsigned char rounded(int32_t offset, int32_t num, int32_t den)
 {
     return (unsigned char)((offset * den + num + den / 2) / den);
 }
 
-/* Luma goes from 16 to 235, chroma from 16 to 240. */
+/* Converts RGB to planes of luma, 16 to 235, and chroma, 16 to 240. */
 static void convert(unsigned char *yuv, const unsigned char *rgb,
                     size_t n_pixels, const luma *m)
 {
@@ -344,7 +352,7 @@ static void tell_picture(player *p, uint32_t frame)
 
 /* --- The command --------------------------------------------------------- */
 
-/* Words of the command line; positions NULL where they are not given. */
+/* The words of the command line; NULL if not given. */
 typedef struct {
     const char *seconds, *y4m, *rgb;
     const char *words[4];
@@ -365,6 +373,7 @@ static void read_command(command *c, int argc, char **argv)
     size_t n_words = 0, k;
     int i;
 
+    /* A word is an option with its value, or one of up to four positions. */
     for (i = 1; i < argc; i++) {
         for (k = 0; k < 3 && strcmp(argv[i], options[k].name); k++)
             ;
@@ -384,10 +393,11 @@ static uint32_t number_of(const char *word, uint32_t otherwise)
     return word ? (uint32_t)strtoul(word, NULL, 10) : otherwise;
 }
 
-/* The file that pictures go to, until it is whole. */
+/* The file to which pictures are written, until it is complete. */
 static dec_output output;
 
-/* Any of the threads may end the program. */
+/* Removes an incomplete file. It runs at exit, because any thread may end the
+ * program. */
 static void drop_output(void)
 {
     if (output.f)
@@ -433,12 +443,13 @@ static void open_player(player *p, const char *path, uint32_t camera)
     }
 }
 
-/* All pictures in turn, and the times of them. */
+/* Draws the first n pictures and prints the times. */
 static void play(player *p, uint32_t n)
 {
     double wall, cpu;
     uint32_t i;
 
+    /* The first segment is decoded before the clocks start. */
     prepare(p, 0);
     wall = ms_of(CLOCK_MONOTONIC);
     cpu = ms_of(CLOCK_PROCESS_CPUTIME_ID);
