@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Speed of the memory bank: one read of all slots, and one round's write (the
- * updates alone; the networks around are bench_mlp's).
+ * The speed of the memory bank: one read of all slots, and the update of all
+ * slots after a round. bench_mlp times the networks that belong to both.
  */
 #include "bench_table.h"
 #include "memory_bank.h"
@@ -47,6 +47,7 @@ static void fill(bench *b, uint32_t n_slots, uint32_t width)
         exit(1);
     saga_bank_lay(&b->m, b->block);
     saga_bank_start(&b->m);
+    /* Random queries, gates and vectors to write. */
     for (uint32_t p = 0; p < N_QUERIES; p++)
         for (uint32_t d = 0; d < SAGA_MAX_SLOT_WIDTH; d++)
             b->query[p][d] = random_q12(&state);

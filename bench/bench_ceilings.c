@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * The most that one thread of this machine can do: additions that wait for one
- * another (its clock), bytes copied from memory to memory and inside the
- * second cache, multiply-adds of int16 and of float in its registers.
+ * The ceilings: the most that one thread of this machine can do. Measured are
+ * dependent additions (one for each clock cycle), bytes copied in memory and
+ * within the second-level cache, and multiply-adds of int16 and float in
+ * registers.
  */
 #include "bench_table.h"
 #include "freed.h"
@@ -47,8 +48,8 @@ static void copy_near(void *data)
 
 #define UNROLL _Pragma("GCC unroll 16")
 
-/* Sums that do not wait for one another; what they add is new to the compiler
- * every time. */
+/* The sums are independent. The empty asm makes their input unknown to the
+ * compiler, which would otherwise compute them once. */
 #ifdef __AVX2__
 enum { MACS = 16 };
 typedef __m256i vector;
@@ -95,7 +96,7 @@ static void multiply_int16(void *data)
 }
 #endif
 
-/* Ten chains: two a cycle, five cycles each. */
+/* Ten independent sums keep two units busy that take five cycles each. */
 enum { FLOAT_CHAINS = 10 };
 
 #ifdef __AVX512F__

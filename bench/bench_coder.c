@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: MIT
  *
- * Speed of the range decoder alone: residuals of three scales, about 1.18,
- * 2.26 and 4.22 bits a symbol, drawn from the scale's own distribution, and
- * what they take over its entropy; then adaptive symbols. CPU time of this
- * thread, minimum and median of the repetitions.
+ * The speed of the range decoder alone. It decodes residuals at three scales,
+ * about 1.18, 2.26 and 4.22 bits a symbol, drawn from the scale's own
+ * distribution, and then adaptive symbols. The excess of the coded bits over
+ * the entropy is reported, too. Times are CPU times of this thread, minimum and
+ * median of the repetitions.
  */
 #include "bench_table.h"
 #include "freed.h"
@@ -21,7 +22,7 @@ enum { N = 1 << 20, BLOCK = 64, REPEATS = 15 };
 
 static const saga_at nowhere = { 0, 0, 0, 0, 0 };
 
-/* The note tells the excess over the entropy. */
+/* Adds a row; its note is the excess over the entropy. */
 static void report(const char *what, bench_times *t, size_t nbytes,
                    double ideal_bits)
 {
@@ -48,8 +49,8 @@ static void check(int ok)
 
 /* --- Residuals ----------------------------------------------------------- */
 
-/* q of the cumulative frequency u, and its probability; an escape becomes the
- * last of the table. */
+/* Returns the q at cumulative frequency u and sets *p to its probability. An
+ * escape becomes the last q of the table. */
 static int32_t draw(saga_scale_row row, uint32_t u, double *p)
 {
     uint32_t m = 0, half;
@@ -78,6 +79,7 @@ static void run_residuals(const char *what, uint32_t index)
     uint64_t r = 1;
     size_t n;
 
+    /* N residuals are drawn and coded. */
     saga_range_enc_init(&e, bytes, cap);
     for (int i = 0; i < N; i++) {
         want[i] = draw(saga_prob_scale(index),
@@ -86,6 +88,7 @@ static void run_residuals(const char *what, uint32_t index)
         saga_range_enc_residual(&e, want[i], index);
     }
     n = saga_range_enc_finish(&e);
+    /* Only decoding is timed; it must return the same residuals. */
     for (int i = 0; i < BLOCK; i++)
         scale[i] = (uint8_t)index;
     for (int k = 0; k < REPEATS; k++) {
@@ -107,8 +110,9 @@ static void run_residuals(const char *what, uint32_t index)
 
 /* --- Adaptive symbols ---------------------------------------------------- */
 
-/* Symbols 0..n_sym-1, the first with probability one_in - 1 in one_in. The
- * ideal is what the source has: the model must learn it. */
+/* Times symbols 0..n_sym-1, of which the first has the probability 1 - 1/one_in
+ * and the others share the rest. The excess is relative to the entropy of this
+ * source, which the adaptive model must learn. */
 static void run_adaptive(const char *what, uint32_t n_sym, int one_in)
 {
     static uint8_t want[N];
@@ -123,7 +127,7 @@ static void run_adaptive(const char *what, uint32_t n_sym, int one_in)
     uint64_t r = 1;
     size_t n;
 
-    /* N symbols are coded: 0, and one of the others once in one_in. */
+    /* N symbols are coded: 0, or one of the others once in one_in. */
     saga_range_enc_init(&e, bytes, cap);
     saga_adaptive_init(&m, n_sym);
     for (int i = 0; i < N; i++) {
@@ -137,7 +141,7 @@ static void run_adaptive(const char *what, uint32_t n_sym, int one_in)
         saga_adaptive_update(&m, n_sym, sym);
     }
     n = saga_range_enc_finish(&e);
-    /* Decoding alone is timed, and has to give them back. */
+    /* Only decoding is timed; it must return the same symbols. */
     for (int k = 0; k < REPEATS; k++) {
         static uint8_t got[N];
         const double start = bench_now_ms();

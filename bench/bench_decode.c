@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * A whole stream, stage by stage: to open it (networks), to decode a segment,
- * to prepare a view and to draw it. The stream is random (gen_stream.h), not a
- * trained scene; `bench_share FILE` tells the shares of a file.
+ * The time to open a stream (its networks), to decode a segment, to prepare a
+ * view and to draw it. The stream is random (gen_stream.h), not a trained
+ * scene; `bench_share FILE` measures the components on a trained file.
  */
 #include "bench_table.h"
 #include "freed.h"
@@ -59,6 +59,7 @@ static void run_once(const uint8_t *bytes, size_t n, const saga_info *info,
     uint32_t number;
     double t[N_STAGES + 1];
 
+    /* The camera of the stream, with a larger picture. */
     check(saga_find(&seg, bytes, n, 0, 1), "find");
     check(saga_rig(&camera, &number, bytes, n, 0), "rig");
     camera.focal_q16[0] = camera.focal_q16[1] = 440 << 16;
@@ -80,7 +81,7 @@ static void run_once(const uint8_t *bytes, size_t n, const saga_info *info,
         bench_add(&times[k], t[k + 1] - t[k]);
 }
 
-/* The rows of a file's stages, each by a number from its header. */
+/* Adds a row for each stage; its count is a number from the file's header. */
 static void report(const saga_info *info)
 {
     bench_row *r;

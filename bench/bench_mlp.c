@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Speed of the integer layers: 64-64-64-32 (10,240 MAC, the target's network)
- * and the shapes of our models, over 10,048 points, one at a time and eight
- * together.
+ * The speed of the integer layers over 10,048 points, one at a time and eight
+ * together: 64-64-64-32 (10,240 MAC), for which a target time is set, and the
+ * shapes of our models.
  */
 #include "bench_table.h"
 #include "freed.h"
@@ -17,7 +17,8 @@
 #define POINTS 10048
 #define BATCH 8
 
-/* The target's; Fuse, F_geo, a trained hyperprior, an E; a context of 8. */
+/* The shape with a target time; Fuse, F_geo, a trained hyperprior, an E; an E
+ * with 8 inputs. */
 static const uint16_t shapes[][LAYERS + 1] = {
     { 64, 64, 64, 32 }, { 56, 64, 64, 24 }, { 56, 64, 64, 29 },
     { 37, 32, 32, 24 }, { 72, 32, 32, 56 }, { 24, 8, 8, 8 }
@@ -39,7 +40,8 @@ static uint32_t random_bits(uint64_t *state)
     return (uint32_t)(*state >> 33);
 }
 
-/* The same numbers wherever a machine wants them. */
+/* Fills layers and inputs with random numbers. The weights are the same on
+ * every machine, whatever layout its vectors need. */
 static void fill(bench *b, const uint16_t *dim)
 {
     uint64_t state = 1;
@@ -62,8 +64,8 @@ static void fill(bench *b, const uint16_t *dim)
         b->in[i] = (int16_t)(random_bits(&state) % 8192 - 4096);
 }
 
-/* All points through the layers, `batch` (of which they are a multiple) at a
- * time. */
+/* Runs all points through the layers, `batch` at a time; the number of points
+ * is a multiple of it. */
 static void run_points(bench *b, const saga_layer *layer, uint32_t batch)
 {
     const size_t in = saga_mlp_pad(layer[0].n_in);
@@ -76,7 +78,7 @@ static void run_points(bench *b, const saga_layer *layer, uint32_t batch)
     }
 }
 
-/* The subject of a timing: a layer and its inputs, run again and again. */
+/* The argument of the function that is timed. */
 typedef struct {
     bench *b;
     const saga_layer *layer;

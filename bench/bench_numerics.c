@@ -1,16 +1,16 @@
 /* SPDX-License-Identifier: MIT
  *
- * The cost of each of the decoder's operators and how exact it is: float64,
- * float32 and the integers on the same inputs. Times are CPU nanoseconds of
- * one thread a unit (least, quartiles, median), errors those of all values
- * against float64. `make numerics` runs it twice, with the integers in vectors
- * and without any, and draws what it says.
+ * This program measures the time and the error of each of the decoder's
+ * operators, in float64, float32 and integers on the same inputs. Times are CPU
+ * nanoseconds of one thread for a unit (minimum, quartiles, median). Errors are
+ * differences from float64 over all values. `make numerics` runs it twice, with
+ * vector instructions for the integers and without, and draws the results.
  *
  *     bench_numerics NAME [count]
  *
- * NAME is what the integers of this build are called. With "count" every
- * operator runs once between two dumps of valgrind's callgrind, which counts
- * instructions. Prints JSON.
+ * NAME is the name of this build's integers in the output, which is JSON. With
+ * "count" every operator runs once between two dumps of valgrind's callgrind,
+ * which counts instructions.
  */
 #include "animate.h"
 #include "bench_time.h"
@@ -54,7 +54,7 @@ enum {
     OCTAVES = 4,
     PRIMS = 2048, WIDE = 320, HIGH = 180, PIXELS = WIDE * HIGH,
     SPLATS = 5000, LIST = 1 << 14, TILE = 16,
-    VALUES = 1 << 15,                    /* a multiple of all others' */
+    VALUES = 1 << 15,                    /* a multiple of the counts above */
     REPETITIONS = 15
 };
 
@@ -109,12 +109,13 @@ typedef struct {
     double n_pairs;
     uint16_t rgb[3 * PIXELS];
     saga_job job;
-    uint32_t mask[PRIMS / SAGA_RUN];     /* of make_splats */
+    uint32_t mask[PRIMS / SAGA_RUN];     /* visible ones, by make_splats */
     saga_cpu cpu;
     struct whole *file;
 } data;
 
-/* A file, whose first segment and first camera are an operator each. */
+/* A file. Decoding its first segment and drawing its first camera's picture are
+ * measured like operators. */
 struct whole {
     saga_bytes bytes;
     saga_info info;
@@ -144,7 +145,7 @@ struct whole {
 #define MATH(name) name
 #include "numerics_real.h"
 
-/* The trainer's, whose vectors are its own. */
+/* Runs the trainer's dense layer, which has its own vector code. */
 static void dense_float(data *d)
 {
     const saga_dense layer = { d->weight_f32, d->bias_f32, WIDTH, 1 };
@@ -173,7 +174,7 @@ static void interpolate(data *d)
     }
 }
 
-/* As a read of the memory bank has it. */
+/* Computes the softmax in the way in which the memory bank is read. */
 static void softmax(data *d)
 {
     for (int i = 0; i < VALUES; i += SLOTS) {
@@ -182,6 +183,7 @@ static void softmax(data *d)
         uint32_t sum = 0, r;
         int shift;
 
+        /* y = 2^(x - most) / sum, so that no power overflows. */
         for (int k = 1; k < SLOTS; k++)
             most = fx_max(most, x[k]);
         for (int k = 0; k < SLOTS; k++)
@@ -219,7 +221,7 @@ static void sigmoid(data *d)
         d->y[i] = saga_sigmoid_q11_q15((int16_t)d->x[i]);
 }
 
-/* The exponents are kept behind the mantissas. */
+/* A reciprocal's mantissa goes to y, its exponent to out. */
 static void recip16(data *d)
 {
     for (int i = 0; i < VALUES; i++) {
@@ -292,7 +294,7 @@ static void project(data *d)
                                               &d->camera, 0);
 }
 
-/* As the decoder does both, several at a time. */
+/* Animates and projects several primitives at a time, as the decoder does. */
 static void make_splats(data *d)
 {
     const saga_look look = { &d->format, &d->camera, 32768 };
@@ -374,22 +376,22 @@ static void picture_f64(data *d)
     ref_blend(w->real_rgb, &w->camera, w->splat, w->order, n);
 }
 
-/* --- What they gave ------------------------------------------------------ */
+/* --- The values to compare ----------------------------------------------- */
 
 enum { INTEGER, FLOAT32, FLOAT64, N_VARIANTS };
 
 typedef struct operator operator;
 struct operator {
     const char *name, *unit;
-    double n_units;          /* of a run */
+    double n_units;          /* units in a run */
     uint32_t n_values;
-    void (*run[N_VARIANTS])(data *); /* NULL: there is none */
+    void (*run[N_VARIANTS])(data *); /* NULL if there is no such variant */
     double (*value)(const data *, const operator *, int variant, uint32_t i);
-                             /* NULL: `saga verify` tells its errors */
-    double step;             /* of the integers' values */
+                             /* NULL if `saga verify` measures the errors */
+    double step;             /* what the integers' values are multiplied by */
 };
 
-/* Values in out, or y, of a common step. */
+/* Return value i of an operator whose results are in out or y. */
 static double of_out(const data *d, const operator *o, int variant, uint32_t i)
 {
     return variant == INTEGER ? d->out[i] * o->step
@@ -402,7 +404,7 @@ static double of_y(const data *d, const operator *o, int variant, uint32_t i)
          : variant == FLOAT32 ? (double)d->y_f32[i] : d->y_f64[i];
 }
 
-/* Reciprocals: relative to the right one. */
+/* Returns a reciprocal divided by the correct one. */
 static double of_scaled(const data *d, const operator *o, int variant,
                         uint32_t i)
 {
@@ -420,7 +422,7 @@ static double of_slots(const data *d, const operator *o, int variant,
          : variant == FLOAT32 ? (double)d->y_f32[i] : d->y_f64[i];
 }
 
-/* Positions in half-cubes. */
+/* Returns a coordinate of a position, in units of half the cube. */
 static double of_moved(const data *d, const operator *o, int variant,
                        uint32_t i)
 {
@@ -444,7 +446,8 @@ static double of_mean(const data *d, const operator *o, int variant,
          : d->splats_f64[p].mean[k];
 }
 
-/* Means, of splats that lie packed in their runs. */
+/* Returns a coordinate of a splat's mean. make_splats stores the visible splats
+ * of a run one after the other, without gaps. */
 static double of_splats(const data *d, const operator *o, int variant,
                         uint32_t i)
 {
@@ -473,7 +476,7 @@ static double of_conic(const data *d, const operator *o, int variant,
          : d->splats_f64[p].chol[k];
 }
 
-/* Samples 0..1; the background is black. */
+/* Returns a sample of the picture, 0..1; the background is black. */
 static double of_picture(const data *d, const operator *o, int variant,
                          uint32_t i)
 {
@@ -487,7 +490,7 @@ static double of_picture(const data *d, const operator *o, int variant,
 
 /* --- Inputs -------------------------------------------------------------- */
 
-/* x[i] stands for its value times step, in all three. */
+/* Sets x[i] in all three types to x times step. */
 static void set_x(data *d, int i, int32_t x, double step)
 {
     d->x[i] = x;
@@ -503,6 +506,8 @@ static void set_in(data *d, int i, int32_t x, double step)
 
 static void prepare_dense(data *d, gen_rng *r)
 {
+    /* The integers keep weights in the decoder's order, the reals transposed.
+     */
     for (int row = 0; row < WIDTH; row++) {
         d->bias[row] = gen_int(r, -(1 << 22), 1 << 22);
         d->bias_f64[row] = d->bias[row] / 16777216.0;
@@ -524,7 +529,7 @@ static void prepare_dense(data *d, gen_rng *r)
                              .relu = 1 };
 }
 
-/* Anchors along a line of cells, and points near each. */
+/* Makes anchors along a line, and a point near each. */
 static void prepare_places(data *d, gen_rng *r)
 {
     enum { HALF = 1 << 18, HALF_T = 1 << 13 };
@@ -544,8 +549,8 @@ static void prepare_places(data *d, gen_rng *r)
     d->sc.n.coarse = ANCHORS;
     d->sc.coarse = coarse;
     d->sc.coarse_feature = feature;
-    /* Anchors in a row, 16384 apart but for noise; a query near each, in the
-     * integers' units and in cubes of 1. */
+    /* The anchors are 16384 box units apart, plus noise. Each has a query near
+     * it, in integers and scaled to cubes of size 1. */
     for (int q = 0; q < ANCHORS; q++) {
         saga_position *const p = &d->query[q];
 
@@ -600,6 +605,7 @@ static void prepare_bank(data *d, gen_rng *r)
         saga_bank_start(&d->bank);
         memcpy(d->start, d->bank.slot, sizeof d->start);
     }
+    /* Each run begins from this state. */
     for (int i = 0; i < SLOTS * SLOTS; i++) {
         d->start_f64[i] = d->start[i] / 4096.0;
         d->start_f32[i] = (float)d->start_f64[i];
@@ -622,7 +628,7 @@ static void prepare_write(data *d, gen_rng *r)
         set_in(d, i, gen_int(r, -4096, 4096), 1 / 4096.0);
 }
 
-/* Primitives in front of the camera that move, turn and fade. */
+/* Makes primitives in front of the camera that move, turn and fade. */
 static void prepare_prims(data *d, gen_rng *r)
 {
     const saga_prim_format format = { 12, 12, 12, { 12, 12, 12 }, 3, 1, 1,
@@ -647,6 +653,7 @@ static void prepare_prims(data *d, gen_rng *r)
         p->opacity = (int16_t)gen_int(r, -8192, 16384);
         p->t_centre = gen_int(r, 0, 65535);
         p->log2_width_q10 = (int16_t)gen_int(r, 14 * 1024, 17 * 1024);
+        /* The same primitive in float64, then in float32. */
         ref_primitive_of(&as_real, p, &format);
         memcpy(q->mean, as_real.mean, sizeof q->mean);
         memcpy(q->quat, as_real.quat, sizeof q->quat);
@@ -662,7 +669,8 @@ static void prepare_prims(data *d, gen_rng *r)
     }
 }
 
-/* The integers' primitives at the time are what all three project. */
+/* Makes the primitives that all three variants project: those that the integers
+ * have animated. */
 static void prepare_moved(data *d, gen_rng *r)
 {
     prepare_prims(d, r);
@@ -679,7 +687,7 @@ static void prepare_moved(data *d, gen_rng *r)
         for (size_t j = 0; j < sizeof *q / sizeof(double); j++)
             ((float *)&d->moved_f32[i])[j] = (float)((double *)q)[j];
     }
-    project(d); /* the visible ones are compared */
+    project(d); /* sets which are visible and thus compared */
 }
 
 static void prepare_splats(data *d, gen_rng *r)
@@ -697,6 +705,7 @@ static void prepare_picture(data *d, gen_rng *r)
     gen_uniform_scene(prims, SPLATS, r, &d->camera);
     d->n_splats = gen_splats(d->splats, NULL, prims, &gen_still_format,
                              SPLATS, &d->camera, 32768);
+    /* The same splats in float64 and float32; a pair is a pixel of a box. */
     d->n_pairs = 0;
     for (uint32_t i = 0; i < d->n_splats; i++) {
         const saga_splat *const s = &d->splats[i];
@@ -775,6 +784,7 @@ static void prepare_file(data *d, gen_rng *r)
           !saga_rig(&w.camera, &number, w.bytes.data, w.bytes.nbytes, 0) &&
           !saga_open(&w.dec, need(1, w.info.work_nbytes), w.info.work_nbytes,
                      w.bytes.data, w.bytes.nbytes, NULL));
+    /* The decoder's picture, and the reference's. */
     n = (size_t)w.camera.width * w.camera.height;
     w.rgb = need(n, 3);
     w.real_rgb = need(n, 3 * sizeof *w.real_rgb);
@@ -792,7 +802,8 @@ static void prepare_file(data *d, gen_rng *r)
 
 typedef struct {
     operator op;
-    void (*prepare)(data *, gen_rng *); /* NULL: VALUES lo..hi, times step */
+    void (*prepare)(data *, gen_rng *); /* NULL: VALUES random integers lo..hi,
+                                         * times step */
     int32_t lo, hi;
     double step;
 } entry;
@@ -849,7 +860,8 @@ enum { N_OPERATORS = (int)(sizeof entries / sizeof entries[0]) };
 
 /* --- Measuring ----------------------------------------------------------- */
 
-/* A repetition takes a millisecond or more. */
+/* Times an operator. A repetition runs it so often that it takes at least a
+ * millisecond. */
 static bench_times measure(const operator *o, int variant, data *d)
 {
     bench_times t = { { 0 }, 0 };
@@ -915,7 +927,8 @@ static void prepare(const entry *e, data *d)
             set_in(d, i, gen_int(&r, e->lo, e->hi), e->step);
 }
 
-/* Some are known when their inputs are. */
+/* Returns the number of units, which for some operators depends on the input.
+ */
 static double n_units(const entry *e, const data *d)
 {
     if (e->prepare == prepare_picture)

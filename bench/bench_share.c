@@ -1,15 +1,16 @@
 /* SPDX-License-Identifier: MIT
  *
- * The share of each component of the decoder in a file: decoding its first
- * segment and drawing its first camera's picture at the segment's middle.
+ * This program measures the share that each component of the decoder has in the
+ * time to decode a file's first segment, and to draw its first camera's picture
+ * at the middle of the segment.
  *
  *     bench_share [--json] FILE...
  *
- * A component is run alone, on one thread, as often as the segment asks for it
- * and on what the segment decodes to: coder calls again from their tape,
- * operators over the finished scaffold. The share is its time over that of the
- * whole, medians of repetitions that measure all of them in turn; "rest" is
- * what is left of the whole (traversal, requantisation, conversions).
+ * A component runs alone, on one thread, as often as the segment needs it: the
+ * range decoder repeats its calls from a tape, other components run over the
+ * decoded scaffold. The share is the component's time divided by the whole
+ * time. Both are medians of repetitions, which are interleaved. "rest" is the
+ * remainder of the whole: traversal, requantisation, conversions.
  */
 #include "animate.h"
 #include "bench_time.h"
@@ -56,17 +57,19 @@ static void *need(size_t nbytes)
 /* --- Tape of the coder's calls ------------------------------------------- */
 
 typedef struct {
-    saga_adaptive *model;        /* or NULL: residuals */
-    uint32_t n;                  /* symbols; values of the model */
-    uint32_t scale;              /* of residuals: where their scales begin */
+    saga_adaptive *model;        /* NULL if the call decodes residuals */
+    uint32_t n;                  /* number of residuals, or of the model's
+                                  * symbols */
+    uint32_t scale;              /* index of the residuals' first scale */
     int layer;
 } call;
 
 typedef struct {
     saga_coder coder;
     saga_coder *inner;
-    saga_range_dec start[3];     /* the range decoders before the first call */
-    const uint8_t *payload;      /* of the layer begun last */
+    saga_range_dec start[3];     /* each chunk's range decoder before its first
+                                  * call */
+    const uint8_t *payload;      /* of the chunk begun last */
     int n_layers;
     call *calls;
     uint8_t *scales;
@@ -80,6 +83,7 @@ static call *next_call(tape *t)
         (const saga_range_dec *)(const void *)t->inner;
     call *c;
 
+    /* Another payload means that a new chunk begins. */
     if (t->n_layers == 0 || d->p != t->payload) {
         t->payload = d->p;
         t->start[t->n_layers++] = *d;
@@ -133,7 +137,7 @@ static uint32_t tape_adaptive(saga_coder *c, saga_at at, saga_adaptive *m,
     return sym;
 }
 
-/* A segment has no plain fields. */
+/* A segment has no uniform symbols. */
 static uint32_t tape_uniform(saga_coder *c, saga_at at, uint32_t bits)
 {
     (void)at;
@@ -154,8 +158,8 @@ typedef struct {
     uint8_t *params;
     saga_scaffold sc;
     tape tape;
-    uint32_t rounds;             /* writes of the bank */
-    saga_decoder *dec;           /* the whole */
+    uint32_t rounds;             /* updates of the bank */
+    saga_decoder *dec;           /* decodes and draws as a whole */
     saga_prim_format format;
     saga_primitive *prims;
     int16_t *colours;
@@ -166,7 +170,8 @@ typedef struct {
     saga_camera camera;
     saga_job job;
     saga_picture picture;
-    uint32_t sum;                /* of results, so that they are used */
+    uint32_t sum;                /* of results; keeps the compiler from removing
+                                  * their computation */
 } file;
 
 static void read_bytes(file *f)
@@ -197,7 +202,8 @@ static void read_networks(file *f)
         fail("networks");
 }
 
-/* Writes of a tier: one for each `bank_blocks` anchors of a group. */
+/* Returns how often a tier updates the bank: once for `bank_blocks` anchors of
+ * a group, and once for a group's remainder. */
 static uint32_t count_rounds(const file *f, int tier)
 {
     const saga_scaffold *const sc = &f->sc;
@@ -214,7 +220,8 @@ static uint32_t count_rounds(const file *f, int tier)
     return rounds;
 }
 
-/* The scaffold as it is after the segment, and the tape of its decoding. */
+/* Decodes the segment into the scaffold, and records the tape of the coder's
+ * calls. */
 static void read_segment(file *f)
 {
     recorder_chunks at = recorder_segment_chunks(&f->header, f->bytes,
@@ -272,6 +279,7 @@ static void make_view(file *f)
     f->sorted = need(n * sizeof *f->keys);
     f->tmp = need(n * sizeof *f->keys);
     saga_reconstruct(&f->sc, f->prims, f->colours, f->plan.colour_stride);
+    /* Visible splats, one after the other. */
     for (uint32_t i = 0; i < n; i++) {
         saga_animate(&f->animated[i], &f->prims[i], &f->format, T_MID);
         if (!saga_project(&f->splats[f->n_splats], &f->animated[i],
@@ -437,7 +445,8 @@ static void interpolate(file *f, int tier, const saga_position *p,
     saga_interp_sum(f->sc.net.v->context, &f->sc, tier, &nb);
 }
 
-/* A fine anchor's place with its parent's support, as before F_fine. */
+/* Sets a fine anchor's position with half the size of its parent's cell as
+ * support, which the decoder uses until F_fine has run. */
 static void place_under_parent(saga_position *p, const file *f, uint32_t rank)
 {
     const saga_fine *const a = &f->sc.fine[rank];
@@ -486,7 +495,8 @@ static void scaffold_interpolation(file *f)
     }
 }
 
-/* By what stands where a block's place stands: its number costs the same. */
+/* Embeds as many positions and offsets as the segment does. All are the same,
+ * since the time does not depend on the values. */
 static void embeddings(file *f)
 {
     const saga_scaffold *const sc = &f->sc;
@@ -518,7 +528,8 @@ static void embeddings(file *f)
 
 /* --- Components of a view ------------------------------------------------ */
 
-/* The mean a second time for the direction of the colour. */
+/* The decoder computes means a second time, for the direction of the colours.
+ */
 static void animate(file *f)
 {
     const uint32_t n = f->sc.n.prim;
@@ -568,7 +579,7 @@ static void sort(file *f)
 typedef struct {
     const char *name;
     void (*run)(file *);
-    int part;                /* of the last whole above it */
+    int part;                /* 1: a part of the last whole above it */
 } component;
 
 static const component components[] = {
@@ -612,6 +623,7 @@ static void report(const file *f, bench_times *t, int json)
                 : "%s: %u coarse, %u fine, %u primitives, %llu symbols\n",
            f->path, (unsigned)f->sc.n.coarse, (unsigned)f->sc.n.fine,
            (unsigned)f->sc.n.prim, (unsigned long long)f->tape.n_symbols);
+    /* A whole is followed by its parts, and those by the rest. */
     for (int k = 0; k < N_COMPONENTS; k++) {
         const double ms = bench_median(&t[k]);
         const int last = k + 1 == N_COMPONENTS || !components[k + 1].part;
@@ -639,6 +651,7 @@ static void bench_file(const char *path, int json)
         for (int k = 0; k < N_COMPONENTS; k++) {
             double start;
 
+            /* The range decoder needs adaptive models in their first state. */
             if (components[k].run == range_decoding)
                 saga_syntax_begin(&f.sc);
             start = bench_now_ms();

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * The trainer's float rasteriser, stage by stage.
+ * The speed of the trainer's float rasteriser, stage by stage.
  */
 #include "bench_table.h"
 #include "freed.h"
@@ -22,8 +22,8 @@ static const char *const stage_name[N_STAGES] = {
     "animate back"
 };
 
-/* The primitives are uniform random, anisotropic (lognormal): sigma_px is the
- * median standard deviation in pixels before the low-pass. */
+/* Makes primitives with uniformly random positions and lognormal standard
+ * deviations, whose median is sigma_px pixels before the low-pass. */
 static saga_splat_params random_scene(uint32_t n, const saga_splat_camera *cam,
                                       double sigma_px, double spread)
 {
@@ -70,8 +70,8 @@ static double lap(bench_times *b, double *start)
     return now;
 }
 
-/* spread: of the log2 of the standard deviations; 0.7 are ellipsoids, 2 mostly
- * needles and discs. */
+/* Times the stages. spread is the deviation of the log2 of the primitives'
+ * standard deviations: 0.7 gives ellipsoids, 2 mostly needles and discs. */
 static void run(uint32_t n, int width, int height, double sigma_px,
                 double spread, int reps)
 {
@@ -99,7 +99,7 @@ static void run(uint32_t n, int width, int height, double sigma_px,
     for (int rep = 0; rep < reps + 1; rep++) {
         double at;
 
-        /* A whole pass warms the caches; its stages are then timed alone. */
+        /* A whole pass warms the caches before its stages are timed alone. */
         saga_splat_forward(&c, &p, n, &error);
         saga_splat_backward(&d, NULL, &c, &p, &error);
         at = bench_now_ms();

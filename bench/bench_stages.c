@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * The time of a picture, stage by stage and as a whole: 50,000 splats of
- * random primitives at 640x360 and a colour network of 32 hidden units, for
- * every set of vectors that the machine has.
+ * The time to draw a picture, stage by stage and as a whole, with every set of
+ * vector instructions that the machine has. The picture has 640x360 pixels and
+ * 50,000 splats of random primitives; the colour network has 32 hidden units.
  */
 #include "animate.h"
 #include "bench_table.h"
@@ -60,8 +60,9 @@ static void set_keys(scene *s)
     }
 }
 
-/* As in a view: positions at the middle of the segment, directions, the last
- * layers of the colour's network. Its weights are zero, which takes as long. */
+/* Computes colours as saga_view does: positions at the middle of the segment,
+ * directions, and the last layers of the colour network. Its weights are zero;
+ * the time does not depend on them. */
 static void colour(void *data)
 {
     scene *const s = data;
@@ -108,7 +109,7 @@ static void picture(void *data)
     blend(s);
 }
 
-/* A stage of this name with the vectors s->cpu. */
+/* Times a stage with the vector instructions s->cpu, and adds its row. */
 static bench_row *measure(const char *name, void (*stage)(void *), scene *s)
 {
     static const char *const vectors[] = { "plain C", "128 bits", "256 bits" };
@@ -179,6 +180,7 @@ static void run(scene *s)
         measure("view colour", colour, s);
     s->cpu = SAGA_CPU_PLAIN;
     snprintf(measure("sort", sort, s)->name, sizeof "sort", "sort");
+    /* Scratch memory for all tiles at once, then for a single tile. */
     for (s->cpu = SAGA_CPU_PLAIN; s->cpu <= best; s->cpu++) {
         double whole;
 

@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: MIT
  *
- * Times the decoder's and the trainer's operators, all or those of some parts,
- * in one table and as JSON.
+ * This program times the operators of decoder and trainer, all or those of the
+ * given parts, and prints one table, and JSON.
  *
  *     bench_table [-o OUT.json] [-b BEFORE.json] [PART...]
  *
- * Each row: best and median of the repetitions in ms of CPU time of one thread;
- * what one of the things it counts takes; its rate and share of what this
- * machine can do at most (the first rows); what is wanted; and by how much it
- * is faster than an earlier result.
+ * Each row has the best and the median repetition in ms of CPU time of one
+ * thread; the time for one unit; the rate, and its share of this machine's
+ * ceiling (the first rows); the target time; and how many times faster it is
+ * than in an earlier result.
  */
 #include "bench_table.h"
 
@@ -83,8 +83,8 @@ static int is_ceiling(const bench_row *r)
     return !strncmp(r->name, "ceiling", 7);
 }
 
-/* The best that this machine does of a kind in a millisecond: the first row of
- * bench_ceilings. */
+/* Returns the most work of a kind that this machine does in a millisecond, by
+ * the first row of bench_ceilings for it. */
 static double ceiling(bench_kind kind)
 {
     for (int i = 0; i < n_rows; i++)
@@ -93,7 +93,8 @@ static double ceiling(bench_kind kind)
     return 0;
 }
 
-/* Best of a row of an earlier result, 0 if it has none. */
+/* Returns the best time of a row in an earlier result, or 0 if it has no such
+ * row. */
 static double before(const char *path, const char *name)
 {
     FILE *const f = path ? fopen(path, "r") : NULL;
@@ -117,6 +118,7 @@ static void print_row(const bench_row *r, const char *path)
     const double top = ceiling(r->kind), old = before(path, r->name);
     const double cycle = ceiling(BENCH_CYCLES);
 
+    /* A column without a value is left blank. */
     printf("%-40s %9.3f %9.3f", r->name, r->best, r->median);
     if (r->each[0])
         printf(" %9.2f %-11s %9.1f", 1e6 * r->best / r->count, r->each,
@@ -171,8 +173,8 @@ static int write_json(const char *path)
     return fclose(f) == 0;
 }
 
-/* Runs the parts that are named, or all; returns 0 where one is unknown. The
- * ceilings are always run. */
+/* Runs the named parts, or all if none is named. The ceilings always run.
+ * Returns 0 if a name is unknown. */
 static int run_parts(char **names, int n)
 {
     int k, wanted, known = 0;

@@ -1,46 +1,48 @@
 /* SPDX-License-Identifier: MIT
  *
- * One table of everything that is timed: CPU time of the calling thread, best
- * and median of repetitions, beside what this machine can do at most, what is
- * wanted, and an earlier result.
+ * The table of everything that is timed. A row has the CPU time of the calling
+ * thread, best and median of the repetitions, and compares it with this
+ * machine's ceiling, a target time and an earlier result.
  */
 #ifndef BENCH_TABLE_H
 #define BENCH_TABLE_H
 
 #include "bench_time.h"
 
-/* A kind of work that has a ceiling, measured by bench_ceilings. */
+/* The kinds of work. bench_ceilings measures the most that this machine can do
+ * of each. */
 typedef enum {
     BENCH_NOTHING,
-    BENCH_CYCLES,                /* additions one after the other */
-    BENCH_BYTES,                 /* copied */
-    BENCH_MACS,                  /* int16 times int16 */
-    BENCH_FLOPS,                 /* float: two a multiply-add */
+    BENCH_CYCLES,                /* dependent additions */
+    BENCH_BYTES,                 /* bytes copied */
+    BENCH_MACS,                  /* multiply-adds of int16 */
+    BENCH_FLOPS,                 /* in float; a multiply-add counts as two */
     BENCH_N_KINDS
 } bench_kind;
 
 typedef struct bench_row {
     char name[56];
     double best, median;         /* ms */
-    double count;                /* number of things done in that time */
-    const char *each;            /* of which this is one */
+    double count;                /* number of units done in that time */
+    const char *each;            /* the unit, such as "a pixel" */
     bench_kind kind;
-    double work;                 /* of the kind, in all of it */
-    double wanted;               /* ms, or 0 */
+    double work;                 /* amount of work of the kind */
+    double wanted;               /* target time, ms; 0: none */
     char note[24];
 } bench_row;
 
-/* A new row of these times, which are sorted; count is 1. The caller fills in
- * the rest, until the next row. */
+/* Adds a row with these times, which it sorts, and with count 1. The caller
+ * sets the other members before it adds the next row. */
 bench_row *bench_row_add(const char *name, bench_times *times);
 
-/* The same, of `stage` run some times. */
+/* Times repeated runs of `stage` and adds their row. */
 bench_row *bench_measure(const char *name, void (*stage)(void *), void *data);
 
-/* Memory of that many bytes, aligned to 64 and touched; exits without. */
+/* Returns memory that is aligned to 64 bytes and has been written once, so that
+ * no page is missing; exits if there is none. */
 void *bench_need(size_t nbytes);
 
-/* The parts, each in a file of its own. */
+/* The parts; each is in the file of its name. */
 void bench_ceilings(void);
 void bench_mlp(void);
 void bench_coder(void);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * CPU time of the calling thread, minimum and median of repetitions.
+ * The CPU time of the calling thread, and minimum and median of repetitions.
  */
 #ifndef BENCH_TIME_H
 #define BENCH_TIME_H
@@ -36,7 +36,7 @@ static inline int bench_compare(const void *a, const void *b)
     return x < y ? -1 : x > y;
 }
 
-/* Sorts; then ms[0] is the minimum. */
+/* Returns the median. Sorts the times, so that ms[0] is the minimum. */
 static inline double bench_median(bench_times *b)
 {
     qsort(b->ms, (size_t)b->n, sizeof *b->ms, bench_compare);

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * A training's iterations, 200 of the warm-up and 100 of the rendering, of
- * which the second halves are timed: 15,000 primitives of the built-in scene
- * at 480x270.
+ * The time of a training's iterations: the second half of 200 iterations of the
+ * warm-up and of 100 of the rendering stage. The training has 15,000 primitives
+ * and pictures of the built-in scene at 480x270.
  */
 #include "bench_table.h"
 #include "freed.h"

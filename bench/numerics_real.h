@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * The decoder's operators in reals, as one would write them without thinking of
- * formats: bench_numerics.c includes this twice, with REAL float and double.
- * NAME(x) names what is compiled, MATH(f) the function of math.h.
+ * The decoder's operators in floating point, written without regard to number
+ * formats. bench_numerics.c includes this file twice, with REAL as float and as
+ * double. NAME(x) gives the functions their names, MATH(f) is the function of
+ * math.h.
  */
 
 static inline void NAME(dense)(data *d)
@@ -21,7 +22,8 @@ static inline void NAME(dense)(data *d)
     }
 }
 
-/* The K nearest in the window, ascending. */
+/* Finds the K nearest anchors in the window, in ascending order, by insertion.
+ * Returns their number. */
 static int NAME(nearest)(REAL *dist, int *rank, const data *d, int q)
 {
     const int first = q > WINDOW ? q - WINDOW : 0;
@@ -220,7 +222,7 @@ static void NAME(animate)(data *d)
     }
 }
 
-/* Rows of the Jacobian times the rotation times the scales. */
+/* Sets t to the rows of the Jacobian times rotation times scales. */
 static void NAME(map)(REAL t[2][3], const NAME(prim) *p, const REAL slope[2],
                       REAL z)
 {
@@ -241,7 +243,7 @@ static void NAME(map)(REAL t[2][3], const NAME(prim) *p, const REAL slope[2],
             t[i][k] = f * (r[i][k] - slope[i] * r[2][k]) * p->scale[k] * n;
 }
 
-/* A front camera at the origin; box units. */
+/* Projects for a camera at the origin that looks along z; box units. */
 static void NAME(project)(data *d)
 {
     for (int p = 0; p < PRIMS; p++) {
@@ -258,6 +260,7 @@ static void NAME(project)(data *d)
             slope[i] = NAME(clamped)(slope[i], -half[i] * (REAL)1.3 / WIDE,
                                      half[i] * (REAL)1.3 / WIDE);
         }
+        /* The covariance with the low-pass, then the conic's factor. */
         NAME(map)(t, a, slope, z);
         aa = NAME(dot)(t[0], t[0], 3) + pass;
         ab = NAME(dot)(t[0], t[1], 3);
@@ -286,8 +289,8 @@ static void NAME(alpha)(data *d)
     }
 }
 
-/* Splat by splat over its box; the picture is planar, and its colours end
- * behind it. */
+/* Blends splat by splat over its box. The plane of T comes first, then those of
+ * the three colours. */
 static void NAME(blend)(data *d)
 {
     REAL *const t = d->NAME(plane), *const rgb = t + PIXELS;

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 #
-# Rate and distortion of the variants, and slots against rate and time. Set:
-# folder (with curves.dat, slots.dat), out.
+# Plots rate and distortion of the variants, and rate and time against the
+# number of slots. Set: folder (with curves.dat, slots.dat), out.
 set terminal svg size 900,480 font "sans-serif,11" background "white"
 set output out
 set multiplot layout 1,2

@@ -1,26 +1,26 @@
 #!/bin/bash
 # SPDX-License-Identifier: MIT
 #
-# ablation.sh SAGA FOLDER RESULTS THREADS [NAME=FILE.saga ...]: what the parts
-# of the entropy model are worth (lab/ablation_table.py has the tables).
-# Trains the built-in scene at four rates in FOLDER, fits each file's entropy
-# networks anew without one part after the other (make_refit, next to SAGA),
-# evaluates and times them (make_times), compares the last rate's file and
-# those named with an order-0 coder (make_order0), and writes
-# RESULTS/ablation.md and .svg. Run again, it goes on where it was stopped:
-# what is there and younger than what it is made of is kept.
+# ablation.sh SAGA FOLDER RESULTS THREADS [NAME=FILE.saga ...]: measures how
+# many bytes each part of the entropy model saves (lab/ablation_table.py has the
+# tables). It trains the built-in scene at four rates in FOLDER, trains each
+# file's entropy networks anew without one part after the other (make_refit,
+# next to SAGA), evaluates and times them (make_times), compares the last rate's
+# file and the named files with an order-0 coder (make_order0), and writes
+# RESULTS/ablation.md and .svg. If it was stopped, the same command continues:
+# results that are newer than their inputs are kept.
 #
-# About 50 minutes of one core: 4 trainings of 3, 45 fits of 3,000 iterations
-# that take 20 to 30 s, 49 evaluations of 17 s. With half of the iterations,
-# REFIT="--iterations 1500", 35 to 45 were measured.
+# It takes about 50 minutes of one core: 4 trainings of 3 minutes, 45 refits of
+# 3,000 iterations and 20 to 30 s, 49 evaluations of 17 s. With half of the
+# iterations, REFIT="--iterations 1500", it took 35 to 45 minutes.
 #
-# Then what shared anchors are worth (make_shared): on each scene of SHARED,
-# NAME:PRIMITIVES, 14 short renderings of one warm-up, pictures of 160x90; about
-# 4 minutes each.
+# Then it measures whether shared anchors pay (make_shared): on each scene of
+# SHARED, NAME:PRIMITIVES, with 14 short renderings after one warm-up and
+# pictures of 160x90. A scene takes about 4 minutes.
 #
-# LAMBDAS: the rates, the lowest first. TRAIN, REFIT: options of `saga encode`
-# and make_refit, for a quick look; SHARED_SYNTH of `saga synth`,
-# SHARED_ITERATIONS of each training: the same for shared anchors.
+# Environment: LAMBDAS (the rates, the lowest first), TRAIN (more options of
+# `saga encode`) and REFIT (of make_refit); for shared anchors SHARED_SYNTH
+# (options of `saga synth`) and SHARED_ITERATIONS (of each training).
 set -euo pipefail
 saga=$1
 folder=$2
@@ -38,7 +38,7 @@ export OMP_NUM_THREADS=$threads
 mkdir -p "$folder" "$results"
 [ -d "$capture" ] || "$saga" synth "$capture" --threads "$threads"
 
-# into FILE COMMAND...: its output in FILE, whole or not at all.
+# into FILE COMMAND...: writes the command's output to FILE when it is complete.
 into() {
     local to=$1
     shift
@@ -46,13 +46,14 @@ into() {
     mv "$to.part" "$to"
 }
 
-# score FILE NAME: into NAME.eval.json.
+# score FILE NAME: evaluates FILE into NAME.eval.json.
 score() {
     into "$2.eval.json" "$saga" eval "$1" "$capture" --threads "$threads" \
         --json
 }
 
-# variant FOLDER NAME OPTIONS...: FOLDER/in.saga fitted anew, and its scores.
+# variant FOLDER NAME OPTIONS...: refits FOLDER/in.saga and evaluates the
+# result.
 variant() {
     local at=$1 name=$1/$2
     shift 2
@@ -92,7 +93,7 @@ for lambda in "${lambdas[@]}"; do
     variant "$at" nothing --ablate no-bank,no-hyperprior,no-parent,groups=1
     variant "$at" raw --ablate raw-networks
 done
-# At the last rate alone: there are most symbols to pay for a bank.
+# A bank is tried at the last rate only, where most symbols share its cost.
 for slots in 32 64 128 256 512; do
     variant "$at" "slots$slots" --keep --ablate "slots=$slots"
 done

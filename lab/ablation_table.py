@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: MIT
 """ablation_table.py FOLDER [NAME=ORDER0.json ...]: the tables of the ablation.
 
-FOLDER is what lab/ablation.sh fills: rN/ for each rate, the lowest first,
-with VARIANT.json (make_refit), VARIANT.eval.json (saga eval --json) and
-VARIANT.times.json (make_times), and trained.eval.json of the file they come
-from; and shared.SCENE.json (make_shared). Further arguments are reports of
-make_order0, with the scenes' names.
+lab/ablation.sh fills FOLDER. It has a folder rN/ for each rate, the lowest
+first, with VARIANT.json (make_refit), VARIANT.eval.json (saga eval --json) and
+VARIANT.times.json (make_times) for each variant, and trained.eval.json for the
+file from which the variants are made; and shared.SCENE.json (make_shared).
+Further arguments are reports of make_order0, with the scenes' names.
 Prints Markdown; writes FOLDER/curves.dat and FOLDER/slots.dat for gnuplot.
 """
 import json
@@ -29,7 +29,7 @@ VARIANTS = [
     ("all-no-bank", "... except the bank"),
     ("all-plain", "... with the plain update"),
 ]
-# A variant is compared with the full model, unless it has another here.
+# A variant is compared with the full model unless another one stands here.
 AGAINST = {"all-no-bank": "all", "all-plain": "all"}
 SLOTS = 32, 64, 128, 256, 512
 # Rows of make_shared.
@@ -68,7 +68,7 @@ def parameters(report):
 
 
 class Trained:
-    """The file the variants of one rate come from."""
+    """The trained file from which the variants of one rate are made."""
 
     def __init__(self, folder):
         report = load(folder, "trained.eval.json")
@@ -86,7 +86,7 @@ class Run:
         if not self.there:
             return
         self.bytes = self.report["bytes"]
-        if variant == "raw":  # no code for parameters: 16 bits for each
+        if variant == "raw":  # parameters are not coded: 16 bits for each
             self.bytes += 2 * parameters(self.report) - \
                 self.eval["bytes"]["networks"]
         self.psnr = self.eval["training"]["psnr"]
@@ -98,7 +98,7 @@ def points(runs):
 
 
 def same_symbols(full, runs):
-    """Mean change of the rate, in per cent, whatever the PSNR."""
+    """Mean change of the rate, in per cent, regardless of PSNR."""
     change = [math.log(r.bytes / f.bytes) for f, r in zip(full, runs)]
     return 100 * (math.exp(sum(change) / len(change)) - 1)
 
@@ -171,7 +171,8 @@ def runtime(rates):
 
 
 def sources(run):
-    """C, F, P: coarse, fine, primitives; h, p, g, m: what each is coded by."""
+    """The sources of each kind: coarse C, fine F, primitives P, each with
+    hyperprior h, parent p, groups g, memory bank m."""
     out = []
     for kind in "coarse", "fine", "primitives":
         bits = run.report["entropy_model"][kind]["sources"]
@@ -267,7 +268,7 @@ def order0(scenes):
 
 
 def shared_scenes(folder):
-    """Scenes and their rows, a list of runs for each."""
+    """The scenes' rows, a list of runs for each row."""
     out = {}
     for name in sorted(os.listdir(folder)):
         if name.startswith("shared.") and name.endswith(".json"):
@@ -279,7 +280,8 @@ def shared_scenes(folder):
 
 
 def bd_of(rows, anchor, key, views="training"):
-    """None where PSNR falls as bytes grow: chance is larger than the rate."""
+    """The BD-rate, or None if PSNR falls as bytes grow: then chance has more
+    effect than the rate."""
     curves = [sorted((r["bytes"], r[views]) for r in rows[k])
               for k in (anchor, key)]
     falls = any(b[1] <= a[1] for c in curves for a, b in zip(c, c[1:]))
@@ -311,7 +313,8 @@ def shared(scenes):
 
 
 def beside(rates, scenes):
-    """The paper's rows; what other pages measured stands here as they say."""
+    """The paper's ablation next to ours. Numbers measured on other pages are
+    quoted from them."""
     def ours(runs, against="full"):
         base = [r[against] for r in rates]
         there = all(r.there for r in base + runs)
@@ -396,7 +399,7 @@ def curves(rates, folder):
 
 
 def files(folder, n_rates):
-    """Tells what was encoded, as the trainings' reports have it."""
+    """A sentence on the encoded files, from the trainings' reports."""
     reports = [load(folder, f"r{i + 1}", "encode.json")
                for i in range(n_rates)]
     if None in reports:

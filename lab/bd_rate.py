@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Bjontegaard's mean difference of rates, by monotone cubics."""
+"""The Bjontegaard delta rate (BD-rate), by monotone cubic interpolation."""
 import math
 
 
@@ -46,8 +46,8 @@ def integral(x, y, lo, hi):
 
 
 def curve(points):
-    """(dB, log bytes) of a list of (bytes, dB), or None: fewer than two, or
-    two of the same PSNR."""
+    """The points (bytes, dB) as (dB, log bytes), or None if they are fewer than
+    two, or two have the same PSNR."""
     points = sorted((p, math.log(r)) for r, p in points)
     if len(points) < 2 or any(b[0] <= a[0] for a, b in
                               zip(points, points[1:])):
@@ -56,7 +56,8 @@ def curve(points):
 
 
 def common(anchor, test, within=None):
-    """The interval of PSNR that both have, and `within`; None if empty."""
+    """The interval of PSNR that both curves and `within` have in common, or
+    None if it is empty."""
     curves = [curve(anchor), curve(test)]
     if None in curves:
         return None
@@ -66,31 +67,31 @@ def common(anchor, test, within=None):
 
 
 def log_rate_at(points, psnr):
-    """Logarithm of the bytes at this PSNR, by the monotone cubic; None beyond
-    the curve."""
+    """The logarithm of the bytes at this PSNR, by the monotone cubic, or None
+    beyond the ends of the curve."""
     c = curve(points)
     if not c or not c[0][0] <= psnr <= c[0][-1]:
         return None
     (x, y), i = c, max(i for i, p in enumerate(c[0][:-1]) if p <= psnr)
     d, h = pchip_slopes(x, y), x[i + 1] - x[i]
     s, t = (y[i + 1] - y[i]) / h, (psnr - x[i]) / h
-    # Hermite's form, between the two neighbours.
+    # The Hermite form of the cubic between the two neighbouring points.
     return y[i] + h * t * (d[i] * (1 - t) ** 2 + s * t * (3 - 2 * t) +
                            d[i + 1] * t * (t - 1))
 
 
 def saving(anchor, test, psnr):
-    """Change of the bytes at this PSNR, in per cent; None where one of the
+    """The change of the bytes at this PSNR, in per cent, or None if one of the
     curves does not reach it."""
     rates = [log_rate_at(c, psnr) for c in (anchor, test)]
     return None if None in rates else 100 * (math.exp(rates[1] - rates[0]) - 1)
 
 
 def bd_rate(anchor, test, within=None, least=0.0):
-    """Mean change of the rate at equal PSNR, in per cent, of test against
-    anchor: lists of (bytes, dB), two points or more. None where the curves
-    have less than `least` dB in common (and with `within`, a pair), or PSNR
-    does not grow."""
+    """The mean change of the rate at equal PSNR, in per cent, from anchor (the
+    reference) to test; both are lists of two or more points (bytes, dB).
+    Returns None if the curves have less than `least` dB in common, within the
+    pair `within` if given, or if PSNR does not grow with the bytes."""
     interval = common(anchor, test, within)
     if not interval or interval[1] - interval[0] < least:
         return None

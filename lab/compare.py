@@ -1,19 +1,19 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""A capture through video codecs beside saga: what `make compare` runs.
+"""Compares saga with video codecs on a capture; `make compare` runs it.
 
   compare.py CAPTURE WORK [FILE.saga ...]
 
-Codes each camera of the capture on its own with every codec of simulcast.py
-that ffmpeg has here, at four qualities, and judges the pictures as those of the
-files, by `saga eval`. Without files it trains saga at the rates of lab/rd.ini's
-section "capture", which takes long. Leaves in WORK: CODEC.json, a result for
-each quality; saga.json; what `saga compare` says of each codec against the
-first; report.html. What is there is not measured again.
+Codes each camera of the capture separately with every codec of simulcast.py
+that ffmpeg supports here, at four qualities, and evaluates the pictures and the
+files with `saga eval`. Without files it trains saga at the rates in the section
+"capture" of lab/rd.ini, which takes long. Writes to WORK: CODEC.json and
+saga.json with a result for each quality; the output of `saga compare` for each
+codec and the first; report.html. Existing results are not measured again.
 
-Environment: SAGA (build/saga), THREADS (1), EVAL (options of `saga eval`, as
-"--no-ssim" or "--lpips FILE.npz"), CODECS (names of those wanted, all), KEY
-(frames between two keyframes of the codecs; what they like).
+Environment, with defaults: SAGA (build/saga), THREADS (1), EVAL (options of
+`saga eval`, such as "--no-ssim" or "--lpips FILE.npz"; none), CODECS (names of
+codecs; all), KEY (frames between two keyframes; the codec's choice).
 """
 import configparser
 import json
@@ -45,7 +45,7 @@ def write(path, text):
 
 
 def judge(what, capture, path, more):
-    """Writes the result of a file or a folder, with what `more` says, too."""
+    """Evaluates a file or a folder and writes the result with `more` added."""
     result = json.loads(saga("eval", what, capture, "--json", "--threads",
                              THREADS, "--pictures", path[:-5], *EVAL))
     result.update(more)
@@ -53,7 +53,7 @@ def judge(what, capture, path, more):
 
 
 def curve(work, name, paths):
-    """All results of a codec in one file."""
+    """Writes all results of a codec into one file."""
     path = os.path.join(work, name + ".json")
     write(path, "\n".join(open(p).read() for p in paths) + "\n")
     return path
@@ -77,7 +77,7 @@ def measure_codec(capture, work, codec):
 
 
 def train(capture, work):
-    """Files at the rates of a capture that has no section of its own."""
+    """Trains files at the rates in the section "capture" of lab/rd.ini."""
     table = configparser.ConfigParser()
     table.read(os.path.join(LAB, "rd.ini"))
     section, files = table["capture"], []

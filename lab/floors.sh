@@ -1,13 +1,13 @@
 #!/bin/bash
 # SPDX-License-Identifier: MIT
 #
-# floors.sh SAGA FOLDER THREADS [OPTIONS]: what the demo's file is worth beside
-# what needs no such codec (lab/floors_table.py has the goals). After
-# tools/demo.sh with the same arguments (but for --moving): trains the scene
-# once more with --still in FOLDER/still, zeroes the file's coarse features
-# (make_zeroed, next to SAGA), evaluates all three and prints one table, kept in
-# FOLDER/floors.txt. Run again, it goes on where it was stopped; a still file
-# that is younger than the demo's is taken as it is.
+# floors.sh SAGA FOLDER THREADS [OPTIONS]: compares the demo's file with simple
+# alternatives (lab/floors_table.py has the goals). It runs after tools/demo.sh
+# with the same arguments, except --moving. It trains the scene again with
+# --still in FOLDER/still, sets the file's coarse features to zero (make_zeroed,
+# next to SAGA), evaluates all three files and prints one table, which is kept
+# in FOLDER/floors.txt. If it was stopped, the same command continues; a still
+# file that is newer than the demo's is kept.
 set -eu
 saga=$1
 demo=$2

@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""floors_table.py ENCODE MOVING STILL ZEROED: floors no scene can flatter.
+"""floors_table.py ENCODE MOVING STILL ZEROED: compares the demo's file with
+simple alternatives, so that an easy scene cannot make it look good.
 
-Prints, for training and held-out views, what was measured, what is wanted of
-it, and whether it is reached. Arguments are JSON files: the report of `saga
-encode`, and `saga eval` of its file, of one trained with --still, and of its
-copy with coarse features zeroed. A number that is not there (null: infinite
-or undefined) prints as - and reaches nothing.
+Prints, for training and held-out views, each measured number, its goal, and
+whether the goal is reached. Arguments are JSON files: the report of `saga
+encode`, and the results of `saga eval` for its file, for a file trained with
+--still, and for a copy whose coarse features are zero. A missing number (null:
+infinite or undefined) prints as - and does not reach its goal.
 """
 import json
 import sys
@@ -20,7 +21,8 @@ def difference(a, b):
 
 
 def line(mark, text, values, goals=(None, None), fits=None):
-    """One line; goals are the bounds of the two sets, fits(value, goal)."""
+    """Prints a line. goals are those of the two sets of views; fits(value,
+    goal) returns whether a goal is reached."""
     out = f"{mark:2}{text:28}"
     for value, goal in zip(values, goals):
         out += "         -" if value is None else f"{value:10.3f}"
@@ -42,7 +44,8 @@ def at_least(value, goal):
 
 
 def medians(views):
-    """The floor that is one of each view, not of the mean."""
+    """Checks that every training view, not only their mean, has a higher PSNR
+    than its temporal median."""
     training = [v for v in views if not v["held_out"]]
     low = [v for v in training if v["psnr"] is not None and
            (v["median_psnr"] is None or v["psnr"] <= v["median_psnr"])]

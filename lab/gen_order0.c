@@ -8,7 +8,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-enum { BOUND_BITS = 16 };        /* of the smallest and the largest symbol */
+enum { BOUND_BITS = 16 };        /* for the smallest, and for the largest symbol
+                                  */
 
 static void *must(void *p)
 {
@@ -30,6 +31,7 @@ void order0_channel(order0_row *row, const int32_t *v, size_t stride,
         lo = i == 0 || v[i * stride] < lo ? v[i * stride] : lo;
         hi = i == 0 || v[i * stride] > hi ? v[i * stride] : hi;
     }
+    /* The alphabet, then the estimator symbol by symbol (gen_order0.h). */
     alphabet = hi - lo + 1.0;
     count = must(calloc((size_t)alphabet, sizeof *count));
     for (size_t i = 0; i < n; i++) {
@@ -45,7 +47,7 @@ void order0_channel(order0_row *row, const int32_t *v, size_t stride,
     row->n += n;
 }
 
-/* Adds (n, channels) symbols in rank order, by channel. */
+/* Adds (n, channels) symbols, channel by channel, in rank order. */
 static void add_channels(order0_row *row, const int32_t *v, size_t channels,
                          size_t n)
 {
@@ -65,7 +67,8 @@ static void add_values(order0_row *row, const ref_file *f, int step)
     add_channels(row, v, channels, n / channels);
 }
 
-/* Lists leaves in rank order: coordinates, depths, how many fine anchors. */
+/* Adds the tree as a list of leaves in rank order, each with its coordinates,
+ * depths and number of fine anchors. */
 static void add_tree(order0_row *row, const ref_file *f)
 {
     enum { N = 7 };

@@ -31,15 +31,15 @@ static void need(bool done, const saga_error *error)
     exit(2);
 }
 
-/* In a fit, what the reconstruction networks give is not computed but copied
- * from the file: the twin holds it. */
+/* A fit. Its twin holds the outputs of the reconstruction networks as the file
+ * has them; they are not computed again. */
 typedef struct {
     const ref_file *in;
     refit_options o;
     saga_scene s, d;
     saga_twin twin;
     saga_rate rate;
-    float *feature;              /* (coarse, F) as used */
+    float *feature;              /* (coarse, F) quantised from `decide` on */
     float *m, *v;                /* Adam's moments (params) */
 } fit;
 
@@ -56,6 +56,8 @@ static void set_structure(saga_scene *s, const ref_file *in)
            s->n_nodes * sizeof *s->occupancy);
     memcpy(s->coarse, in->sc.coarse, s->n.coarse * sizeof *s->coarse);
     memcpy(s->fine, in->sc.fine, s->n.fine * sizeof *s->fine);
+    /* Groups depend on the model. They follow from the parity of cells and
+     * suffixes. */
     for (uint32_t i = 0; i < s->n.coarse; i++) {
         for (uint32_t k = 0; k < 3; k++)
             v[k] = s->coarse[i].cell[k];
@@ -73,7 +75,7 @@ static void set_structure(saga_scene *s, const ref_file *in)
     }
 }
 
-/* Turns units of the decoder into those of a scene. */
+/* Converts a position from the decoder's units to those of a scene. */
 static void set_place(float to[4], const int32_t x[3], int32_t t)
 {
     for (int k = 0; k < 3; k++)
@@ -95,8 +97,8 @@ static void set_places(saga_scene *s, const ref_file *in)
             -s->model.out_q[SAGA_OUT_COARSE]);
 }
 
-/* Returns a primitive's offset. Rounding may have put it outside its suffix
- * cell, and the rate looks for the cell by the offset. */
+/* Returns a primitive's offset, clamped to its suffix cell. Rounding may have
+ * put it outside, and the rate finds the cell from the offset. */
 static float prim_offset(const ref_file *in, size_t prim, uint32_t axis)
 {
     const uint32_t bits = in->h.model.tier[SAGA_TIER_FINE].suffix_bits;
@@ -136,8 +138,8 @@ static void set_twin(saga_twin *w, const ref_file *in)
             w->prim_offset[4 * i + k] = prim_offset(in, i, k);
 }
 
-/* The values of anchors are exactly what the file has, not what a float
- * position says they are. */
+/* Sets the anchors' values to exactly those of the file. Computed from float
+ * positions they would differ by rounding. */
 static void set_values(saga_rate *r, const ref_file *in)
 {
     for (size_t i = 0; i < 4 * (size_t)in->s.n.coarse; i++)
@@ -148,8 +150,8 @@ static void set_values(saga_rate *r, const ref_file *in)
                 (float)in->value[SAGA_STEP_FINE][4 * i + k] / 16384;
 }
 
-/* Returns the file's model with another entropy model, which begins from none.
- */
+/* Returns the file's model, whose entropy model is replaced by the one of the
+ * options. */
 static saga_model model_of(const ref_file *in, const refit_options *o)
 {
     saga_model m = in->h.model;
@@ -176,6 +178,7 @@ static void begin(fit *f)
     need(saga_scene_init(&f->s, &m, in->s.n, in->s.n_nodes, f->o.seed,
                          &error) &&
          saga_scene_init(&f->d, &m, in->s.n, in->s.n_nodes, 0, &error), &error);
+    /* Everything that stays comes from the file. */
     set_structure(&f->s, in);
     set_places(&f->s, in);
     need(saga_twin_init(&f->twin, &f->s, &error), &error);
@@ -207,9 +210,9 @@ static void end(fit *f)
 
 /* --- Fitting ------------------------------------------------------------- */
 
-/* The learning rate falls by a half cosine to 0.03 of the highest, as for the
- * trainer's pictures, and a third of their ramp: there are fewer iterations,
- * and features are done. */
+/* The learning rate falls by a half cosine to 0.03 of its maximum, as in the
+ * rendering stage. Its ramp has a third of that stage's length, because there
+ * are fewer iterations and the features are already trained. */
 static float learning_rate(const fit *f, int i)
 {
     enum { RAMP = 100 };
@@ -219,8 +222,8 @@ static float learning_rate(const fit *f, int i)
     return (float)(0.004 * ramp * (0.03 + 0.97 * 0.5 * (1 + cos(M_PI * x))));
 }
 
-/* Makes a tensor of the consecutive parameters of networks from..to-1, if there
- * are any. */
+/* Sets t to the consecutive parameters of networks from..to-1. Returns the
+ * number of tensors: 0 if the model has none of these networks, else 1. */
 static size_t tensor_of(saga_adam_tensor *t, fit *f, int from, int to,
                         float rate)
 {
@@ -246,8 +249,8 @@ static size_t tensor_of(saga_adam_tensor *t, fit *f, int from, int to,
     return 1;
 }
 
-/* Features are what they are until the networks are decided upon, then what
- * they will be coded as. */
+/* Makes iteration i. From iteration `decide` on, when sources are chosen, the
+ * features are rounded as they will be coded. Returns NULL or an error. */
 static const char *step(fit *f, int i, int decide)
 {
     const saga_rate_input x = { &f->s, &f->twin, f->feature };
@@ -261,6 +264,7 @@ static const char *step(fit *f, int i, int decide)
     saga_adam_tensor t[2];
     size_t n;
 
+    /* Gradients, then Adam; the bank's networks move only when it is read. */
     memset(f->d.reals, 0, f->d.n_reals * sizeof *f->d.reals);
     saga_twin_clear(&f->twin, &f->s);
     saga_rate_look(&o, i, remember);
@@ -291,7 +295,8 @@ static const char *run(fit *f)
 
 /* --- The file ------------------------------------------------------------ */
 
-/* The symbols of the closed loop share their structure; residuals are new. */
+/* Returns symbols that share the file's structure and have their own residuals.
+ */
 static saga_symbols begin_symbols(const ref_file *in)
 {
     saga_symbols y = in->s;
@@ -328,7 +333,8 @@ static bool write_segment(saga_encoder *e, const ref_file *in,
     return ok;
 }
 
-/* Returns the lowest level from the file's on that has such slots. */
+/* Returns the lowest level, at least the file's, that allows the model's slots.
+ */
 static uint8_t level_for(const ref_file *in, const saga_model *m)
 {
     uint8_t level = in->h.level;
@@ -349,6 +355,7 @@ static const char *write_file(uint8_t **out, size_t *n, const fit *f,
     saga_error error = { "" };
     bool ok;
 
+    /* The entropy networks are new, all others the file's. */
     h.model = c->scene.model;
     h.level = level_for(f->in, &h.model);
     if (!saga_pack_entropy(&entropy, &h.model, c, &f->twin, &error))

@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: MIT
  *
- * A refit makes the same scene with another entropy model: it keeps a file's
- * structure, positions, features and reconstruction networks, fits the entropy
- * networks anew on these symbols alone (trainer/entropy), chooses among their
- * sources as the trainer does, and codes everything in closed loop. So
- * ablations of the entropy model compare what one thing costs, instead of two
+ * A refit codes the same scene with another entropy model. It keeps a file's
+ * structure, positions, features and reconstruction networks. It trains the
+ * entropy networks anew on these symbols alone (trainer/entropy), chooses their
+ * sources as the trainer does, and codes everything in closed loop. So an
+ * ablation compares two entropy models on the same scene, instead of two
  * trainings.
  *
- * Residuals are taken against the new mu: values move by half a step at most
- * where the model has one, and networks that run on them follow.
+ * Residuals are taken relative to the new mu. Therefore values move by at most
+ * half a step, and so do the outputs of the networks that read them.
  */
 #ifndef GEN_REFIT_H
 #define GEN_REFIT_H
@@ -19,22 +19,24 @@
 #include "train.h"
 
 typedef struct refit_options {
-    saga_ablation ablation;      /* a memory bank is tried in any scene */
+    saga_ablation ablation;      /* the bank is tried in small scenes, too */
     int iterations;              /* >= 3 */
     uint64_t seed;
-    bool keep;                   /* sources stay, whatever they are worth */
+    bool keep;                   /* keeps sources that cost more than they save
+                                  */
 } refit_options;
 
 typedef struct refit_report {
-    uint8_t sources[SAGA_N_KINDS]; /* that were kept */
+    uint8_t sources[SAGA_N_KINDS]; /* the sources that were kept */
     saga_rate_decision decision;
     double estimate[SAGA_N_STEPS]; /* code lengths of the residuals, bits */
 } refit_report;
 
 refit_options refit_defaults(void);
 
-/* Makes the bytes (free them) of the file fitted anew, the same for any number
- * of threads. NULL: done; else why not, a constant string. */
+/* Refits a file. Returns NULL and sets *out to its bytes, which the caller
+ * frees; else returns the reason, a constant string. The number of threads does
+ * not change the bytes. */
 const char *refit_make(uint8_t **out, size_t *n, refit_report *report,
                        const ref_file *in, const refit_options *options);
 

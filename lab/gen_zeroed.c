@@ -25,12 +25,12 @@ static void *must(void *p)
 
 /* --- The tape ------------------------------------------------------------ */
 
-/* The tape holds everything the traversal of a segment was given, in order: a
- * symbol, or mu and q of a residual. Tree and counts decide the order, features
- * do not. */
+/* The tape holds everything that the traversal of a segment got from its coder,
+ * in order: a symbol, or mu and q of a residual. The order depends on tree and
+ * counts but not on features, so it is the same after features have changed. */
 typedef struct {
     int32_t *v;
-    size_t n, cap, at;       /* at: the next one to be played */
+    size_t n, cap, at;       /* at: index of the next value to play */
 } tape;
 
 static void record(tape *t, int32_t v)
@@ -42,7 +42,7 @@ static void record(tape *t, int32_t v)
     t->v[t->n++] = v;
 }
 
-/* A coder over the tape records what `inner` decodes; without one, plays. */
+/* A coder with a tape. It records what `inner` decodes, or later plays it. */
 typedef struct {
     saga_coder coder;        /* first: its functions cast back */
     saga_coder *inner;
@@ -59,7 +59,7 @@ static int32_t play(deck *d)
     return d->tape.v[d->tape.at++];
 }
 
-/* Returns the residual that brings mu nearest to `value`. */
+/* Returns the residual q for which mu + q step is nearest to `value`. */
 static int32_t nearest(double value, int16_t mu, uint32_t step_q16)
 {
     const double q = floor((value - mu) * 65536 / step_q16 + 0.5);
@@ -127,8 +127,8 @@ typedef struct {
     zeroed_what what;
 } scene;
 
-/* Reads the chunks of the layers of a segment of s->n onto the tape, and from
- * it, changed, into the arrays of s. */
+/* Decodes a segment, whose counts are s->n, onto the tape, and plays it, with
+ * the changed features, into the arrays of s. */
 static int change(saga_symbols *s, uint32_t cap_nodes, const scene *sc,
                   recorder_chunks at)
 {
@@ -141,6 +141,7 @@ static int change(saga_symbols *s, uint32_t cap_nodes, const scene *sc,
 
     recorder_scaffold(&scaffold, sc->model, sc->nets, sc->params, s->n);
     ok = recorder_fill(&d.coder, &d.inner, &scaffold, final_range, at);
+    /* A second traversal plays the tape; a recorder keeps its symbols. */
     d.coder.residual = play_residual;
     d.coder.adaptive = play_adaptive;
     recorder_init(&r, &d.coder);
@@ -156,7 +157,7 @@ static int change(saga_symbols *s, uint32_t cap_nodes, const scene *sc,
     return ok;
 }
 
-/* Appends a segment's bytes, changed, to the file. */
+/* Changes a segment and appends it to the file. */
 static const char *append(saga_encoder *e, const scene *sc,
                           const saga_header *h, recorder_chunks at)
 {
@@ -223,6 +224,7 @@ const char *zeroed_make(uint8_t **out, size_t *n_out, const uint8_t *bytes,
     e = begin(&h, bytes, n);
     if (!e)
         return "the networks are not valid";
+    /* Change the segments one after the other. */
     sc.model = &h.model;
     sc.params = saga_encoder_params(e, &sc.nets);
     for (uint32_t frame = 0; !why && frame < info.n_frames;

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 #
-# How a training went, from what `saga encode --log FILE.csv` kept. Set: log,
-# out (an SVG), as in
+# Plots the course of a training from the log of `saga encode --log FILE.csv`.
+# Set: log, out (an SVG), for example
 #   gnuplot -e "log = 'x.csv'; out = 'x.svg'" lab/log.gp
 set terminal svg size 680, 340 font "sans-serif,11" background "white"
 set output out

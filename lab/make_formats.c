@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * The cost of formats on a file: the reference draws a picture in double, then
- * with one rounding at a time, coarser and finer than the norm's, and tells
- * how far the two are apart, before they are rounded to 8 bits. Prints JSON.
+ * This program measures on a file how much error each number format causes. The
+ * reference draws a picture in double, and again with one rounding, coarser or
+ * finer than the decoder's, at a time. It prints, as JSON, the difference
+ * between the two pictures before they are rounded to 8 bits.
  *
  *     make_formats FILE.saga [CAMERA [FRAME]]
  */
@@ -17,7 +18,8 @@
 
 enum { EXACT = 0 };
 
-/* Bits behind the point, EXACT for no rounding; cut: where splats end. */
+/* Numbers of fractional bits, or EXACT for no rounding. A splat is cut off
+ * where q reaches `cut`. */
 typedef struct {
     int mean, factor, q, table, alpha, trans, colour;
     double cut;
@@ -37,9 +39,9 @@ typedef struct {
     int32_t t;
     ref_splat *splat;        /* (prim) */
     uint8_t *visible;        /* (prim) */
-    uint32_t *order, n;      /* of the first picture: all keep it */
-    double *rgb, *base, *trans;
-    double n_pairs;          /* pixels of splats that were blended */
+    uint32_t *order, n;      /* the exact picture's order, kept for all */
+    double *rgb, *base, *trans; /* base: the exact picture */
+    double n_pairs;          /* number of pixels blended, over all splats */
     int n_printed;
 } session;
 
@@ -72,8 +74,8 @@ static double down(double x, int bits)
     return bits == EXACT ? x : ldexp(floor(ldexp(x, bits)), -bits);
 }
 
-/* 2^(3 - q) of a table with 2^bits places, each of which stands for its
- * middle. */
+/* Returns 2^(3 - q) from a table with 2^bits cells for each unit of q, whose
+ * values are those in the middle of the cells. */
 static double look_up(double q, int bits)
 {
     return exp2(SAGA_PEAK_LOG2 -
@@ -88,6 +90,7 @@ static void blend_splat(session *s, const ref_splat *exact_splat,
     ref_splat p = *exact_splat;
     int box[4];
 
+    /* The splat's numbers are rounded first, then those of each pixel. */
     for (int i = 0; i < 2; i++)
         p.mean[i] = nearest(p.mean[i], f->mean);
     for (int i = 0; i < 3; i++) {
@@ -198,6 +201,7 @@ static void try_pictures(session *s)
     static const int trans[] = { 10, 12, 14, 16, 18, 0 };
     static const int colour[] = { 6, 8, 10, 12, 15, 0 };
 
+    /* One format at a time, then all of the decoder's, then earlier cuts. */
     try_bits(s, "sub-pixel bits", offsetof(format, mean), mean);
     try_bits(s, "bits of g, n, h", offsetof(format, factor), factor);
     try_bits(s, "bits of q", offsetof(format, q), q);
@@ -223,6 +227,7 @@ static void try_activations(session *s)
     static const int bits[] = { -8, -6, -4, -3, -2, -1, 0, 1, 2, 3, 4, 6 };
     ref_rounding *const r = &s->rounding;
 
+    /* The same step for all inputs of a layer, then a step for each. */
     r->is_on = 1;
     for (r->by_unit = 0; r->by_unit < 2; r->by_unit++)
         for (size_t i = 0; i < sizeof bits / sizeof bits[0]; i++) {
@@ -239,8 +244,8 @@ static void try_activations(session *s)
     r->is_on = 0;
 }
 
-/* Rounds weights so that every row's largest takes `bits` bits, its sign
- * included. */
+/* Rounds the weights of each row to the step with which the largest one takes
+ * `bits` bits, including the sign. */
 static void round_weights(ref_nets *n, int bits)
 {
     for (int net = 0; net < SAGA_N_NETS; net++)
@@ -328,6 +333,7 @@ int main(int argc, char **argv)
     s.rgb = need(n, 3 * sizeof *s.rgb);
     s.base = need(n, 3 * sizeof *s.base);
     s.trans = need(n, sizeof *s.trans);
+    /* The exact picture, with which all others are compared. */
     decode(&s);
     ref_sort(s.order, s.splat, s.n);
     draw(&s, &exact);

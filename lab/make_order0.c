@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * make_order0 FILE.saga: JSON of what each component costs in the file and by
- * an adaptive order-0 coder (lab/gen_order0.h), in bytes. `saving` is the
- * part of the order-0 bytes that the file does without, the entropy networks'
- * own bytes counted against it.
+ * make_order0 FILE.saga: prints, as JSON, the bytes of each component in the
+ * file and by an adaptive order-0 coder (lab/gen_order0.h). `saving` is the
+ * fraction of the order-0 bytes that the file saves, after the bytes of its
+ * entropy networks are added to it.
  */
 #include "file_json.h"
 #include "gen_order0.h"
@@ -44,6 +44,7 @@ static void print(const ref_file *f, size_t n)
     order0_row row[SAGA_N_COMPONENTS], values = { 0 }, structure = { 0 }, all;
     const double networks = file_json_nets(f, true).bits;
 
+    /* Structure and values have sums of their own (gen_order0.h). */
     order0_file(row, f);
     for (int i = SAGA_COMPONENT_TREE; i < SAGA_N_COMPONENTS; i++) {
         const saga_component c = (saga_component)i;

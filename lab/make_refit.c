@@ -3,10 +3,10 @@
  * make_refit IN.saga OUT.saga [--ablate LIST] [--keep] [--iterations N]
  *     [--seed N]
  *
- * The scene of IN with its entropy networks fitted anew (lab/gen_refit.h);
- * options as `saga encode` has them, and --keep: all sources that are left
- * stay, whether they are worth their weights or not. Prints JSON: bytes of
- * each component before and after, and the sources that were kept.
+ * make_refit codes the scene of IN with newly trained entropy networks
+ * (lab/gen_refit.h). Its options are those of `saga encode`, and --keep, which
+ * keeps sources even if their weights take more than they save. It prints JSON:
+ * the bytes of each component before and after, and the sources that were kept.
  */
 #include "file_json.h"
 #include "gen_refit.h"
@@ -71,7 +71,8 @@ static bool read_options(refit_options *o, int argc, char **argv,
 
 /* --- Report -------------------------------------------------------------- */
 
-/* Gives the estimated bytes of a kind, as `saga encode --json` tells them. */
+/* Returns the estimated bytes of a kind, in the form of `saga encode --json`.
+ */
 static json_t *kind_of(const refit_report *r, int kind)
 {
     const saga_rate_gain *const g = &r->decision.gain[kind];
@@ -127,6 +128,7 @@ static int refit(const ref_file *in, size_t n_in, const char *name,
 
     if (why)
         return fail(why);
+    /* The new file is decoded before it is written. */
     why = ref_file_read(&again, bytes, n);
     status = why ? fail(why) : write_bytes(name, bytes, n);
     free(bytes);

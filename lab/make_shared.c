@@ -1,17 +1,20 @@
 /* SPDX-License-Identifier: MIT
  *
- * make_shared CAPTURE PRIMITIVES ITERATIONS: what sharing anchors by place is
- * worth. One warm-up; from its end a process of its own for each hierarchy and
- * lambda, so that primitives and pictures are the same. Prints a line of JSON
- * for each: row, factor (of the rule's lambda), bytes, and PSNR of the decoded
- * symbols and weights on the sampled pictures.
+ * make_shared CAPTURE PRIMITIVES ITERATIONS: measures whether sharing anchors
+ * among neighbouring primitives pays. After one warm-up, a process is forked
+ * for each hierarchy and lambda, so that all start from the same primitives and
+ * pictures. Each prints a line of JSON: row, factor (of the rule's lambda),
+ * bytes, and PSNR of the sampled pictures with decoded symbols and weights.
  *
- *     own      an anchor of each level for a primitive; K 1, as saga encodes
- *     shared   1:2:2, a coarse anchor for two; primitives take 4 fine anchors
- *     nearest  the same, each takes its own fine anchor alone: K 1
+ *     own      each primitive has its own fine and coarse anchor; K = 1, as
+ *              saga encodes
+ *     shared   a coarse anchor has two fine anchors; a primitive interpolates
+ *              4 fine anchors
+ *     nearest  like shared, but a primitive reads only its own fine anchor
  *
- * One fine anchor less than primitives is what tells the trainer that they are
- * shared. One segment, seed 1, one thread: a process is forked.
+ * The trainer shares anchors if there are fewer fine anchors than primitives;
+ * here there is one less. There are one segment, seed 1, and one thread, since
+ * a process with several threads cannot be forked.
  */
 #include "capture_load.h"
 #include "error.h"
@@ -28,7 +31,8 @@
 #include <unistd.h>
 
 static const char *const names[] = { "own", "shared", "nearest" };
-/* Shared anchors end where anchors of one's own have a quarter of the bits. */
+/* The lambdas, relative to the rule's. Own anchors take all of them, shared
+ * anchors the first N_SHARED. */
 static const double factors[] = { 0.5, 1, 2, 4, 8, 16 };
 enum { N_ROWS = 3, N_SHARED = 4, N_OWN = 6, OWN = 0, NEAREST = 2 };
 
@@ -38,7 +42,7 @@ static int fail(const char *why)
     return 1;
 }
 
-/* Stops at the end of the warm-up, before what follows from it. */
+/* Stops the training at the end of the warm-up. */
 static bool until_warm(void *user, const saga_train_progress *p)
 {
     (void)user;
@@ -51,8 +55,8 @@ static void take_nearest(saga_model *m)
     m->tier[SAGA_TIER_FINE].window = 0;
 }
 
-/* Begins the rendering, as the trainer does after the warm-up, with anchors
- * and neighbours of a row and a price beside the rule's. */
+/* Begins the rendering stage as the trainer does after the warm-up, with the
+ * anchors and neighbours of a row, and `factor` times the rule's lambda. */
 static bool begin(saga_train *t, int row, double factor, saga_error *error)
 {
     const double n_pixels = saga_pictures_pixels(&t->pictures);
@@ -61,6 +65,7 @@ static bool begin(saga_train *t, int row, double factor, saga_error *error)
         t->o.n_coarse = (t->o.n_primitives + 1) / 2;
         t->o.n_fine = t->o.n_primitives - 1;
     }
+    /* Neighbours are set after the hierarchy is made, before the fit starts. */
     t->n_pixels = n_pixels;
     t->lambda = factor * saga_policy_lambda(t->recent_mse, n_pixels,
                                             t->o.n_primitives);
@@ -78,7 +83,7 @@ static bool begin(saga_train *t, int row, double factor, saga_error *error)
     return true;
 }
 
-/* Trains and tells one row. */
+/* Trains one row and prints its line. */
 static int train_row(saga_train *t, int row, double factor)
 {
     saga_error error = { "" };
@@ -97,7 +102,7 @@ static int train_row(saga_train *t, int row, double factor)
     return fflush(stdout) ? fail("no room for the output") : 0;
 }
 
-/* The child has the warm-up's memory as it is. */
+/* Trains a row in a child process, which starts from the warm-up's state. */
 static int fork_row(saga_train *t, int row, double factor)
 {
     const pid_t child = fork();

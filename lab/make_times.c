@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: MIT
  *
- * make_times FILE.saga [REPETITIONS]: JSON of how long the parts of a file of
- * one segment take to decode: milliseconds of CPU time of one thread, the best
- * of N (default 9). `coarse`, `fine` (with the networks that make its
- * features) and `primitives` are layers: coder, entropy networks and bank;
- * `reconstruction` is what decoding takes beyond them.
+ * make_times FILE.saga [REPETITIONS]: prints, as JSON, how long the parts of a
+ * file with one segment take to decode, in milliseconds of CPU time of one
+ * thread, the best of REPETITIONS (default 9). `coarse`, `fine` and
+ * `primitives` are the chunks of the tiers: coder, entropy networks and bank,
+ * and for `fine` F_fine. `reconstruction` is the rest of the decoding time.
  */
 #include "ref_file.h"
 
@@ -52,7 +52,7 @@ static int run_chunk(const ref_file *f, int chunk)
     return ok && saga_range_dec_finish(&range);
 }
 
-/* Decodes as a player does. */
+/* Times the decoding of the segment by saga_decode. */
 static int run_decoder(double *ms, const saga_bytes *in)
 {
     saga_decoder *dec;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * make_zeroed IN.saga OUT.saga: a copy whose coarse features are zero, for
- * `saga eval` to compare (lab/gen_zeroed.h; lab/floors.sh uses it).
+ * make_zeroed IN.saga OUT.saga: writes a copy whose coarse features are zero
+ * (lab/gen_zeroed.h). lab/floors.sh compares the two with `saga eval`.
  */
 #include "gen_zeroed.h"
 

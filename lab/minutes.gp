@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 #
-# PSNR against minutes, a curve for each log of `saga encode --log FILE.csv`,
-# named after its file. Set: logs, out (an SVG), as in
+# Plots PSNR against minutes, a curve for each log of `saga encode --log
+# FILE.csv`, named after its file. Set: logs, out (an SVG), for example
 #   gnuplot -e "logs = 'fast.csv best.csv'; out = 'minutes.svg'" lab/minutes.gp
 set terminal svg size 680, 340 font "sans-serif,11" background "white"
 set output out

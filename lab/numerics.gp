@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: MIT
 #
-# What `make numerics` draws. Set: folder (with the tables of lab/numerics.py),
-# titles and n_operators (names of the operators, and how many), out (prefix of
-# the pictures).
+# The plots of `make numerics`. Set: folder (with the tables of
+# lab/numerics.py), titles and n_operators (names and number of the operators),
+# out (prefix of the pictures).
 set style line 1 linecolor rgb "#9aa5b1" pointtype 6 pointsize 0.9
 set style line 2 linecolor rgb "#e69f00" pointtype 9 pointsize 1.0
 set style line 3 linecolor rgb "#56b4e9" pointtype 4 pointsize 0.9
 set style line 4 linecolor rgb "#0072b2" pointtype 7 pointsize 1.0
 names = "float64 float32 'integer, plain C' 'integer, vectors'"
 
-# ---- Operators: time, and beside it the error
+# ---- All operators: time at the left, error at the right
 set terminal svg size 900,620 font "sans-serif,11" background "white"
 set output out.".svg"
 set termoption noenhanced
@@ -41,7 +41,7 @@ plot folder."/operators.dat" index 1 using 5:1 with points linestyle 2, \
 unset multiplot
 reset
 
-# ---- One panel an operator: time against error
+# ---- A panel for each operator: time against error
 set style line 1 linecolor rgb "#9aa5b1" pointtype 6 pointsize 0.8
 set style line 2 linecolor rgb "#e69f00" pointtype 9 pointsize 0.9
 set style line 3 linecolor rgb "#56b4e9" pointtype 4 pointsize 0.8

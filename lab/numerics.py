@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """numerics.py BUILD OUT [NAME=FILE.saga ...]: writes OUT/numerics.md, .json and
-plots; without files it draws those of an earlier numerics.json. BUILD/numerics and BUILD/numerics-plain hold bench_numerics with vectors
-and without; BUILD holds saga and make_formats. `make numerics` runs it.
+plots. Without files it draws the plots of an earlier numerics.json.
+BUILD/numerics and BUILD/numerics-plain hold bench_numerics with and without
+vector instructions; BUILD holds saga and make_formats. `make numerics` runs it.
 
-Each file is verified at three cameras and three times, and the first one drawn
-in other formats.
+Each file is verified at three cameras and three times. The first file is also
+drawn in other number formats.
 """
 
 import datetime
@@ -27,7 +28,7 @@ def run(*command, **options):
 
 
 def instructions(program, folder):
-    """{(operator, integer|float32|float64): instructions a unit}"""
+    """{(operator, integer|float32|float64): instructions for a unit}"""
     os.makedirs(folder, exist_ok=True)
     for name in os.listdir(folder):
         os.unlink(os.path.join(folder, name))
@@ -53,7 +54,7 @@ def instructions(program, folder):
 
 
 def operators(build):
-    """The rows of both builds; float rows are those of the first."""
+    """The rows of both builds. The rows of float come from the first build."""
     rows = []
     for folder, name in (("numerics", VARIANTS[3]),
                          ("numerics-plain", VARIANTS[2])):
@@ -81,7 +82,7 @@ def verified(saga, path):
 # ---- numbers
 
 def bits(row):
-    """How many bits of the operator's range are right; None: all."""
+    """The number of correct bits of the operator's range, or None for all."""
     if not row.get("rms"):
         return None
     return math.log2(row["peak"] / row["rms"])
@@ -103,7 +104,7 @@ def significant(v, n=3):
 # ---- tables for gnuplot
 
 def fill_wholes(result):
-    """Segment and picture have the errors of the first file's pictures."""
+    """Fills in the errors of segment and picture from the first file."""
     views = next(iter(result["files"].values()))
     whole = {s: mean_square(views, s) for s in STAGES}
     rms = {"segment (demo)": math.sqrt(whole["scaffold"] ** 2 -

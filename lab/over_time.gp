@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 #
-# How good a file is from frame to frame, with and without a base, from what
-# lab/seams.sh keeps of both:
+# Plots the PSNR of a file frame by frame, with and without a base, from the CSV
+# files of lab/seams.sh:
 #   gnuplot -e "base='a.csv'; none='b.csv'; fps=24; out='x.svg'" lab/over_time.gp
 set terminal svg size 800,420 font 'sans-serif,12' background rgb 'white'
 set output out

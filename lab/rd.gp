@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: MIT
 #
-# Rate and distortion of every scene. Set: folder (with NAME.dat), scenes, their
-# types (a word a scene: the line type of each of its curves, a digit), out.
+# Plots rate and distortion of every scene. Set: folder (with NAME.dat), scenes,
+# their types (a word for each scene, with a digit for the line type of each of
+# its curves), out.
 n = words(scenes)
 columns = n < 3 ? n : 3
 lines = (n + columns - 1) / columns

@@ -1,20 +1,22 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Rate and distortion of scenes: what `make rd` and `make rd-short` run.
+"""Measures rate and distortion of scenes; `make rd` and `make rd-short` run it.
 
   rd.py [--short] [--x265] [--table] [--scenes A,B] [--seeds N,M] [--rates N,M]
         [NAME=CAPTURE ...]
 
-Trains each scene of lab/rd.ini (SCENES=FILE: another) at its rates with its
-seeds, evaluates the closed file, and appends a row to rows.jsonl (--short:
-short.jsonl) in RESULTS (docs/results/rd). A row that is there for the code of
-this tree and these options is not run again. Code is what is in common/,
-decoder/ and trainer/, so that a change elsewhere keeps the rows. An interrupted
-training goes on where it was. --x265 measures the missing points of x265, too;
---table only writes RESULTS.md and .svg from what is there, which the long form
-does at the end. The short form prints how each row differs from the row before.
+Trains each scene of lab/rd.ini (SCENES=FILE: another list) at its rates with
+its seeds, evaluates the finished file, and appends a row to rows.jsonl
+(--short: short.jsonl) in RESULTS (docs/results/rd). A row that exists for the
+code of this tree and these options is not measured again. The code is the
+contents of common/, decoder/ and trainer/, so that a change elsewhere keeps the
+rows. An interrupted training is continued. --x265 also measures missing points
+of x265. --table only writes RESULTS.md and .svg from existing rows, which the
+long form does at its end. The short form prints how each row differs from the
+previous one with these options.
 
-Environment: SAGA (build/saga), WORK (build/rd), RESULTS, THREADS (1).
+Environment, with defaults: SAGA (build/saga), WORK (build/rd), RESULTS
+(docs/results/rd), THREADS (1).
 """
 import configparser
 import datetime
@@ -44,7 +46,7 @@ def say(text):
 # --- The code ----------------------------------------------------------------
 
 def code_of_tree():
-    """A name for what is in the folders that decide the results."""
+    """A name for the contents of the folders on which results depend."""
     digest = hashlib.sha256()
     for top in "common", "decoder", "trainer":
         for folder, folders, files in sorted(os.walk(os.path.join(ROOT, top))):
@@ -57,7 +59,7 @@ def code_of_tree():
 
 
 def commit_of_tree():
-    """The commit, with a + if the tree has changes; None without git."""
+    """The commit, with a + if the tree has changes, or None without git."""
     git = ["git", "-C", ROOT]
     try:
         commit = subprocess.check_output(
@@ -73,7 +75,7 @@ def commit_of_tree():
 # --- Scenes ------------------------------------------------------------------
 
 class Scene:
-    """A section of the table, and where its capture is."""
+    """A section of lab/rd.ini, and the path of its capture."""
 
     def __init__(self, name, section, capture):
         self.name = name
@@ -97,7 +99,7 @@ class Scene:
 
 
 def read_scenes(form, captures):
-    """Every scene of a form; captures: {name: path}."""
+    """All scenes of the short or long form; captures: {name: path}."""
     table = configparser.ConfigParser()
     with open(SCENES) as f:
         table.read_file(f)
@@ -107,7 +109,7 @@ def read_scenes(form, captures):
         if short != (form == "short") or title == "capture":
             continue
         if "synth" in table[title]:
-            # Other options, other pictures: a folder for each.
+            # Captures with different options have different folders.
             options = table[title]["synth"]
             mark = hashlib.sha256(options.encode()).hexdigest()[:8]
             path = os.path.join(WORK, f"{name}-{mark}")
@@ -121,7 +123,8 @@ def read_scenes(form, captures):
 
 
 def prepare(scene):
-    """Renders a built-in scene; False, after a word, where there is none."""
+    """Renders a built-in scene. Returns False, after a message, if the scene is
+    a capture that does not exist."""
     if not scene.capture or not (scene.synth or os.path.exists(scene.capture)):
         where = scene.capture or "it is not named: CAPTURES='NAME=PATH ...'"
         say(f"rd: {scene.name} is skipped: no capture ({where})")
@@ -140,7 +143,7 @@ def prepare(scene):
 # --- Running -----------------------------------------------------------------
 
 def run(command, out):
-    """CPU seconds that a command and its children took."""
+    """Runs a command. Returns the CPU seconds that it and its children took."""
     env = dict(os.environ, OMP_NUM_THREADS=THREADS)
     process = subprocess.Popen(command, stdout=out, env=env)
     while True:
@@ -148,13 +151,14 @@ def run(command, out):
             _, status, usage = os.wait4(process.pid, 0)
             break
         except KeyboardInterrupt:
-            pass  # it had the signal too, and saves what it has
+            pass  # the command has got the signal, too, and saves its state
     process.returncode = os.waitstatus_to_exitcode(status)
     return process.returncode, usage.ru_utime + usage.ru_stime
 
 
 def must(command, name):
-    """Its output in the file NAME, whole or not at all, and its seconds."""
+    """Runs a command and writes its output to the file `name` when it is
+    complete. Returns its CPU seconds."""
     with open(name + ".part", "w") as out:
         status, seconds = run(command, out)
     if status:
@@ -168,7 +172,8 @@ def spent_before(name):
 
 
 def train(scene, base, options):
-    """Report and CPU seconds of a training, all its parts together."""
+    """Trains. Returns the report, and the CPU seconds, which include those of
+    interrupted runs."""
     resume = ["--resume"] if os.path.exists(base + ".saga.ckpt") else []
     before = spent_before(base + ".cpu") if resume else 0.0
     report, seconds = must(
@@ -204,7 +209,7 @@ def mean(values):
 
 
 def changing(views):
-    """PSNR of all changing pixels of these views together."""
+    """The PSNR over all changing pixels of these views."""
     error = pixels = 0
     for v in views:
         n = v["changing_pixels"]
@@ -215,8 +220,8 @@ def changing(views):
 
 
 def quality(report):
-    """The protocol: the PSNR of the squared error over all frames of a camera,
-    then the mean over cameras."""
+    """The PSNR by our protocol: from the squared error over all frames of a
+    camera, then averaged over cameras."""
     views = report["views"]
     sets = {"all": views,
             "training": [v for v in views if not v["held_out"]],
@@ -247,7 +252,7 @@ def same(row, wanted):
 
 
 def measure(scene, code, rate, seed):
-    """The row of one training."""
+    """Trains and evaluates; returns the row."""
     options = scene.encode_options(rate, seed)
     base = os.path.join(WORK, code, scene.name)
     os.makedirs(base, exist_ok=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Rows of lab/rd.py as a page, a plot, and differences."""
+"""Shows rows of lab/rd.py as a page, a plot, and differences."""
 import math
 import os
 import shutil
@@ -11,7 +11,7 @@ import textwrap
 from bd_rate import bd_rate, common, saving
 
 LAB = os.path.dirname(os.path.abspath(__file__))
-LEAST = 1.0  # dB in common, below which a BD-rate says nothing
+LEAST = 1.0  # dB that curves must have in common for a useful BD-rate
 AT = 27, 28.5, 30, 32  # dB at which savings are told
 CODECS = {"x265": "x265 medium", "vvenc": "VVenC medium",
           "vvenc_psnr": "VVenC for PSNR",
@@ -36,7 +36,7 @@ def percent(x):
 
 
 def line(row):
-    """A row or point in a line of the terminal."""
+    """A row or point as a line for the terminal."""
     p, c = row["psnr"], row.get("changing", {})
     text = (f"{row['scene']:8} {kb(row['bytes']):>8} kB  held out "
             f"{db(p.get('held_out')):>5}  training {db(p.get('training')):>5}"
@@ -50,14 +50,14 @@ def line(row):
 # --- Curves ------------------------------------------------------------------
 
 def setting(row):
-    """A row's options without the seed's."""
+    """A row's options without the seed."""
     o = row["options"]
     at = o.index("--seed")
     return tuple(o[:at] + o[at + 2:])
 
 
 class Point:
-    """A rate: what its seeds have in the mean."""
+    """A rate: the means over its seeds."""
 
     def __init__(self, rows):
         self.rows = rows
@@ -75,27 +75,29 @@ def rates(rows):
 
 
 def curve(points, of):
-    """(bytes, dB) of rows or rates; empty if a set has no such views."""
+    """The points (bytes, dB) of rows or rates; empty if there are no views of
+    this set."""
     out = [(p.bytes, p.psnr(of)) if isinstance(p, Point) else
            (p["bytes"], p["psnr"].get(of)) for p in points]
     return [] if any(d is None for _, d in out) else out
 
 
 def of_scene(rows, scene):
-    """The scene's rows of today's table, by code, the oldest first."""
+    """The rows of the scene as lab/rd.ini defines it now, by code, the oldest
+    first."""
     wanted = {tuple(scene.encode_options(i, seed)) for i in
               range(len(scene.rates)) for seed in scene.seeds}
     states = {}
     for row in rows:
         if (row["scene"] == scene.name and row["source"] == scene.source() and
                 tuple(row["options"]) in wanted):
-            # A state that is measured again is the newest.
+            # Code that is measured again counts as the newest.
             states[row["code"]] = states.pop(row["code"], []) + [row]
     return list(states.values())
 
 
 def anchors(points, scene):
-    """{codec: its points of this scene's pictures}"""
+    """{codec: its points on the pictures of this scene}"""
     out = {}
     for p in points:
         if p["scene"] == scene.name and p.get("source", scene.source()) == \
@@ -137,7 +139,7 @@ def scene_table(rows):
 
 
 def against(anchor, test, within):
-    """BD-rate and its interval, as two cells."""
+    """The BD-rate and its interval of PSNR, as two cells of a table."""
     if not anchor or not test:
         return ["-", ""]
     interval = common(anchor, test, within)
@@ -149,7 +151,7 @@ def against(anchor, test, within):
 
 
 def seeds_of(rows, anchor, of, within):
-    """The range of the seeds' own BD-rates, where there are several."""
+    """The range of the BD-rates of single seeds, if there are several."""
     own = {}
     for row in rows:
         own.setdefault(row["seed"], []).append(row)
@@ -260,7 +262,7 @@ def page(scenes, rows, points):
 # --- The plot ----------------------------------------------------------------
 
 def curves_of(scene, rows, points):
-    """(title, its line's type, curve) of what there is of a scene."""
+    """(title, line type, curve) for everything measured on a scene."""
     states, its = of_scene(rows, scene), anchors(points, scene)
     ours = rates(states[-1]) if states else []
     out = [("saga, all cameras", 1, curve(ours, "all")),
@@ -314,7 +316,7 @@ def change(old, new, of, key):
 
 
 def differences(rows, scenes, code):
-    """How the rows of this code differ from the last ones of another."""
+    """Prints how the rows of this code differ from the latest of other code."""
     for scene in scenes:
         states = of_scene(rows, scene)
         now = [s for s in states if s[0]["code"] == code]

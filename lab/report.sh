@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: MIT
 #
 # report.sh NAME CAPTURE [options of saga encode]: encodes a capture with
-# --preset fast, judges the file, and writes docs/results/NAME.html and .json.
-# Pictures are those of the held-out cameras and of the first others, VIEWS (3)
-# in all, as JPEG, so that the page stays small. What is in build/report/ from a
-# run before is not made again.
+# --preset fast, evaluates the file, and writes docs/results/NAME.html and
+# .json. The page shows the held-out cameras and the first other ones, VIEWS (3)
+# in all, as JPEG, so that it stays small. Results of an earlier run in
+# build/report/ are kept.
 set -euo pipefail
 name=$1 capture=$2
 shift 2

@@ -1,16 +1,17 @@
 #!/bin/bash
 # SPDX-License-Identifier: MIT
 #
-# seams.sh FILE.saga CAPTURE: how well a file changes from frame to frame, on the
-# seams between its segments and elsewhere. CAPTURE is one of `saga synth`.
+# seams.sh FILE.saga CAPTURE: measures how well a file reproduces the changes
+# from frame to frame, at the seams between its segments and elsewhere. CAPTURE
+# comes from `saga synth`.
 #
-# The temporal PSNR of a pair of frames is that of the change from one to the
-# next, each value the difference of two 8-bit ones and clipped to +-128. The
-# mean squared error is taken over all cameras of a pair, and over the pairs of
-# a row. PSNR is that of the frames themselves, of the pairs' second ones.
+# The temporal PSNR of a pair of frames compares the changes from one frame to
+# the next: each value is the difference of two 8-bit values, clipped to +-128.
+# The mean squared error is taken over all cameras of a pair and over the pairs
+# of a row. PSNR compares the second frames of the pairs.
 #
-# CSV=FILE: keeps both of every frame and the pair that ends with it, 0 where
-# there is none, for lab/over_time.gp.
+# CSV=FILE: writes, for lab/over_time.gp, the PSNR of every frame and the
+# temporal PSNR of the pair that ends with it, or 0 for the first frame.
 set -eu
 saga=${SAGA:-${BUILD:-build}/saga}
 work=$(mktemp -d)
@@ -35,7 +36,7 @@ for ((v = 0; v < views; v++)); do
                 [b][d]psnr=stats_file=$work/plain.$v[y]" \
         -map '[x]' -map '[y]' -f null -
 done
-# ffmpeg counts frames from 1, and pairs too: pair n ends with frame n.
+# ffmpeg counts frames and pairs from 1; pair n ends with frame n.
 awk -v seams="$seams" -v csv="${CSV:-}" '
     BEGIN { split(seams, s, " "); for (i in s) is_seam[s[i]] = 1 }
     {

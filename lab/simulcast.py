@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""A capture's videos through a video codec, and what it decodes as a capture
-again.
+"""Codes a capture's videos with a video codec, and makes a capture of the
+decoded videos.
 
-Each camera is a stream of its own at a constant quality, tuned for PSNR where
-the encoder can be, with one thread, which saves bits. The pictures are judged
-as saga's are, by `saga eval`: the decoded videos take the place of the
-capture's, so that both sides pass the same loader, lenses removed and all.
+Each camera is a separate stream at a constant quality, tuned for PSNR if the
+encoder supports it, with one thread, which saves bits. The pictures are
+evaluated by `saga eval` like those of saga. The decoded videos take the place
+of the capture's, so that both go through the same loader, which also undistorts
+them.
 """
 import collections
 import glob
@@ -14,14 +15,14 @@ import re
 import shutil
 import subprocess
 
-# Conversions between RGB of 8 bits and 4:2:0, as good as ffmpeg has them.
+# The most exact conversions of ffmpeg between 8-bit RGB and 4:2:0.
 TO_YUV = ("scale=out_color_matrix=bt709:out_range=tv:flags=bicubic+accurate_rnd"
           "+full_chroma_int,format=yuv420p")
 TO_RGB = ("scale=in_color_matrix=bt709:in_range=tv:out_range=full:flags=bicubic"
           "+accurate_rnd+full_chroma_int+full_chroma_inp,format=rgb24")
 
-# An encoder of ffmpeg's, its options but for the quality, which has one of its
-# own, the form of a raw stream, and four qualities from good to bad.
+# An encoder of ffmpeg: its options, the option that sets the quality, the
+# format of a raw stream, and four qualities from good to bad.
 Codec = collections.namedtuple("Codec", "encoder options quality raw rates")
 CODECS = {
     "x265": Codec("libx265", [
@@ -41,11 +42,11 @@ CODECS = {
 
 
 class Missing(Exception):
-    """There is no ffmpeg with the encoder."""
+    """ffmpeg or the encoder is not installed."""
 
 
 def ffmpeg(*words):
-    # SVT-AV1 talks beside ffmpeg's own log: errors alone, please.
+    # SVT-AV1 has a log of its own, which is limited to errors.
     subprocess.check_call(["ffmpeg", "-v", "error", "-nostdin", "-y"] +
                           list(words), env=dict(os.environ, SVT_LOG="1"))
 
@@ -62,8 +63,8 @@ def check(codec):
 
 
 def cameras(capture):
-    """(input options, path from the capture's folder) of each camera: a video,
-    or a folder of pictures."""
+    """(ffmpeg's input options, path in the capture) for each camera: a video or
+    a folder of pictures."""
     out = []
     for path in sorted(glob.glob(os.path.join(capture, "cam*.mp4")) +
                        glob.glob(os.path.join(capture, "videos", "*.mp4"))):
@@ -85,7 +86,7 @@ def decoded(folder):
 
 
 def share_rest(capture, to):
-    """Poses, points and the like are the capture's own."""
+    """Links the other files of the capture: poses, points and the like."""
     for name in os.listdir(capture):
         if name in ("images", "videos", "depth") or \
                 re.fullmatch(r"cam.*\.mp4", name):
@@ -95,7 +96,7 @@ def share_rest(capture, to):
 
 
 def decode_pictures(mp4, source, to):
-    """Into pictures of the names that the capture's have."""
+    """Decodes into pictures with the same names as those of the capture."""
     os.makedirs(to)
     ffmpeg("-i", mp4, "-vf", TO_RGB, "-start_number", "0",
            os.path.join(to, "x%05d.png"))
@@ -109,8 +110,9 @@ def decode_pictures(mp4, source, to):
 
 
 def encode(capture, codec, quality, folder, every=None):
-    """The bytes of all raw streams; the pictures are in decoded(folder). every:
-    frames between two keyframes, as often as the codec likes if not given."""
+    """Codes the capture. Returns the bytes of all raw streams; the pictures are
+    in decoded(folder). `every` is the number of frames between two keyframes;
+    if it is not given, the codec chooses."""
     check(codec)
     c = CODECS[codec]
     keyframes = ["-g", every, "-keyint_min", every] if every else []

@@ -2,12 +2,13 @@
 //
 // node splat_viewer.mjs VIEWER FILE INFO.json CAMERA OUT.png
 //
-// The picture that a public viewer draws of a splat file, in headless Chromium,
-// from a camera of the rig that `saga info --json` lists. VIEWER is gs3d
-// (@mkkellogg/gaussian-splats-3d), spark (@sparkjsdev/spark) or playcanvas, the
-// only one for GLB; OPTIONS in the environment are more of its options, as JSON. It
-// runs in a folder where npm has installed the viewer, three and puppeteer-core;
-// docs/results/export.md has the commands.
+// Writes the picture that a public viewer draws from a splat file, in headless
+// Chromium, for a camera of the rig that `saga info --json` lists. VIEWER is
+// gs3d (@mkkellogg/gaussian-splats-3d), spark (@sparkjsdev/spark), or
+// playcanvas, the only one that reads GLB. The environment variable OPTIONS has
+// further options of the viewer, as JSON. It runs in a folder where npm has
+// installed the viewer, three and puppeteer-core; docs/results/export.md has
+// the commands.
 import fs from 'fs';
 import http from 'http';
 import path from 'path';
@@ -22,7 +23,7 @@ const options = process.env.OPTIONS || '{}';
 
 const gs3d = '/node_modules/@mkkellogg/gaussian-splats-3d/build/' +
     'gaussian-splats-3d.module.js';
-// A camera of three that sees what ours does.
+// A camera of three with the same view as ours.
 const three = `
 const renderer = new THREE.WebGLRenderer({ preserveDrawingBuffer: true,
     canvas: document.querySelector('canvas') });

@@ -2,18 +2,19 @@
 # SPDX-License-Identifier: MIT
 #
 # x265_points.sh CAPTURE NBYTES...: prints the PSNR that H.265 reaches on a
-# capture's videos with NBYTES for all of them, simulcast: each camera is
-# a stream of its own, by x265 with the preset medium and --tune psnr, without
-# what only costs bytes: wavefronts, and the text on itself that x265 writes
-# into each stream (lab/simulcast.py does the same). The PSNR is that of the
-# squared error over all frames of a camera, R, G and B, and then the mean over
-# cameras (`saga eval --json`: psnr_of_mean_mse). It is interpolated between the
-# two constant qualities (crf) nearest to NBYTES, whose raw streams' bytes and
-# PSNR are printed beside it.
+# capture's videos if all of them together have NBYTES. Each camera is a
+# separate stream, coded by x265 with the preset medium and --tune psnr.
+# Wavefronts, and the description of itself that x265 writes into each stream,
+# are turned off, because they only cost bytes (lab/simulcast.py does the same).
+# The PSNR is computed from the squared error over all frames of a camera, R, G
+# and B, and then averaged over cameras (`saga eval --json`: psnr_of_mean_mse).
+# It is interpolated between the two constant qualities (crf) nearest to NBYTES;
+# the bytes and PSNR of their raw streams are printed, too.
 #
-# A capture is what `saga encode` reads: camNN.mp4, videos/NAME.mp4 or
-# images/NAME/*.png. Frames are taken as they were filmed, no lens removed.
-# PRESET: another preset. Without ffmpeg or libx265 it says so and exits with 0.
+# A capture is one that `saga encode` reads: camNN.mp4, videos/NAME.mp4 or
+# images/NAME/*.png. Frames are compared as they were filmed, with their lens
+# distortion. PRESET sets another preset. Without ffmpeg or libx265 the script
+# prints a message and exits with 0.
 set -euo pipefail
 capture=$1
 shift
@@ -26,7 +27,7 @@ fi
 tmp=$(mktemp -d)
 trap 'rm -rf "$tmp"' EXIT
 
-# A line for each camera: what makes ffmpeg read its pictures, between tabs.
+# A line for each camera: ffmpeg's input options, separated by tabs.
 cameras() {
     local fps at
     fps=$(sed -n 's/.*"fps": *\([0-9.]*\).*/\1/p' \
@@ -43,11 +44,11 @@ cameras() {
 mapfile -t inputs < <(cameras)
 [ ${#inputs[@]} != 0 ] || { echo "x265_points: no camera in $capture"; exit 1; }
 
-# RGB of 8 bits from any source; what a player shows of 4:2:0.
+# The conversion to 8-bit RGB, from any source and from decoded 4:2:0.
 rgb="scale=out_range=full:flags=bicubic+accurate_rnd+full_chroma_int"
 rgb="$rgb+full_chroma_inp,format=gbrp"
 
-# point CRF: "bytes dB" of all cameras.
+# point CRF: prints "bytes dB" for all cameras together.
 point() {
     local i=0 line in
     for line in "${inputs[@]}"; do
@@ -69,7 +70,8 @@ point() {
             END { if (NR != want) exit 1; printf "%d %.2f\n", n, sum / NR }'
 }
 
-# between WANT BYTES DB BYTES DB: the PSNR at WANT bytes, linear in their log.
+# between WANT BYTES DB BYTES DB: prints the PSNR at WANT bytes, interpolated
+# linearly in the logarithm of the bytes.
 between() {
     awk -v w="$1" -v n0="$2" -v d0="$3" -v n1="$4" -v d1="$5" 'BEGIN {
         printf "%.2f\n", d0 + (d1 - d0) * log(w / n0) / log(n1 / n0) }'
@@ -78,7 +80,7 @@ between() {
 echo "| bytes | PSNR, dB | between, bytes : dB |"
 echo "|---|---|---|"
 for want in "$@"; do
-    # The best and the worst quality that the format has, and points there.
+    # The best and the worst quality of the format, and their points.
     lo=0 hi=51 more= less=
     for _ in 1 2 3 4 5 6; do
         crf=$(awk "BEGIN { print ($lo + $hi) / 2 }")
