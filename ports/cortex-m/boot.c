@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Cortex-M3 and up, without a C library: vectors, reset, the timer, and the
- * four functions that a compiler may call by itself.
+ * Support for Cortex-M3 and later without a C library: vectors, reset, the
+ * timer, and the four functions that a compiler may call on its own.
  */
 #include "boot.h"
 
@@ -9,13 +9,13 @@
 
 #include <stddef.h>
 
-/* firmware.ld has these. */
+/* firmware.ld defines these. */
 extern uint32_t boot_stack[], boot_stack_top[], boot_bss[], boot_bss_end[];
 
 int main(void);
 void boot_reset(void);
 
-/* --- What compilers call ------------------------------------------------- */
+/* --- Functions that compilers call --------------------------------------- */
 
 void *memcpy(void *to, const void *from, size_t n);
 void *memmove(void *to, const void *from, size_t n);
@@ -119,9 +119,10 @@ static void on_fault(void)
     semihost_exit(3);
 }
 
-/* The vector unit of a Cortex-M55 is off after reset; writing here does
- * nothing where there is none. The stack is filled up to the frame that fills
- * it. */
+/* Starts the program. It first turns on the vector unit, which a Cortex-M55 has
+ * off after reset; processors without one ignore this. Then it fills the unused
+ * stack with a pattern, from which boot_stack_nbytes finds how much was used.
+ */
 void boot_reset(void)
 {
     uint32_t *const here = __builtin_frame_address(0);
@@ -139,7 +140,7 @@ void boot_reset(void)
 
 typedef void (*handler)(void);
 
-/* The stack's top, then reset and the exceptions 2 to 15. */
+/* The vector table: the stack's top, reset, and the exceptions 2 to 15. */
 static const struct {
     uint32_t *stack;
     handler reset, exception[14];

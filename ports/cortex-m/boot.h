@@ -1,19 +1,19 @@
 /* SPDX-License-Identifier: MIT
  *
- * The code that runs before main, and the processor's counters.
+ * The code that runs before main, the timer, and the use of the stack.
  */
 #ifndef SAGA_BOOT_H
 #define SAGA_BOOT_H
 
 #include <stdint.h>
 
-/* Ticks of the processor's timer since the start. A tick is a clock of the
- * processor; where the emulator counts instructions, a fixed number of these.
- */
+/* Returns the ticks of the timer since the start. A tick is a clock cycle of
+ * the processor, or in an emulator that counts instructions a fixed number of
+ * them. */
 uint64_t boot_ticks(void);
 
-/* Bytes of stack that have been used at any time since the start, from what is
- * left of the pattern it was filled with. */
+/* Returns the largest number of bytes of stack used at any time since the
+ * start, found from the remains of the pattern with which it was filled. */
 uint32_t boot_stack_nbytes(void);
 
 #endif

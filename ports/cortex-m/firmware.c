@@ -1,25 +1,26 @@
 /* SPDX-License-Identifier: MIT
  *
- * A decoder of level 0 on a microcontroller: static buffers and saga.h. Decodes
- * every stream in flash (build.sh puts them there), draws each segment as two
- * cameras see it, and says over semihosting what a line of vectors/MANIFEST
- * says, but for the symbols:
+ * A decoder for level 0 on a microcontroller, with static buffers and saga.h
+ * alone. It decodes every stream in flash (build.sh puts them there) and draws
+ * each segment from two cameras. For each picture it prints over semihosting a
+ * line of vectors/MANIFEST without the checksums of the symbols:
  *
  *     FILE SEGMENT RANGE RANGE RANGE T CAMERA PRIMITIVES SPLATS FRAME
  *
  * Lines that begin with `#` are measurements. With an argument, the last
- * picture goes to a PPM of that name on the host.
+ * picture is written to a PPM file of that name on the host.
  */
 #include "boot.h"
 #include "semihost.h"
 
 #include "saga.h"
 
-/* Level 0 has 256 KiB of work at most; this and what is below share as much
- * with the stack. Streams that need more are refused. */
+/* A stream of level 0 may need a work block of 256 KiB. Here the work block,
+ * the buffers below and the stack together have 256 KiB, so that streams that
+ * need more than this are refused. */
 enum { WORK_NBYTES = 234 << 10 };
 
-/* Pictures are drawn in strips, as high as a tile. */
+/* Pictures are drawn in strips with the height of a tile. */
 enum { MOST_WIDTH = 160, TILE = 16, LIST = 256, BUDGET = 1 << 20 };
 
 static struct {
@@ -28,7 +29,8 @@ static struct {
     uint8_t strip[3 * MOST_WIDTH * TILE];
 } memory;
 
-/* The streams in flash: build.sh writes the table, whose last name is NULL. */
+/* A stream in flash. build.sh writes the table of streams, which ends with a
+ * NULL name. */
 typedef struct {
     const char *name;
     const uint8_t *bytes, *end;
@@ -36,7 +38,7 @@ typedef struct {
 
 extern const stream streams[];
 
-/* --- Words --------------------------------------------------------------- */
+/* --- Printing ------------------------------------------------------------ */
 
 static void field(uint32_t x)
 {
@@ -117,12 +119,12 @@ static uint32_t splats_crc(const saga_decoder *dec, uint32_t n)
 
 /* --- A picture ----------------------------------------------------------- */
 
-/* A segment is reported by what is seen of it and what it took. */
+/* A picture of a segment, with its checksums and times. */
 typedef struct {
     saga_camera camera;
-    uint32_t index;              /* the camera's, in the rig */
+    uint32_t index;              /* of the camera in the rig */
     int32_t t;
-    int file;                    /* of the host, -1: none */
+    int file;                    /* handle on the host; -1: none */
     uint32_t primitives, splats, frame; /* checksums */
     uint64_t view, draw;         /* ticks */
 } picture;
@@ -188,7 +190,8 @@ static int begin_ppm(const char *path, const saga_camera *c)
 
 /* --- A stream ------------------------------------------------------------ */
 
-/* Everything but the pixels. */
+/* Makes the splats of a picture and their checksums, everything except the
+ * pixels. */
 static saga_status look(picture *p, saga_decoder *dec, const stream *f)
 {
     saga_report report;
@@ -234,7 +237,7 @@ static void tell(const picture *p, const saga_decoder *dec, const stream *f,
     semihost_text("\n");
 }
 
-/* A camera's picture of the segment that is decoded. */
+/* Draws and reports a picture of the decoded segment. */
 static int show(picture p, saga_decoder *dec, const stream *f,
                 uint32_t segment, const char *path)
 {
@@ -298,7 +301,8 @@ static saga_status open_head(saga_decoder **dec, saga_info *info,
     return SAGA_OK;
 }
 
-/* As the vectors have it: every segment, at two times and cameras. */
+/* Decodes every segment and draws it at two times from two cameras, as in
+ * vectors/MANIFEST. */
 static int play(const stream *f, const char *path)
 {
     const picture first = { .index = 0, .t = 0 };
@@ -324,7 +328,7 @@ static int play(const stream *f, const char *path)
 
 /* --- The whole ----------------------------------------------------------- */
 
-/* Instructions of one turn: subs, bne. */
+/* A turn of the loop that calibrates the timer has two instructions. */
 enum { CALIBRATION_TURNS = 1 << 20, CALIBRATION_EACH = 2 };
 
 static void calibrate(void)

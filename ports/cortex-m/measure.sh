@@ -1,10 +1,10 @@
 #!/bin/sh
 # SPDX-License-Identifier: MIT
 #
-# measure.sh FOLDER: trains a level 0 file of the built-in scene (some 20 s of
+# measure.sh FOLDER: trains a level 0 file of the built-in scene (about 20 s of
 # CPU), builds the firmware for every board and optimisation, runs it in QEMU,
-# and prints the tables of docs/results/embedded.md. Everything stays in FOLDER,
-# picture.ppm among it. SAGA is the program.
+# and prints the tables of docs/results/embedded.md. All results, picture.ppm
+# among them, are kept in FOLDER. SAGA names the program.
 set -eu
 cd "$(dirname "$0")/../.."
 
@@ -19,13 +19,13 @@ mkdir -p "$out"
     "$saga" encode "$out/capture" -o "$out/scene.saga" --level 0 \
         --primitives 512 --iterations 3000 --lambda 0.02 >"$out/log" 2>&1
 
-# The level 0 streams of the vectors, and the scene as the last.
+# The level 0 streams of the vectors, then the scene.
 set --
 for f in vectors/good/*.saga; do
     [ "$(od -An -tu1 -j12 -N1 "$f" | tr -d ' ')" != 0 ] || set -- "$@" "$f"
 done
 
-# run BOARD OPT CFLAGS STREAM...: what the firmware says is in
+# run BOARD OPT CFLAGS STREAM...: runs the firmware and writes its output to
 # FOLDER/BOARD-OPT.txt.
 run() {
     board=$1 opt=$2 cflags=$3 name=$1$2
@@ -36,7 +36,8 @@ run() {
     $command,arg=x,arg="$out/picture.ppm" >"$out/$name.txt" 2>&1 </dev/null
 }
 
-# code NAME: bytes of the decoder's objects, of all code and constants.
+# code NAME: prints the bytes of the decoder's objects, and of all code and
+# constants.
 code() {
     arm-none-eabi-size "$out/$1"/*.o | awk '
         $NF !~ /(boot|semihost|firmware|streams)\.o$|filename/ { s += $1 }
@@ -45,9 +46,9 @@ code() {
         awk '$1 == ".text" || $1 == ".rodata" { s += $2 } END { print s }'
 }
 
-# numbers NAME: a line a file: name, bytes, coarse, fine, primitives, work,
-# scratch, strip, stack, MACs, then instructions of open, decode, and the mean
-# of two views and drawings.
+# numbers NAME: prints a line for each file: name, bytes, coarse, fine,
+# primitives, work, scratch, strip, stack, MACs, then the instructions to open,
+# to decode, and the means over two pictures to make a view and to draw it.
 numbers() {
     awk '
     function value(key,   i) {

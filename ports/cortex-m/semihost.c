@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "semihost.h"
 
-/* Operations of Arm's "Semihosting for AArch32 and AArch64". */
+/* The operations, from Arm's "Semihosting for AArch32 and AArch64". */
 enum {
     SYS_OPEN = 0x01, SYS_CLOSE = 0x02, SYS_WRITE0 = 0x04, SYS_WRITE = 0x05,
     SYS_GET_CMDLINE = 0x15, SYS_EXIT_EXTENDED = 0x20

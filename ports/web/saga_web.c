@@ -1,28 +1,30 @@
 /* SPDX-License-Identifier: MIT
  *
- * The decoder for WebAssembly: saga.h behind functions of plain numbers, which
- * saga.js calls. One instance of the module is one open file.
+ * The decoder for WebAssembly. saga.js calls the functions of this file, which
+ * take and return plain numbers and call saga.h. One instance of the module is
+ * one open file.
  *
- * What is larger than a number goes through memory: a function tells where,
- * JavaScript reads or writes there. Memory above the program's own is laid out
- * by the order of calls:
+ * Anything larger than a number goes through memory: a function returns an
+ * address, where JavaScript reads or writes. Above the program's own memory
+ * lie, in the order of the calls,
  *
  *     head | work block | a segment's bytes, or picture and scratch
  *
- * and grows where it must, so that JavaScript has to look at the memory anew
- * after every function here that takes a size, and after saga_web_draw.
+ * Memory grows as needed. Therefore JavaScript must take a new view of the
+ * memory after every function here that takes a size, and after saga_web_draw.
  */
 #include "saga.h"
 
 enum {
-    PAGE = 65536,           /* of WebAssembly's memory */
+    PAGE = 65536,           /* bytes by which WebAssembly's memory grows */
     ALIGN = 64,
     TILE = 32,
     LIST = 1 << 15,         /* splats that a band sees at a time */
-    INVISIBLE = 11 << 20    /* saga_animated's q0_q20 from there on */
+    INVISIBLE = 11 << 20    /* not drawn if saga_animated's q0_q20 is this or
+                             * more */
 };
 
-/* Whatever JavaScript reads, as 32-bit integers. */
+/* saga_info for JavaScript, which reads all structures as 32-bit integers. */
 typedef struct {
     uint32_t version, level, work_nbytes, head_nbytes;
     uint32_t n_segments, n_frames, fps_num, fps_den;
@@ -51,7 +53,7 @@ typedef struct {
     int32_t start;
 } web_sound;
 
-/* A primitive at a time: what saga_primitive_at and saga_colour_at say. */
+/* A primitive at a time, from saga_primitive_at and saga_colour_at. */
 typedef struct {
     saga_animated at;
     uint16_t colour_q15[4]; /* the last one is 0 */
@@ -66,74 +68,78 @@ typedef struct {
     uint32_t n_primitives, n_splats;
 } web_picture;
 
-/* --- What JavaScript calls ------------------------------------------------ */
+/* --- Functions for JavaScript --------------------------------------------- */
 
-/* A function keeps its C name; its prototype stands here. */
+/* Exports a function under its C name. */
 #define EXPORT(name) __attribute__((export_name(#name)))
 
-/* Room for the first nbytes of a file, which must be written there before
- * saga_web_probe. Closes what was open. NULL: no memory. */
+/* Returns memory for the first nbytes of a file, which must be written there
+ * before saga_web_probe, or NULL if memory is missing. Closes the open file. */
 EXPORT(saga_web_head) uint8_t *saga_web_head(uint32_t nbytes);
 
-/* saga_probe of what is in the head so far, told at saga_web_info. */
+/* Calls saga_probe on the bytes of the head so far; saga_web_info returns the
+ * result. */
 EXPORT(saga_web_probe) int32_t saga_web_probe(void);
 EXPORT(saga_web_info) const web_info *saga_web_info(void);
 
-/* saga_open of the whole head, in a work block behind it. */
+/* Calls saga_open on the whole head, with a work block after the head. */
 EXPORT(saga_web_open) int32_t saga_web_open(void);
 
-/* Where a camera lies: saga_web_rig writes it, saga_web_view reads it. */
+/* Returns the camera that saga_web_rig writes and saga_web_view reads. */
 EXPORT(saga_web_camera) web_camera *saga_web_camera(void);
 EXPORT(saga_web_rig) int32_t saga_web_rig(uint32_t index);
 
-/* saga_find_sound, told at saga_web_sound. At the head lies the file up to the
- * end of its sound, and 4 bytes; it need not be open. */
+/* Calls saga_find_sound; saga_web_sound returns the result. The head's memory
+ * must hold the file up to 4 bytes after the end of its sound. The file need
+ * not be open. */
 EXPORT(saga_web_find_sound) int32_t saga_web_find_sound(void);
 EXPORT(saga_web_sound) const web_sound *saga_web_sound(void);
 
-/* saga_find, told at saga_web_segment. */
+/* Calls saga_find; saga_web_segment returns the result. */
 EXPORT(saga_web_find)
 int32_t saga_web_find(uint32_t frame_num, uint32_t frame_den);
 EXPORT(saga_web_segment) const web_segment *saga_web_segment(void);
 
-/* Room for a segment's bytes, to be written there before saga_web_decode. The
- * last picture is lost. NULL: no memory. The segment is named by its first
- * frame. */
+/* Returns memory for a segment's bytes, which must be written there before
+ * saga_web_decode, or NULL if memory is missing. The last picture is lost.
+ * saga_web_decode names the segment by its first frame. */
 EXPORT(saga_web_input) uint8_t *saga_web_input(uint32_t nbytes);
 EXPORT(saga_web_decode)
 int32_t saga_web_decode(uint32_t first_frame, uint32_t nbytes);
 
-/* The work block, of as many bytes as saga_web_info tells. What another
- * instance decoded that was opened with the same head may be written there
- * instead of saga_web_decode; then saga_web_adopt. NULL: nothing is open. */
+/* Returns the work block, whose size is in saga_web_info, or NULL if no file is
+ * open. Instead of calling saga_web_decode, JavaScript may copy the work block
+ * of another instance there, which was opened with the same head and has
+ * decoded a segment, and then call saga_web_adopt. */
 EXPORT(saga_web_work) uint8_t *saga_web_work(void);
 EXPORT(saga_web_adopt) int32_t saga_web_adopt(void);
 
-/* saga_view of the camera at saga_web_camera, then its picture, told at
- * saga_web_picture. */
+/* Call saga_view for the camera at saga_web_camera, and draw its picture, which
+ * saga_web_picture returns. */
 EXPORT(saga_web_view) int32_t saga_web_view(int32_t t);
 EXPORT(saga_web_draw) int32_t saga_web_draw(void);
 
-/* The splats of the last saga_web_view instead of its picture, as many as
- * saga_web_picture tells; the segment's bytes and the last picture are lost.
- * NULL: no memory, or no view. */
+/* Returns the splats of the last saga_web_view, to be drawn by JavaScript, or
+ * NULL if memory is missing or there was no view. Their number is in
+ * saga_web_picture. The segment's bytes and the last picture are lost. */
 EXPORT(saga_web_splats) const saga_splat *saga_web_splats(void);
 
-/* The primitives that are there at time t, as many as saga_web_picture tells,
- * in colours as the camera at saga_web_camera sees them from its centre; the
- * segment's bytes and the last picture are lost. NULL: no memory, or nothing is
- * decoded. */
+/* Returns the primitives that are visible at time t, with the colours that the
+ * camera at saga_web_camera sees from its centre, or NULL if memory is missing
+ * or nothing is decoded. Their number is in saga_web_picture. The segment's
+ * bytes and the last picture are lost. */
 EXPORT(saga_web_gaussians) const web_gaussian *saga_web_gaussians(int32_t t);
 
-/* The reports of saga_web_view and saga_web_draw. */
+/* Returns the results of saga_web_view and saga_web_draw. */
 EXPORT(saga_web_picture) const web_picture *saga_web_picture(void);
 
-/* CRC-32C of the last picture's R, G, B bytes. */
+/* Returns the CRC-32C of the last picture's R, G, B bytes. */
 EXPORT(saga_web_crc) uint32_t saga_web_crc(void);
 
 EXPORT(saga_web_status_text) const char *saga_web_status_text(int32_t status);
 
-/* JavaScript's: not 0 where decoding has taken long enough. */
+/* A function of JavaScript. It returns a value other than 0 if decoding takes
+ * too long and should stop. */
 __attribute__((import_module("env"), import_name("stop")))
 int32_t saga_web_stop(void);
 
@@ -152,7 +158,7 @@ static struct {
     web_picture picture;
 } web;
 
-extern uint8_t __heap_base; /* the linker's: the first free byte */
+extern uint8_t __heap_base; /* set by the linker: the first free byte */
 
 /* --- Memory -------------------------------------------------------------- */
 
@@ -161,7 +167,7 @@ static uint8_t *align_up(uint8_t *p)
     return (uint8_t *)(((uintptr_t)p + ALIGN - 1) / ALIGN * ALIGN);
 }
 
-/* Makes memory reach from `from` for `nbytes`; 0 where there is no more. */
+/* Grows memory until it has nbytes from `from` on. Returns 0 if it cannot. */
 static int reach(const uint8_t *from, uint64_t nbytes)
 {
     const uint64_t end = (uintptr_t)from + nbytes;
@@ -175,7 +181,7 @@ static int reach(const uint8_t *from, uint64_t nbytes)
                                                   PAGE)) != (size_t)-1;
 }
 
-/* --- Patience ------------------------------------------------------------ */
+/* --- Time limit ---------------------------------------------------------- */
 
 static int ask(void *user)
 {
@@ -452,7 +458,8 @@ int32_t saga_web_draw(void)
 
     if (!web.dec || !width)
         return SAGA_ERR_STATE;
-    /* The input's memory is used for R, G, B, then R, G, B, A, then scratch. */
+    /* The picture takes the place of the segment's bytes: R, G, B, then R, G,
+     * B, A, then scratch. */
     if (!reach(rgb, 7 * (uint64_t)n_pixels + nbytes + 2 * ALIGN))
         return SAGA_ERR_SPACE;
     rgba = align_up(rgb + 3 * n_pixels);
@@ -488,6 +495,7 @@ const web_gaussian *saga_web_gaussians(int32_t t)
 
     if (!web.dec || !reach(web.input, (uint64_t)n * sizeof *to))
         return NULL;
+    /* Invisible primitives are left out. */
     for (i = 0; i < n; i++) {
         if (saga_primitive_at(&to->at, web.dec, i, t))
             return NULL;
