@@ -40,8 +40,10 @@ float saga_cloud_logit(double opacity)
          : opacity >= 1.0 ? INFINITY : (float)log(opacity / (1.0 - opacity));
 }
 
-/* The ellipsoid of the rotation F R F is that of F R, since F, which is
- * diagonal with two -1, changes the signs of deviations alone. */
+/* A half turn F about a coordinate axis is a diagonal matrix with two entries
+ * of -1 and the third 1. The ellipsoid of the rotation R becomes that of F R,
+ * which is the same as that of F R F: the F on the right only changes the signs
+ * of the ellipsoid's own axes. */
 void saga_cloud_turn(saga_cloud *cloud, int axis)
 {
     const int n_harmonics = saga_n_harmonics(cloud->degree);
@@ -49,13 +51,15 @@ void saga_cloud_turn(saga_cloud *cloud, int axis)
     for (size_t i = 0; i < cloud->n; i++) {
         float *const colour = cloud->colour + 3 * (size_t)n_harmonics * i;
 
-        /* F R F has the quaternion of R, these two components negated. */
+        /* F R F has the quaternion of R with the components of the two other
+         * axes negated. */
         for (int a = 0; a < 3; a++)
             if (a != axis) {
                 cloud->mean[3 * i + (size_t)a] *= -1.0f;
                 cloud->quat[4 * i + 1 + (size_t)a] *= -1.0f;
             }
-        /* A harmonic is even or odd in the turn; the constant one is even. */
+        /* Each harmonic keeps or changes its sign under the turn; the constant
+         * harmonic keeps it. */
         for (int k = 1; k < n_harmonics; k++)
             for (int c = 0; c < 3; c++)
                 colour[3 * k + c] *= (float)saga_harmonic_turned(k, axis);

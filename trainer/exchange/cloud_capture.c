@@ -14,19 +14,19 @@
 
 #define LN2 0.69314718055994531
 
-/* The most points of all frames together; a splat below this opacity is none.
- * */
+/* All frames together have at most this number of points, and a splat with a
+ * lower opacity gives no point. */
 enum { MOST_POINTS = 20000 };
 #define LEAST_OPACITY 0.3
 
-/* Pictures of them are those of viewers, who widen splats by this number of
- * square pixels. */
+/* The pictures are drawn as other viewers of splats draw them: they widen each
+ * projected splat by this variance in square pixels. */
 #define VIEWERS_LOW_PASS R(0.3)
 
-/* More bytes of pictures are refused. */
+/* A capture whose pictures need more bytes is refused. */
 #define MOST_NBYTES ((uint64_t)4 << 30)
 
-/* Nothing nearer to a camera than this part of the scene's size is drawn. */
+/* The near plane lies at this fraction of the scene's radius. */
 #define NEAR_PART 0.02
 
 static double opacity_of(const saga_cloud *cloud, size_t i)
@@ -48,7 +48,8 @@ static int smaller(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* The value below which this part of the weights lies. */
+/* Returns the value below which the given part of the total weight lies, and
+ * sorts w. */
 static double quantile(weighted *w, size_t n, double part)
 {
     double all = 0.0, sum = 0.0;
@@ -57,7 +58,8 @@ static double quantile(weighted *w, size_t n, double part)
     qsort(w, n, sizeof *w, smaller);
     for (i = 0; i < n; i++)
         all += w[i].weight;
-    /* It ends at the last value, whatever rounding does to the sums. */
+    /* The loop ends at the last value at the latest, whatever the sums'
+     * rounding. */
     for (i = 0; i + 1 < n && sum + w[i].weight < part * all; i++)
         sum += w[i].weight;
     return w[i].value;
@@ -70,14 +72,15 @@ bool saga_cloud_extent(double centre[3], double *radius,
 
     if (!w)
         return false;
-    /* The centre: on each axis, half of the opacity lies on either side. */
+    /* The centre is the median on each axis, weighted by opacity. */
     for (size_t a = 0; a < 3; a++) {
         for (size_t i = 0; i < cloud->n; i++)
             w[i] = (weighted){ (double)cloud->mean[3 * i + a],
                                opacity_of(cloud, i) };
         centre[a] = quantile(w, cloud->n, 0.5);
     }
-    /* The radius: a sphere around it that holds four fifths of the opacity. */
+    /* The radius is that of the sphere around the centre that holds four fifths
+     * of the opacity. */
     for (size_t i = 0; i < cloud->n; i++) {
         double d = 0.0;
 
@@ -85,8 +88,8 @@ bool saga_cloud_extent(double centre[3], double *radius,
             d += pow((double)cloud->mean[3 * i + a] - centre[a], 2.0);
         w[i] = (weighted){ sqrt(d), opacity_of(cloud, i) };
     }
-    /* Near planes and places of cameras are multiples of it, so it is not 0
-     * even where all splats lie in one place. */
+    /* Near planes and positions of cameras are multiples of the radius, so it
+     * must not be 0 even if all splats lie at one point. */
     *radius = fmax(quantile(w, cloud->n, 0.8), 1e-6);
     free(w);
     return true;
@@ -94,7 +97,7 @@ bool saga_cloud_extent(double centre[3], double *radius,
 
 /* --- Primitives ---------------------------------------------------------- */
 
-/* Sets the colour of splat i as it is seen from a place. */
+/* Sets the colour of splat i as seen from the point `eye`. */
 static void colour_from(real colour[3], const saga_cloud *cloud, size_t i,
                         const double eye[3])
 {
@@ -106,8 +109,8 @@ static void colour_from(real colour[3], const saga_cloud *cloud, size_t i,
         d[a] = (double)cloud->mean[3 * i + a] - eye[a];
         length += d[a] * d[a];
     }
-    /* From the very middle of the splat d stays 0: the harmonics with a
-     * direction are 0 there, and the constant one is left. */
+    /* If the eye is at the splat's centre, d stays 0: the harmonics that depend
+     * on the direction are 0 and only the constant one counts. */
     for (int a = 0; a < 3; a++)
         d[a] /= length > 0.0 ? sqrt(length) : 1.0;
     saga_harmonics(y, d);
@@ -121,12 +124,13 @@ static void colour_from(real colour[3], const saga_cloud *cloud, size_t i,
     }
 }
 
-/* 1 / (1 + exp(-logit)) = 8 / (1 + 2^(3 - o)). */
+/* Returns the opacity parameter o that gives the same opacity as a logit, from
+ * 1 / (1 + exp(-logit)) = 8 / (1 + 2^(3 - o)). */
 static double parameter_of(float logit)
 {
     const double top = exp2(SAGA_PEAK_LOG2);
 
-    /* Solved for o; the argument of the logarithm is 7 at least. */
+    /* The equation is solved for o; the logarithm's argument is at least 7. */
     return SAGA_PEAK_LOG2 - log2(top * (1.0 + exp(-(double)logit)) - 1.0);
 }
 
@@ -135,7 +139,8 @@ bool saga_cloud_params(saga_splat_params *p, const saga_cloud *cloud,
 {
     if (!saga_params_alloc(p, saga_attrs_of_tools(0, true), cloud->n, error))
         return false;
-    /* Shapes stay; only units of scales and opacities differ. */
+    /* Shapes stay as they are; only the units of scales and opacities
+     * differ. */
     for (size_t i = 0; i < cloud->n; i++) {
         p->opacity[i] = (real)parameter_of(cloud->logit[i]);
         for (size_t a = 0; a < 3; a++) {
@@ -146,8 +151,8 @@ bool saga_cloud_params(saga_splat_params *p, const saga_cloud *cloud,
         for (size_t a = 0; a < 4; a++)
             p->quat[4 * i + a] = (real)cloud->quat[4 * i + a];
     }
-    /* One colour each, a mean. Without shots colours stay 0: draw() sets those
-     * of each view. */
+    /* The colour is the mean of what the shots see. If there are no shots,
+     * colours stay 0, because draw() sets the colours for each view. */
     for (int v = 0; v < n_shots; v++) {
         double eye[3];
 
@@ -165,7 +170,7 @@ bool saga_cloud_params(saga_splat_params *p, const saga_cloud *cloud,
 
 /* --- Pictures ------------------------------------------------------------ */
 
-/* A frame on its way into the capture. */
+/* One frame while its views are drawn. */
 typedef struct {
     const saga_cloud *cloud;
     saga_splat_params params;
@@ -200,14 +205,15 @@ static bool draw(uint8_t *rgb, const frame *f, const saga_shot *v,
     double eye[3];
 
     saga_shot_centre(eye, v);
-    /* Colours are those of this view; all else serves every view. */
+    /* Only colours depend on the view; the other parameters serve all views. */
     for (size_t i = 0; i < f->cloud->n; i++)
         colour_from(f->params.colour + 3 * i, f->cloud, i, eye);
     aim(&f->canvas->camera, v, f->near_plane);
     if (!saga_splat_forward(f->canvas, &f->params, (uint32_t)f->cloud->n,
                             error))
         return false;
-    /* The canvas has planes, (3, H, W); pictures of a capture are (H, W, 3). */
+    /* The canvas stores planes, (3, H, W); a capture stores pixels, (H, W,
+     * 3). */
     for (size_t i = 0; i < n; i++)
         for (size_t k = 0; k < 3; k++) {
             const double x = (double)f->canvas->image[k * n + i];
@@ -217,10 +223,12 @@ static bool draw(uint8_t *rgb, const frame *f, const saga_shot *v,
     return true;
 }
 
-/* Adds means of what can be seen, at equal distances in their order. */
+/* Adds the means of visible splats as points; the splats are taken at equal
+ * distances in the file's order. */
 static void add_points(saga_capture *c, const saga_cloud *cloud, int n_frames)
 {
-    /* Frames have equal shares: the first does not fill all places. */
+    /* All frames have equal shares, so that the first frame does not use all
+     * points. */
     const size_t share = MOST_POINTS / (size_t)n_frames + 1;
     const size_t every = cloud->n / share + 1;
 
@@ -230,7 +238,8 @@ static void add_points(saga_capture *c, const saga_cloud *cloud, int n_frames)
         if (opacity_of(cloud, i) < LEAST_OPACITY)
             continue;
         for (size_t a = 0; a < 3; a++) {
-            /* The constant harmonic alone is the mean over all directions. */
+            /* The mean over all directions is given by the constant harmonic
+             * alone. */
             const double v = 0.5 + SAGA_HARMONIC_0 * (double)cloud->colour[
                 3 * (size_t)saga_n_harmonics(cloud->degree) * i + a];
 
@@ -297,8 +306,8 @@ static bool begin(saga_capture *c, const saga_cloud_source *s,
     c->points = saga_alloc(MOST_POINTS, sizeof *c->points, "points", error);
     if (!c->views || !c->points)
         return false;
-    /* n_views grows with the views, so that saga_capture_free finds them all
-     * where memory ends half-way. */
+    /* n_views grows with each view, so that saga_capture_free frees all of them
+     * if an allocation fails half-way. */
     for (int v = 0; v < s->n_shots; v++) {
         c->views[v] = s->shot[v];
         c->n_views++;
@@ -329,7 +338,8 @@ static bool fill(saga_capture *c, const saga_cloud_source *s,
     saga_canvas canvas = { .t = 0 };
     bool ok = saga_canvas_init(&canvas, largest(s), error);
 
-    /* Behind saga_canvas_init, which sets the rules of our own decoder. */
+    /* saga_canvas_init sets the rules of the saga decoder, so this comes after
+     * it. */
     canvas.rules.low_pass = VIEWERS_LOW_PASS;
     for (int k = 0; k < s->n_frames && ok; k++) {
         char doing[64];

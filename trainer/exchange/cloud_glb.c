@@ -15,7 +15,8 @@
 
 enum { ARRAY_BUFFER = 34962, MOST_ATTRIBUTES = 4 + SAGA_MAX_HARMONICS };
 
-/* An attribute: n_components floats of every splat, which `put` writes. */
+/* An attribute has n_components floats for each splat, which `value`
+ * returns. */
 typedef struct attribute attribute;
 struct attribute {
     char name[GLB_NAME_NBYTES];
@@ -38,7 +39,7 @@ static float scale(const saga_cloud *c, size_t i, int k, const attribute *a)
     return expf(c->log_scale[3 * i + (size_t)k]);
 }
 
-/* The real part comes last. */
+/* glTF stores the real part of a quaternion last. */
 static float quat(const saga_cloud *c, size_t i, int k, const attribute *a)
 {
     (void)a;
@@ -59,11 +60,11 @@ static float colour(const saga_cloud *c, size_t i, int k, const attribute *a)
     return c->colour[3 * (n * i + (size_t)a->harmonic) + (size_t)k];
 }
 
-/* A cloud as it will stand in the file. */
+/* A cloud and the attributes that the file will have. */
 typedef struct {
     const saga_cloud *cloud;
     attribute attribute[MOST_ATTRIBUTES];
-    int n;                   /* attributes */
+    int n;                   /* number of attributes */
     size_t bin_nbytes;
 } glb;
 
@@ -78,7 +79,8 @@ static void list_attributes(glb *g)
     a[2] = (attribute){ GLB_SPLATS ":SCALE", "VEC3", 3, 0, scale };
     a[3] = (attribute){ GLB_SPLATS ":OPACITY", "SCALAR", 1, 0,
                         opacity };
-    /* Coefficients go degree by degree, as in a cloud: n - 4 counts them. */
+    /* Coefficients are ordered by degree, as in a cloud, so n - 4 is the number
+     * of the harmonic. */
     for (int degree = 0; degree <= g->cloud->degree; degree++)
         for (int k = 0; k < 2 * degree + 1; k++, n++) {
             a[n] = (attribute){ "", "VEC3", 3, n - 4, colour };
@@ -89,7 +91,7 @@ static void list_attributes(glb *g)
 
 /* --- JSON ---------------------------------------------------------------- */
 
-/* glTF wants to know where positions are. */
+/* glTF requires the bounds of the positions. */
 static void add_bounds(json_t *accessor, const saga_cloud *cloud)
 {
     json_t *const low = json_array(), *const high = json_array();
@@ -121,7 +123,7 @@ static json_t *json_primitive(const glb *g)
                      "sortingMethod", "cameraDistance");
 }
 
-/* Counts the bytes of the binary chunk as well. */
+/* Makes the JSON and sets bin_nbytes, the size of the binary chunk. */
 static json_t *json_of(glb *g)
 {
     const saga_cloud *const cloud = g->cloud;
@@ -171,8 +173,8 @@ static bool write_attribute(FILE *f, const saga_cloud *cloud,
     return ok;
 }
 
-/* Writes file header, JSON, which is padded with blanks, and the header of the
- * binary chunk. */
+/* Writes the file's header, the JSON, padded with blanks to a multiple of 4
+ * bytes, and the header of the binary chunk. */
 static bool write_heads(FILE *f, const char *text, size_t bin_nbytes)
 {
     const size_t n = strlen(text), padded = (n + 3) / 4 * 4;
@@ -180,9 +182,9 @@ static bool write_heads(FILE *f, const char *text, size_t bin_nbytes)
 
     saga_put_le(&at, GLB_MAGIC, 4);
     saga_put_le(&at, GLB_VERSION, 4);
-    /* The length of the file: 20 bytes of its header and of the head of the
-     * JSON chunk, the text, 8 bytes of the next head, and floats, which need no
-     * padding. */
+    /* The length of the file: 12 bytes for its header, 8 for the JSON chunk's
+     * header, the text, 8 for the binary chunk's header, and the floats, which
+     * need no padding. */
     saga_put_le(&at, (uint32_t)(20 + padded + 8 + bin_nbytes), 4);
     saga_put_le(&at, (uint32_t)padded, 4);
     saga_put_le(&at, GLB_JSON, 4);
@@ -221,14 +223,14 @@ static bool write_glb(const char *path, saga_cloud *cloud, saga_error *error)
     list_attributes(&g);
     saga_json_watch();
     o = json_of(&g);
-    /* Nine digits tell all floats apart: the bounds are to be those of the
-     * stored positions. */
+    /* Nine significant digits distinguish all floats, so the bounds are exactly
+     * those of the stored positions. */
     text = o ? json_dumps(o, JSON_COMPACT | JSON_REAL_PRECISION(9)) : NULL;
     ok = !text || saga_json_starved() ? saga_no_memory(0, path, error)
                                       : write_file(path, &g, text, error);
     free(text);
     json_decref(o);
-    /* Half a turn more brings the axes of PLY back. */
+    /* A second half turn restores the axes of PLY. */
     saga_cloud_turn(cloud, 2);
     return ok;
 }

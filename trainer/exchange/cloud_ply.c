@@ -41,7 +41,8 @@ static void put_all(uint8_t **at, const float *v, int n)
         saga_put_f32(at, v[k]);
 }
 
-/* Returns the bytes of splat i. f_rest has all of red first, then green. */
+/* Writes splat i and returns the number of bytes. f_rest lists all coefficients
+ * of red first, then of green, then of blue. */
 static size_t put_splat(uint8_t *record, const saga_cloud *cloud, size_t i)
 {
     static const float normal[3] = { 0.0f, 0.0f, 0.0f };
@@ -107,7 +108,7 @@ static void name_columns(char text[N_COLUMNS][16],
         name[i] = text[i];
 }
 
-/* Returns the degree that n values of f_rest make, -1 if none. */
+/* Returns the degree for which f_rest has n values, or -1 if there is none. */
 static int degree_of(int n)
 {
     for (int degree = 0; degree <= SAGA_MAX_DEGREE; degree++)
@@ -116,14 +117,15 @@ static int degree_of(int n)
     return -1;
 }
 
-/* Finds the degree by the columns that are there; a first row tells. */
+/* Finds the degree by the columns that the file has. The first row is enough to
+ * see which are missing. */
 static bool find_degree(int *degree, const char *path,
                         const char *const *name, const float *row,
                         saga_error *error)
 {
     int n = 0;
 
-    /* saga_ply_columns gives NaN where the file lacks a column. */
+    /* saga_ply_columns gives NaN for a column that the file lacks. */
     for (int i = 0; i < REST; i++)
         if (isnan(row[i]))
             return saga_fail(error, path, "export the splats as a PLY with x y "
@@ -147,7 +149,7 @@ static void take_splat(saga_cloud *cloud, size_t i, const float *row)
     memcpy(cloud->quat + 4 * i, row + ROT, 4 * sizeof *row);
     memcpy(colour, row + DC, 3 * sizeof *row);
     cloud->logit[i] = row[OPACITY];
-    /* f_rest has all of red first, then green, then blue. */
+    /* f_rest lists red first, then green, then blue. */
     for (int c = 0; c < 3; c++)
         for (int k = 1; k < n; k++)
             colour[3 * k + c] = row[REST + c * (n - 1) + k - 1];

@@ -11,11 +11,12 @@
 
 enum {
     VERSION = 3,
-    SPLAT_NBYTES = 9 + 1 + 3 + 3 + 4, /* without harmonics */
-    POSITION_BITS = 23,      /* and a sign */
-    ENOUGH_BITS = 16,        /* for a coordinate; but never fewer than */
-    FRACTION_BITS = 12,      /* behind the point, as other writers have; */
-    MOST_FRACTION_BITS = 24  /* readers shift by them */
+    SPLAT_NBYTES = 9 + 1 + 3 + 3 + 4, /* bytes of a splat without harmonics */
+    POSITION_BITS = 23,      /* and a sign bit */
+    ENOUGH_BITS = 16,        /* wanted for a coordinate, if that */
+    FRACTION_BITS = 12,      /* is more than these fraction bits, which other
+                              * writers use */
+    MOST_FRACTION_BITS = 24  /* readers shift by the number of fraction bits */
 };
 
 static uint8_t byte_of(double x)
@@ -28,8 +29,8 @@ static int least(int a, int b)
     return a < b ? a : b;
 }
 
-/* Returns the bits behind the point, for which there is room beside the
- * farthest position; negative if there is none. */
+/* Returns the number of fraction bits that the farthest position leaves room
+ * for. It is negative if that position does not fit at all. */
 static int fraction_bits(const saga_cloud *cloud)
 {
     double most = 1e-30;
@@ -38,9 +39,9 @@ static int fraction_bits(const saga_cloud *cloud)
     for (size_t k = 0; k < 3 * cloud->n; k++)
         most = fmax(most, fabs((double)cloud->mean[k]));
     /* The margin keeps the farthest position from being rounded up to 2^23,
-     * which is the sign. */
+     * which would be the sign bit. */
     (void)frexp(most * (1.0 + 1e-6), &exponent); /* most < 2^exponent */
-    /* A small scene gets more bits behind the point than others write. */
+    /* A small scene gets more fraction bits than other writers use. */
     if (ENOUGH_BITS - exponent > wanted)
         wanted = least(ENOUGH_BITS - exponent, MOST_FRACTION_BITS);
     return least(wanted, POSITION_BITS - exponent);
@@ -51,13 +52,14 @@ static void put_positions(uint8_t **at, const saga_cloud *cloud, int bits)
     for (size_t k = 0; k < 3 * cloud->n; k++) {
         const double x = ldexp((double)cloud->mean[k], bits);
 
-        /* Two's complement, of which the lower 24 bits are kept. */
+        /* Two's complement, cut to its lower 24 bits. */
         saga_put_le(at, (uint32_t)lrint(x), 3);
     }
 }
 
-/* The largest component, whose sign becomes +, is left out and follows from the
- * others: each a sign and 9 bits of its size, which is at most sqrt(1/2). */
+/* Packs a quaternion. Its largest component is made positive and left out,
+ * since it follows from the other three; each of those has a sign bit and a
+ * magnitude of 9 bits, which is at most sqrt(1/2). */
 static uint32_t quat_word(const float wxyz[4])
 {
     const float q[4] = { wxyz[1], wxyz[2], wxyz[3], wxyz[0] };
@@ -66,7 +68,8 @@ static uint32_t quat_word(const float wxyz[4])
     for (uint32_t k = 1; k < 4; k++)
         if (fabsf(q[k]) > fabsf(q[largest]))
             largest = k;
-    /* Two bits for which it is, then ten for each of the others. */
+    /* Two bits tell which component is left out; each other one takes ten
+     * bits. */
     word = largest;
     for (uint32_t k = 0; k < 4; k++) {
         const double size = fabs((double)q[k]) * sqrt(2.0) * SPZ_QUAT_STEPS;
@@ -79,12 +82,12 @@ static uint32_t quat_word(const float wxyz[4])
     return word;
 }
 
-/* Harmonics of degree 1 have 5 bits, higher ones 4: the rest of the byte is 0,
- * which is what makes them short. */
+/* Quantises a coefficient. Harmonics of degree 1 keep 5 bits and higher ones 4;
+ * the remaining bits are 0, so that gzip packs them well. */
 static uint8_t harmonic_byte(double v, int k)
 {
     const double step = k < 4 ? 8.0 : 16.0;
-    /* 128 is 0 and 1/128 a step, rounded to a multiple of 8 or of 16. */
+    /* The byte is 128 + 128 v, rounded to a multiple of the step. */
     const double x = floor((rint(128.0 * v) + 128.0 + step / 2.0) / step);
 
     return byte_of(step * x);
@@ -95,8 +98,8 @@ static void put_attributes(uint8_t **at, const saga_cloud *cloud)
     const int n = saga_n_harmonics(cloud->degree);
     const size_t each = 3 * (size_t)n;
 
-    /* Opacity, colour, scale in sixteenths from e^-10 on, rotation, harmonics:
-     * the order of the format. */
+    /* The format's order is opacity, colour, scale, rotation, harmonics. A
+     * scale is in sixteenths of its logarithm, from e^-10. */
     for (size_t i = 0; i < cloud->n; i++)
         *(*at)++ = byte_of(255.0 / (1.0 + exp(-(double)cloud->logit[i])));
     for (size_t i = 0; i < cloud->n; i++)
@@ -131,7 +134,7 @@ static void put_cloud(uint8_t *at, const saga_cloud *cloud, int bits)
     put_attributes(&at, cloud);
 }
 
-/* Writes bytes[0..n) gzipped; the same bytes give the same file. */
+/* Writes bytes[0..n) gzipped; the same bytes always give the same file. */
 static bool write_gzip(const char *path, uint8_t *bytes, size_t n,
                        saga_error *error)
 {
@@ -141,8 +144,8 @@ static bool write_gzip(const char *path, uint8_t *bytes, size_t n,
     size_t room;
     bool ok;
 
-    /* A window of 2^15; 16 more asks for the header of gzip, which has neither
-     * name nor time unless they are set. */
+    /* The window has 2^15 bytes; adding 16 selects gzip's header. zlib leaves
+     * its name and time empty, so the file does not depend on them. */
     if (deflateInit2(&z, 9, Z_DEFLATED, 15 + 16, 9, Z_DEFAULT_STRATEGY) !=
         Z_OK)
         return saga_no_memory(0, path, error);

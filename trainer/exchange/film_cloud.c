@@ -12,24 +12,25 @@
 
 /* --- Colours ------------------------------------------------------------- */
 
-/* Away from the rig the network's colours are all there is, and they should be
- * sane; towards the rig they should be right. The sphere as a whole weighs this
- * much, the rig's cameras 1. */
+/* Each colour is fitted to what the decoder's network returns for two sets of
+ * directions: those of the rig's cameras, where the fit should be accurate, and
+ * a sphere of directions, where it should only be plausible. The sphere as a
+ * whole has this weight, and the rig's cameras together have 1. */
 #define SPHERE_WEIGHT 0.1
 
 enum { N_SPHERE = 64, T_MID = 32768, FAR = 1 << 27, MOST_AWAY = 1 << 29 };
 
-/* A fit of one segment. */
+/* The fit of the colours of one segment. */
 typedef struct {
     saga_film *film;
     saga_colouring how;
     saga_camera *rig;            /* (n_rig) */
     uint32_t n_rig;
-    double square;               /* sum of squared errors towards the rig */
+    double square;               /* sum of squared errors seen from the rig */
     uint64_t n_squares;
 } fit;
 
-/* Normal equations of a primitive's colour. */
+/* The normal equations for the harmonics of one primitive's colour. */
 typedef struct {
     double matrix[SAGA_MAX_HARMONICS][SAGA_MAX_HARMONICS];
     double right[SAGA_MAX_HARMONICS][3];
@@ -45,8 +46,8 @@ static bool read_rig(fit *f, saga_error *error)
 
         if (!saga_film_rig(f->film, i, &f->rig[i], &number, error))
             return false;
-        /* saga_colour_at refuses places beyond this, and colour_at() relies on
-         * it. */
+        /* saga_colour_at refuses points that are further away, and colour_at()
+         * relies on it succeeding. */
         for (int a = 0; a < 3; a++)
             if (f->rig[i].centre[a] < -MOST_AWAY ||
                 f->rig[i].centre[a] > MOST_AWAY)
@@ -58,11 +59,12 @@ static bool read_rig(fit *f, saga_error *error)
     return f->rig != NULL;
 }
 
-/* Direction i of N_SPHERE, evenly spread (a spiral of the golden angle). */
+/* Sets d to direction i of N_SPHERE, which a spiral of the golden angle spreads
+ * evenly. */
 static void sphere(double d[3], int i)
 {
-    /* Slices of a sphere that are equally high have equal areas; z is the
-     * middle of slice i. */
+    /* Slices of a sphere of equal height have equal areas; z is the middle of
+     * slice i. */
     const double z = (2.0 * i + 1.0) / N_SPHERE - 1.0;
     const double r = sqrt(1.0 - z * z), angle = 2.399963229728653 * i;
 
@@ -71,20 +73,20 @@ static void sphere(double d[3], int i)
     d[2] = z;
 }
 
-/* Sets where one must stand to see x in the direction d. */
+/* Sets `from` to a far point from which x is seen in the direction d. */
 static void stand(int32_t from[3], const int32_t x[3], const double d[3])
 {
     for (int a = 0; a < 3; a++) {
-        /* FAR is eight widths of the cube: rounding to box units hardly turns
-         * the direction. The clamp is for primitives that are far outside
-         * themselves. */
+        /* FAR is eight widths of the cube, so that rounding to box units hardly
+         * changes the direction. The clamp matters only for primitives that are
+         * far outside the cube. */
         const double v = (double)x[a] - d[a] * FAR;
 
         from[a] = (int32_t)fmin(fmax(v, -MOST_AWAY), MOST_AWAY);
     }
 }
 
-/* Sets the harmonics in the direction from a point to x. */
+/* Sets y to the harmonics for the direction from a point to x. */
 static void look(double y[SAGA_MAX_HARMONICS], const int32_t x[3],
                  const int32_t from[3])
 {
@@ -99,8 +101,9 @@ static void look(double y[SAGA_MAX_HARMONICS], const int32_t x[3],
     saga_harmonics(y, d);
 }
 
-/* Tells the colour of a primitive from a point, around 0. There is such a
- * primitive and the point is near enough, so the decoder refuses nothing. */
+/* Sets c to the colour of a primitive as seen from a point, minus 1/2. The
+ * index is valid and the point is near enough (read_rig, stand), so
+ * saga_colour_at cannot fail. */
 static void colour_at(double c[3], saga_film *film, uint32_t index,
                       const int32_t from[3])
 {
@@ -114,7 +117,7 @@ static void colour_at(double c[3], saga_film *film, uint32_t index,
 static void add(normal *e, int n, const double *y, const double c[3],
                 double weight)
 {
-    /* The lower triangle alone, which is all that solve() reads. */
+    /* Only the lower triangle is summed, which is all that solve() reads. */
     for (int j = 0; j < n; j++) {
         for (int k = 0; k <= j; k++)
             e->matrix[j][k] += weight * y[j] * y[k];
@@ -123,13 +126,14 @@ static void add(normal *e, int n, const double *y, const double c[3],
     }
 }
 
-/* Solves it by Cholesky, into right: the sphere's directions make the matrix
- * definite. */
+/* Solves the normal equations by Cholesky's method; the solution replaces
+ * `right`. The matrix is positive definite, because the sphere's directions are
+ * included. */
 static void solve(normal *e, int n)
 {
     double (*const m)[SAGA_MAX_HARMONICS] = e->matrix;
 
-    /* matrix = L L^T, with L in its place. */
+    /* matrix = L L^T; L replaces the matrix. */
     for (int j = 0; j < n; j++)
         for (int i = j; i < n; i++) {
             double v = m[i][j];
@@ -174,8 +178,8 @@ static void fit_one(float *to, fit *f, uint32_t index, const int32_t x[3])
     double y[SAGA_MAX_HARMONICS], c[3];
     int32_t from[3];
 
-    /* All around. A place may have been clamped, so look() takes the direction
-     * from where it came to be. */
+    /* Directions all around. stand() may have clamped the point, so look()
+     * computes the direction from the point itself. */
     for (int i = 0; i < N_SPHERE; i++) {
         double d[3];
 
@@ -185,14 +189,14 @@ static void fit_one(float *to, fit *f, uint32_t index, const int32_t x[3])
         colour_at(c, f->film, index, from);
         add(&e, n, y, c, SPHERE_WEIGHT / N_SPHERE);
     }
-    /* Towards the rig. */
+    /* Directions of the rig's cameras. */
     for (uint32_t i = 0; i < f->n_rig; i++) {
         look(y, x, f->rig[i].centre);
         colour_at(c, f->film, index, f->rig[i].centre);
         add(&e, n, y, c, 1.0 / f->n_rig);
     }
     solve(&e, n);
-    /* The rest is what the fit leaves there, which `saga export` tells. */
+    /* The remaining error towards the rig is what `saga export` reports. */
     for (uint32_t i = 0; i < f->n_rig; i++) {
         look(y, x, f->rig[i].centre);
         colour_at(c, f->film, index, f->rig[i].centre);
@@ -202,7 +206,8 @@ static void fit_one(float *to, fit *f, uint32_t index, const int32_t x[3])
         to[k] = (float)e.right[k / 3][k % 3];
 }
 
-/* Takes a colour as it is from one place. */
+/* Sets the only coefficient of a colour that does not depend on the view, as
+ * seen from one point. */
 static void bake_one(float *to, const fit *f, uint32_t index)
 {
     static const int32_t anywhere[3] = { 0, 0, 0 };
@@ -211,7 +216,7 @@ static void bake_one(float *to, const fit *f, uint32_t index)
     double c[3];
 
     colour_at(c, f->film, index, from);
-    /* A colour c from everywhere has the one coefficient c / Y_0. */
+    /* A constant colour c has the coefficient c / Y_0. */
     for (int k = 0; k < 3; k++)
         to[k] = (float)(c[k] / SAGA_HARMONIC_0);
 }
@@ -236,8 +241,8 @@ static bool fill_colours(saga_film_colours *colours, fit *f, uint32_t n,
         float *const to = colours->harmonics + each * i;
         saga_animated a;
 
-        /* For all frames of a segment the decoder takes the direction of view
-         * at its middle; so does the fit. */
+        /* The decoder computes the direction of view once per segment, at the
+         * middle of the segment's time; the fit does the same. */
         (void)saga_primitive_at(&a, f->film->dec, i, T_MID);
         if (bake)
             bake_one(to, f, i);
@@ -248,14 +253,14 @@ static bool fill_colours(saga_film_colours *colours, fit *f, uint32_t n,
     return true;
 }
 
-/* Makes the colours of the segment that is decoded. */
+/* Makes the colours of the segment that the film has decoded. */
 static bool make_colours(saga_film_colours *colours, saga_film *film,
                          uint32_t n, saga_colouring how, saga_error *error)
 {
     fit f = { .film = film, .how = how };
     bool ok;
 
-    /* The frame before was of the same segment. */
+    /* The previous frame was in the same segment, so its colours are kept. */
     if (colours->segment == film->segment)
         return true;
     free(colours->harmonics);
@@ -284,33 +289,38 @@ static void set_quat(float q[4], const int32_t v[4])
         q[k] = n > 0.0 ? (float)(v[k] / sqrt(n)) : k == 0;
 }
 
-/* The logit of an opacity. What is wholly opaque, which has none, is taken as
- * opaque as can be told: half a step of q. */
+/* Returns the logit of an opacity. A fully opaque primitive has no finite
+ * logit; it is given half a quantisation step of q. */
 static float logit_of(int32_t q0_q20)
 {
-    /* The opacity is p = 2^-q, and logit p = -ln(1/p - 1). */
+    /* With p = 2^-q the opacity, logit p = -ln(1/p - 1) = -ln(2^q - 1). */
     const double q =
         fmax(q0_q20 - (SAGA_PEAK_LOG2 << 20), 0.5) / 1048576.0;
 
     return (float)-log(expm1(q * LN2));
 }
 
-/* Viewers have neither flat tops nor steep falls: each becomes a normal
- * distribution that covers as much of a picture. Returns the natural logarithm
- * of how much wider it is. With s = log2(e) r^2 / 2, exp(-r^2 / 2) is 2^-s and
- * covers its integral over s, 1 / ln 2; P 2^-s cut at 1 covers log2 P more; and
- * P 2^-(s + s^2/2), with u = s + 1 where it falls to 1, u - 1 and a tail. */
+/* Other viewers know only Gaussians, without the codec's flat tops (where the
+ * opacity is cut at 1) and steep falloff. Each primitive becomes a Gaussian
+ * that covers the same area of a picture. Returns the natural logarithm of its
+ * widening.
+ *
+ * With s = log2(e) r^2 / 2, a Gaussian exp(-r^2 / 2) is 2^-s, and its integral
+ * over s is 1 / ln 2. The profile P 2^-s cut at 1 adds log2 P to the integral.
+ * The steep profile P 2^-(s + s^2/2) falls to 1 at s = u - 1; its integral is u
+ * - 1 plus that of the tail. */
 static double widening(int32_t q0_q20, uint32_t tools)
 {
-    /* log2 P, 0 for an opacity of 1 or less. */
+    /* `peak` is log2 P, and 0 for a P of 1 or less. */
     const double peak = fmax(SAGA_PEAK_LOG2 - q0_q20 / 1048576.0, 0.0);
     const double u = sqrt(1.0 + 2.0 * peak);
 
-    /* An area that grows by 1 + ln 2 log2 P widens each axis by the root. */
+    /* The area grows by the factor 1 + ln 2 log2 P, each axis by its square
+     * root. */
     if (!(tools & SAGA_TOOL_STEEP))
         return 0.5 * log1p(LN2 * peak);
-    /* With v = s + 1 the tail is P 2^(1/2) times the integral of 2^(-v^2 / 2)
-     * from u on. */
+    /* With v = s + 1, the tail is P 2^(1/2) times the integral of 2^(-v^2 / 2)
+     * from u to infinity. */
     return 0.5 * log(LN2 * (u - 1.0 + exp2(peak + 0.5) *
                                       sqrt(M_PI / (2.0 * LN2)) *
                                       erfc(u * sqrt(LN2 / 2.0))));
@@ -324,7 +334,8 @@ static void set_splat(saga_cloud *cloud, const saga_film *film,
     const saga_metric *const metric = &film->metric;
     const double wider = widening(a->q0_q20, film->info.tools);
 
-    /* Box units become the capture's, log2 in Q10 a natural logarithm. */
+    /* Positions in box units become the capture's units; log2 scales in Q10
+     * become natural logarithms. */
     for (size_t k = 0; k < 3; k++) {
         cloud->mean[3 * i + k] =
             (float)(metric->centre[k] + metric->unit * a->x[k]);
@@ -353,7 +364,8 @@ bool saga_film_cloud(saga_cloud *cloud, saga_film_colours *colours,
         !saga_cloud_alloc(cloud, report.n_primitives, colours->degree, error))
         return false;
     each = 3 * (size_t)saga_n_harmonics(cloud->degree);
-    /* There is room for all; from here n counts those that are drawn at t. */
+    /* The cloud has room for all primitives; from here n counts those drawn at
+     * t. */
     cloud->n = 0;
     for (uint32_t i = 0; i < report.n_primitives; i++) {
         saga_animated a;

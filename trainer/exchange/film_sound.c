@@ -11,13 +11,13 @@
 
 #include <string.h>
 
-/* A film taken apart: what stands before its sound, and where that ends. */
+/* The layout of a film and the place of its sound. */
 typedef struct {
     saga_layout layout;
-    size_t before, after;    /* bytes up to the sound; up to its end */
+    size_t before, after;    /* bytes before the sound; bytes up to its end */
 } parts;
 
-/* The layout is the caller's to free where it returns true. */
+/* Fills p. If it returns true, the caller must free the layout. */
 static bool take_apart(parts *p, const char *name, const saga_bytes *film,
                        saga_error *error)
 {
@@ -37,8 +37,8 @@ static bool take_apart(parts *p, const char *name, const saga_bytes *film,
     return true;
 }
 
-/* Checks that whole segments follow one another up to the end of the file,
- * because saga_file_sign goes from chunk to chunk. */
+/* Checks that whole segments follow one another up to the file's end, because
+ * saga_file_sign walks from chunk to chunk. */
 static bool check_segments(const parts *p, const char *name, size_t n,
                            saga_error *error)
 {
@@ -63,7 +63,7 @@ static size_t chunk_nbytes(const saga_recording *take)
                      : 0;
 }
 
-/* Moves the places of all segments by so many bytes. */
+/* Moves the offsets of all segments in the index by a number of bytes. */
 static void move_index(uint8_t *file, const parts *p, int64_t by)
 {
     uint8_t *const entries = file + p->layout.header_nbytes +
@@ -80,7 +80,8 @@ static void move_index(uint8_t *file, const parts *p, int64_t by)
     }
 }
 
-/* Writes the film with the take's chunk; the CRCs come last. */
+/* Writes the film with the chunk of the recording. The caller sets the CRCs
+ * afterwards. */
 static void put_together(uint8_t *to, const parts *p, const saga_bytes *film,
                          const saga_recording *take)
 {

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 #include "harmonics.h"
 
-/* sqrt(3 / 4 pi), then of degree 2 and 3: the norms of the textbook's
- * polynomials below. */
+/* Norms of the textbook's polynomials below; C1 = sqrt(3 / (4 pi)) is that of
+ * degree 1. */
 #define C1 0.48860251190291992
 #define C2_XY 1.0925484305920792
 #define C2_ZZ 0.31539156525252005
@@ -38,10 +38,11 @@ void saga_harmonics(double out[SAGA_MAX_HARMONICS], const double d[3])
 
 int saga_harmonic_turned(int k, int axis)
 {
-    /* Odd in y and z together: y; z; xy; xz; y(..); y(..); z(..); z(..). */
+    /* Harmonics that change their sign when y and z do; in out[]'s order. */
     static const unsigned odd_yz = 1u << 1 | 1u << 2 | 1u << 4 | 1u << 7 |
                                    1u << 9 | 1u << 11 | 1u << 12 | 1u << 14;
-    /* Odd in x and y together: those of odd order. */
+    /* Harmonics that change their sign when x and y do, which are those of odd
+     * order m. */
     static const unsigned odd_xy = 1u << 1 | 1u << 3 | 1u << 5 | 1u << 7 |
                                    1u << 9 | 1u << 11 | 1u << 13 | 1u << 15;
 

@@ -7,18 +7,19 @@
 #include <string.h>
 
 enum {
-    PAGE_NBYTES = 27,        /* of a page's header, before its lacing */
-    HEAD_NBYTES = 19,        /* of the packet OpusHead, at least */
+    PAGE_NBYTES = 27,        /* size of a page's header without its lacing
+                              * table */
+    HEAD_NBYTES = 19,        /* least size of the packet OpusHead */
     CONTINUED = 1, FIRST = 2, LAST = 4 /* flags of a page */
 };
 
-/* A walk stands before a page. */
+/* The state of a walk from page to page; `at` is the start of the next page. */
 typedef struct {
     const char *name;
     const uint8_t *bytes;
     size_t n, at;
-    uint32_t serial, number; /* of the stream; of the next page */
-    int64_t granule;         /* samples up to the last page's end */
+    uint32_t serial, number; /* number of the stream; number of the next page */
+    int64_t granule;         /* samples up to the end of the last page */
     bool ended;
 } walk;
 
@@ -35,8 +36,8 @@ static bool bad(const walk *w, const char *what, saga_error *error)
                      "byte %zu %s", w->at, what);
 }
 
-/* CRC of a page as Ogg has it: polynomial 0x04c11db7, highest bit first, from 0
- * on. Its own four bytes, 22 to 25, count as zeros. */
+/* Returns the CRC of a page as Ogg defines it: polynomial 0x04c11db7, highest
+ * bit first, initial value 0. The CRC's own bytes, 22 to 25, count as zeros. */
 static uint32_t page_crc(const uint8_t *p, size_t n)
 {
     uint32_t crc = 0;
@@ -49,7 +50,7 @@ static uint32_t page_crc(const uint8_t *p, size_t n)
     return crc;
 }
 
-/* Finds where the page at hand ends; 0 where its bytes are not there. */
+/* Returns the size of the page at w->at, or 0 if it is cut off. */
 static size_t page_nbytes(const walk *w)
 {
     const uint8_t *const p = w->bytes + w->at;
@@ -64,7 +65,7 @@ static size_t page_nbytes(const walk *w)
     return nbytes <= left ? nbytes : 0;
 }
 
-/* Checks the order of the pages; the stream's number is that of the first. */
+/* Checks the order of the pages. The first page sets the stream's number. */
 static bool check_place(walk *w, const uint8_t *p, saga_error *error)
 {
     const uint32_t serial = (uint32_t)saga_load_le(p + 14, 4);
@@ -93,7 +94,7 @@ static bool next_page(page *to, walk *w, saga_error *error)
         return bad(w, "a page has a wrong checksum", error);
     if (!check_place(w, p, error))
         return false;
-    /* All ones where no packet ends in the page. */
+    /* The granule is -1 if no packet ends in the page. */
     granule = (int64_t)saga_load_le(p + 6, 8);
     if (granule != -1 && granule < w->granule)
         return bad(w, "time goes back", error);
@@ -116,7 +117,8 @@ bool saga_is_ogg_opus(const uint8_t *bytes, size_t n)
            memcmp(bytes + payload, "OpusHead", 8) == 0;
 }
 
-/* The first two pages: what the stream is, and what it is called. */
+/* Reads the first two pages: OpusHead describes the stream, OpusTags names
+ * it. */
 static bool read_headers(saga_ogg_opus *opus, walk *w, saga_error *error)
 {
     page head, tags;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Numbers are put into bytes here, little-endian; *at moves behind them.
+ * Writes numbers little-endian. Each function moves *at past what it wrote.
  */
 #ifndef SAGA_PUT_H
 #define SAGA_PUT_H

@@ -11,21 +11,21 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* A part with its file's header, and with where its segments are. The header
- * has the layers that are taken. */
+/* A part, its file's header, and its first and last segment. The header counts
+ * only the layers that are taken. */
 typedef struct {
     const saga_splice_part *part;
     saga_header header;
     saga_layout layout;
-    uint32_t first, end;         /* segments */
+    uint32_t first, end;         /* numbers of segments; `end` is excluded */
 } piece;
 
-/* The file that is written: the header's counts grow with every segment. */
+/* The file that is written. The header's counts grow with every segment. */
 typedef struct {
     saga_header header;
     uint8_t *bytes;
     size_t at;                   /* bytes written */
-    uint32_t n_segments, n_frames; /* written */
+    uint32_t n_segments, n_frames; /* written until now */
 } splice;
 
 static bool read_header(piece *p, saga_error *error)
@@ -50,7 +50,8 @@ static bool check_damage(const piece *p, saga_error *error)
                      "again", "%s", p->layout.damage);
 }
 
-/* Finds the segment that begins with a frame; n_segments at the file's end. */
+/* Sets *segment to the segment that begins with a frame, or to n_segments if
+ * the frame is the end of the file. Fails if a segment has the frame inside. */
 static bool find_segment(uint32_t *segment, const piece *p, uint32_t frame,
                          saga_error *error)
 {
@@ -93,8 +94,8 @@ static bool take_layers(piece *p, saga_error *error)
         return saga_fail(error, p->part->name, "take fewer", "its layers: %"
                          PRIu32 "; asked for: %" PRIu32, p->layout.n_layers,
                          wanted);
-    /* Whatever counts bytes or anchors below asks this header, so the layers
-     * behind are left out everywhere. */
+    /* All code below that counts bytes or anchors reads the number of layers
+     * from this header, so higher layers are left out everywhere. */
     if (wanted > 0)
         p->header.more_layers = (uint8_t)(wanted - 1);
     return true;
@@ -115,8 +116,8 @@ static bool read_piece(piece *p, const saga_splice_part *part,
 
 static const uint8_t *networks_of(const piece *p)
 {
-    /* Behind the header stand the index, a chunk, and the head of the chunk of
-     * networks. */
+    /* The networks' payload follows the header, the whole index chunk, and the
+     * head of the networks' chunk. */
     return p->part->bytes + p->header.header_nbytes +
            2 * SAGA_CHUNK_NBYTES + p->layout.index_nbytes;
 }
@@ -126,8 +127,8 @@ typedef struct {
     size_t n;
 } span;
 
-/* Finds the chunk of names behind networks and base; empty where there is none.
- */
+/* Returns the chunk of names, which follows the networks and the base. It is
+ * empty if the file has no names. */
 static span names_of(const piece *p)
 {
     const uint32_t n = p->layout.names_nbytes;
@@ -136,8 +137,9 @@ static span names_of(const piece *p)
                    p->header.base_nbytes, n ? SAGA_CHUNK_NBYTES + n : 0 };
 }
 
-/* Finds the chunk of sound behind that; it is taken with all of a film, since
- * a part of it has other moments. Empty else, or where there is none. */
+/* Returns the chunk of sound, which follows the chunk of names. It is taken
+ * only with a whole file, because a cut would need the sound cut as well. It is
+ * empty otherwise. */
 static span sound_of(const piece *p, int n_pieces)
 {
     const span names = names_of(p);
@@ -153,7 +155,8 @@ enum {
     MODEL_NBYTES = SAGA_HEADER_NBYTES + SAGA_BANK_NBYTES + SAGA_BASE_NBYTES
 };
 
-/* Writes the model's fields of a header and nothing else that may differ. */
+/* Writes the fields of a header that must agree for two files to have the same
+ * model. All other fields are 0. */
 static void model_bytes(uint8_t bytes[MODEL_NBYTES],
                         const saga_header *from)
 {
@@ -161,8 +164,8 @@ static void model_bytes(uint8_t bytes[MODEL_NBYTES],
     saga_header h = { .level = from->level, .model = from->model,
                       .more_layers = from->more_layers };
 
-    /* Bytes that the two calls below do not write are 0, and so compare equal.
-     * */
+    /* Bytes that neither call below writes are 0, so that they compare
+     * equal. */
     memset(bytes, 0, MODEL_NBYTES);
     saga_header_io(&io, &h);
     saga_tools_io(&io, &h);
@@ -202,7 +205,8 @@ static bool same_networks(const piece *a, const piece *b)
            memcmp(networks_of(a), networks_of(b), a->layout.nets_nbytes) == 0;
 }
 
-/* Compares payloads: chunks' CRCs go on from those of the headers. */
+/* Compares the payloads of two bases. The heads of chunks are left out, since
+ * their CRCs continue from the header's, which may differ. */
 static bool same_base(const piece *a, const piece *b)
 {
     const uint8_t *x = networks_of(a) + a->layout.nets_nbytes;
@@ -210,7 +214,7 @@ static bool same_base(const piece *a, const piece *b)
     bool same = memcmp(&a->header.base, &b->header.base,
                        sizeof a->header.base) == 0;
 
-    /* A chunk for each of its parts: head, then payload. */
+    /* Each part of the base is one chunk: a head, then the payload. */
     for (int i = SAGA_PART_COARSE; i < SAGA_N_PARTS && same; i++) {
         const uint32_t n = a->layout.base_nbytes[i];
 
@@ -256,14 +260,14 @@ static uint32_t segment_nbytes(const piece *p, uint32_t i)
     return nbytes;
 }
 
-/* Makes the maxima those of a segment where it has more. */
+/* Raises the header's maxima to those of a segment. */
 static void add_to_maxima(saga_counts *max, const saga_layout_segment *s,
                           uint32_t n_layers)
 {
     uint32_t prim = 0;
 
-    /* A decoder holds the anchors of one layer at a time, and the primitives of
-     * all. */
+    /* A decoder holds the anchors of one layer at a time, but the primitives of
+     * all layers together. */
     for (uint32_t k = 0; k < n_layers; k++) {
         max->coarse = most(max->coarse, s->layer[k].n.coarse);
         max->fine = most(max->fine, s->layer[k].n.fine);
@@ -307,8 +311,8 @@ static void write_bytes(splice *s, const uint8_t *from, size_t n)
     s->at += n;
 }
 
-/* The rest of the header is the first piece's; its CRC comes with the others.
- */
+/* Writes the header. Fields that splice.header does not have are copied from
+ * the first piece; saga_file_sign sets the CRC later. */
 static void write_header(splice *s, const piece *p)
 {
     saga_io io = { NULL, s->bytes, SAGA_MAGIC_NBYTES };
@@ -321,8 +325,8 @@ static void write_header(splice *s, const piece *p)
 static void write_index(splice *s, const piece *p, int n_pieces)
 {
     const uint32_t nbytes = s->header.n_segments * SAGA_INDEX_ENTRY_NBYTES;
-    /* Where the first segment stands: behind this chunk, networks, base, names
-     * and sound. */
+    /* The first segment stands behind this chunk, the networks, the base, the
+     * names and the sound. */
     uint64_t at = s->at + 2u * SAGA_CHUNK_NBYTES + nbytes +
                   s->header.nets_nbytes + s->header.base_nbytes +
                   names_of(p).n + sound_of(p, n_pieces).n;
@@ -341,7 +345,8 @@ static void write_index(splice *s, const piece *p, int n_pieces)
         }
 }
 
-/* A segment says itself which one it is, and what its layers are. */
+/* Writes segment i of a piece with a new header, which holds the segment's
+ * number and its layers. */
 static void write_segment(splice *s, const piece *p, uint32_t i)
 {
     const saga_layout_segment *const g = &p->layout.segment[i];
@@ -354,8 +359,8 @@ static void write_segment(splice *s, const piece *p, uint32_t i)
                               .n_frames = g->n_frames };
     saga_io io = { NULL, s->bytes + s->at, SAGA_CHUNK_NBYTES };
 
-    /* The header is written anew: number and first frame are counted by what
-     * was written before, and there may be fewer layers. */
+    /* The number and the first frame follow from the segments written before,
+     * and there may be fewer layers. */
     for (uint32_t k = 0; k < n_layers; k++) {
         h.layer[k].n = g->layer[k].n;
         h.layer[k].nbytes = g->layer[k].nbytes;
@@ -363,8 +368,8 @@ static void write_segment(splice *s, const piece *p, uint32_t i)
     saga_segment_io(&io, &h, n_layers);
     write_chunk_head(s, SAGA_CHUNK_SEGMENT, nbytes);
     s->at += nbytes;
-    /* The rest is copied. Bytes of layers that are not taken stand last, so
-     * that a shorter length leaves them out. */
+    /* The rest is copied. Higher layers come last in a segment, so a shorter
+     * length leaves them out. */
     write_bytes(s, p->part->bytes + g->offset + head,
                 segment_nbytes(p, i) - SAGA_CHUNK_NBYTES - nbytes);
     s->n_frames += g->n_frames;
@@ -382,12 +387,14 @@ static void write_all(splice *s, const piece *p, int n_pieces)
     for (int k = 0; k < n_pieces; k++)
         for (uint32_t i = p[k].first; i < p[k].end; i++)
             write_segment(s, &p[k], i);
-    /* Last of all: checksums of segments go on from that of the head. */
+    /* Checksums come last, since those of segments continue from the
+     * header's. */
     saga_file_sign(s->bytes, s->at, s->header.header_nbytes);
 }
 
-/* Parts may each keep to their level and not together: one has more anchors,
- * the other more primitives. */
+/* Checks the level of the joined file. Each part may stay within the limits of
+ * its level while the joined file does not, for example if one part has more
+ * anchors and the other more primitives. */
 static bool check_level(const splice *s, const piece *p, saga_error *error)
 {
     saga_info info;
@@ -408,11 +415,11 @@ static bool splice_pieces(splice *s, const piece *p, int n_pieces,
     *h = p->header;
     h->n_segments = h->n_frames = 0;
     h->max = (saga_counts){ 0, 0, 0 };
-    /* Before anything is written: what must agree, and the header. */
+    /* All pieces are checked and counted before anything is written. */
     for (int k = 0; k < n_pieces; k++)
         if (!check_same(p, &p[k], error) || !count(h, &nbytes, &p[k], error))
             return false;
-    /* The size is exact: writing never asks for more room. */
+    /* The size is exact, so writing never needs to enlarge the buffer. */
     nbytes += h->header_nbytes + 2u * SAGA_CHUNK_NBYTES + h->nets_nbytes +
               h->base_nbytes + names_of(p).n + sound_of(p, n_pieces).n +
               (size_t)h->n_segments * SAGA_INDEX_ENTRY_NBYTES;
