@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * saga analyse tells how much the anchors of a file have in common: what
- * masked ones are recovered to from others.
+ * saga analyse measures how much the anchors of a file have in common. It masks
+ * the features of some anchors, recovers them from the other anchors, and
+ * reports the errors.
  */
 #include "cli.h"
 #include "commands.h"
@@ -25,7 +26,7 @@ typedef struct {
     const options *o;
     const char *name;
     saga_verify_view view;
-    uint32_t number;         /* the capture's, of the camera */
+    uint32_t number;         /* number of the camera in the capture */
     saga_mask result;
     saga_error error;
 } session;
@@ -74,7 +75,7 @@ static json_t *report_of(const session *s)
     return o;
 }
 
-/* The columns of what one way of recovering gives. */
+/* The columns for one method of recovery. */
 #define BY(name) "{" name ".error:%8.3f}{" name ".cosine:%6.2f}" \
                  "{" name ".psnr:%7.2f}"
 

@@ -18,7 +18,7 @@ char *saga_base64(const char *prefix, const uint8_t *bytes, size_t n,
     if (!text)
         return NULL;
     memcpy(text, prefix, start);
-    /* Three bytes make four digits; = stands for digits without a byte. */
+    /* Three bytes make four digits; = pads a last group of fewer bytes. */
     for (size_t i = 0; i < n; i += 3) {
         const size_t left = n - i;
         const uint32_t v = (uint32_t)bytes[i] << 16 |

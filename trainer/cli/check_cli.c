@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * saga check looks at a capture before anybody trains on it.
+ * saga check examines a capture before anybody trains on it.
  */
 #include "capture_cli.h"
 #include "check_fix.h"
@@ -52,7 +52,8 @@ static json_t *view_of(const saga_survey *s, const saga_capture *c, int v)
     saga_put_real(o, "late_frames", late);
     saga_put_real(o, "late_tolerance_frames", one->late.tolerance);
     saga_put_flag(o, "/is_late", !isnan(late));
-    /* A small negative number would be printed as -0.0. */
+    /* Late times below 0.05 are shown as 0, since printf would print a small
+     * negative number as -0.0. */
     saga_put_real(o, "/late", fabs(late) < 0.05 ? 0.0 : late);
     saga_put_int(o, "n_missing", shot->n_missing);
     return o;
@@ -131,7 +132,7 @@ static const saga_line text[] = {
       "{reprojection_median_px:%8.2f}{epipolar_px:%8.2f}{stops:%+8.2f}"
       "{colour:%8.1f}"
       "{/late:%7.1f}" },
-    /* The tolerance, if there is one, takes five of the 13 columns. */
+    /* The tolerance, if one is known, takes five of the 13 columns. */
     { "/is_late", "views", "+-{late_tolerance_frames:%.1f}{n_missing:%8d}\n" },
     { "!/is_late", "views", "{n_missing:%13d}\n" },
     { "", NULL, "  * held out. angle: degrees to the nearest camera; shared: "
@@ -158,8 +159,9 @@ static const saga_line text[] = {
 
 /* --- Together ------------------------------------------------------------ */
 
-/* Cameras that see nothing in common are loaded, with *no_overlap saying so:
- * their pictures may tell why. */
+/* Loads a capture. If its cameras see nothing in common, it is loaded
+ * nevertheless and *no_overlap is set, because the pictures may show the
+ * reason. */
 static bool load(saga_capture *c, const char *name, const options *o,
                  saga_error *no_overlap, saga_error *error)
 {

@@ -12,16 +12,20 @@
 #include <string.h>
 #include <sys/stat.h>
 
-/* Keys of a lens that stand in an entry or, for all of them, at the top. */
+/* The keys that describe a lens. They stand in an entry or, if all cameras
+ * share the lens, at the top of the file. */
 static const char *const lens_keys[] = {
     "fl_x", "fl_y", "cx", "cy", "k1", "k2", "k3", "k4", "p1", "p2",
     "camera_angle_x", "camera_model"
 };
-enum { N_FOCAL = 2, N_CENTRE = 4 };   /* the first of them */
+enum { N_FOCAL = 2, N_CENTRE = 4 };   /* numbers of keys that m->focal
+                                       * multiplies: focal lengths alone; with
+                                       * the centre */
 
 /* --- Cameras ------------------------------------------------------------- */
 
-/* Reads the pose of an entry as the loader does. */
+/* Reads the pose of an entry as the loader does. Returns false if it has
+ * none. */
 static bool pose_of(const json_t *entry, double rotation[9],
                     double translation[3])
 {
@@ -34,7 +38,8 @@ static bool pose_of(const json_t *entry, double rotation[9],
     return saga_pose_from_opengl(rows, rotation, translation);
 }
 
-/* The view whose pose an entry has; -1: none, it has no pictures. */
+/* Returns the view that has an entry's pose, or -1 if the entry has no
+ * pictures. */
 static int view_of(const json_t *entry, const saga_capture *c)
 {
     double rotation[9], translation[3];
@@ -72,8 +77,8 @@ static json_t *matrix_of(const double rotation[9], const double translation[3])
 
 /* --- The mistake undone -------------------------------------------------- */
 
-/* Multiplies the lengths of an object, an entry or the top, as far as they
- * stand there. */
+/* Multiplies the lengths in pixels that an object, which is an entry or the top
+ * of the file, has. */
 static void scale_lens(json_t *object, const saga_mistake *m)
 {
     const int n = m->centre ? N_CENTRE : N_FOCAL;
@@ -86,13 +91,13 @@ static void scale_lens(json_t *object, const saga_mistake *m)
             saga_json_set_value(object, lens_keys[i],
                                 json_real(m->focal * json_number_value(x)));
     }
-    /* The picture is 2 f tan(angle / 2) wide. */
+    /* The picture's width is 2 f tan(angle / 2). */
     if (angle)
         saga_json_set_value(object, "camera_angle_x", json_real(
             2 * atan(tan(json_number_value(angle) / 2) / m->focal)));
 }
 
-/* Gives every entry the pose that it has without the mistake. */
+/* Corrects the pose and the lens of every entry. */
 static void turn_entries(json_t *frames, const saga_mistake *m)
 {
     for (size_t i = 0; i < json_array_size(frames); i++) {
@@ -114,8 +119,8 @@ static void exchange(json_t *frames, const saga_mistake *m,
     json_t *const before = json_deep_copy(frames);
     const json_t *first[2] = { NULL, NULL };
 
-    /* The first entry of each of the two views has the pose to be given away.
-     */
+    /* The first entry of each of the two views has the pose that the other
+     * view's entries receive. */
     for (size_t i = 0; i < json_array_size(before); i++)
         for (int k = 0; k < 2; k++)
             if (!first[k] && view_of(json_array_get(before, i), c) ==
@@ -131,7 +136,8 @@ static void exchange(json_t *frames, const saga_mistake *m,
             continue;
         saga_json_set_value(entry, "transform_matrix", json_deep_copy(
             json_object_get(other, "transform_matrix")));
-        /* A lens that stands at the top of the file is not in the entries. */
+        /* If the lens stands at the top of the file, the entries have none of
+         * these keys. */
         for (size_t k = 0; k < sizeof lens_keys / sizeof *lens_keys; k++) {
             json_t *const x = json_object_get(other, lens_keys[k]);
 
@@ -145,8 +151,8 @@ static void exchange(json_t *frames, const saga_mistake *m,
 
 /* --- Files --------------------------------------------------------------- */
 
-/* Returns the folder that a path names, as the path does, with the slash; to be
- * freed. */
+/* Returns the folder part of a path, with the slash at its end, or "./". The
+ * caller frees it. */
 static char *folder_of(const char *path, saga_error *error)
 {
     const char *const slash = strrchr(path, '/');
@@ -157,7 +163,7 @@ static char *folder_of(const char *path, saga_error *error)
     return folder;
 }
 
-/* Tells whether two paths lead to one file or folder, whatever they call it. */
+/* Tells whether two paths lead to the same file or folder. */
 static bool is_same(const char *a, const char *b)
 {
     struct stat x, y;
@@ -166,7 +172,8 @@ static bool is_same(const char *a, const char *b)
            x.st_ino == y.st_ino;
 }
 
-/* Paths in the file begin at its folder, so that it has to stay there. */
+/* Checks that the new file is in the folder of the old one, because the paths
+ * of pictures in it are relative to that folder. */
 static bool check_place(const char *path, const char *json, saga_error *error)
 {
     char *const folder = folder_of(json, error);
@@ -212,7 +219,7 @@ bool saga_check_fix(const char *path, const char *name,
                                  "transforms.json only")) &&
               check_place(path, json, error);
 
-    /* Nothing is read and nothing written where nothing is wrong. */
+    /* If no mistake was found, nothing is read and nothing is written. */
     if (ok && !survey->calibration.found) {
         fputs("check: nothing was found that --fix could undo\n", stderr);
     } else if (ok) {
@@ -222,7 +229,8 @@ bool saga_check_fix(const char *path, const char *name,
     if (root) {
         json_t *const frames = json_object_get(root, "frames");
 
-        /* The lens that all share, then each entry's lens and pose. */
+        /* The lens that all cameras share, then the lens and the pose of each
+         * entry. */
         saga_json_watch();
         scale_lens(root, m);
         if (m->swapped[0] >= 0)

@@ -17,8 +17,8 @@
 
 enum { THUMB = 240, PLAN = 360 }; /* pixels */
 
-/* Returns the capture with pictures of 1/n of their size, as far as a plan for
- * a still looks at it; `view` holds its views. */
+/* Returns the capture with the sizes of pictures divided by n, which is all
+ * that the plan reads. `view` holds its views and must outlive it. */
 static saga_capture smaller(const saga_capture *c, saga_shot *view, int n)
 {
     saga_capture s = *c;
@@ -32,8 +32,9 @@ static saga_capture smaller(const saga_capture *c, saga_shot *view, int n)
     return s;
 }
 
-/* Returns the teachers that a training with this preset has: none where no
- * cameras are far apart, nor where memory is too short to see that. */
+/* Returns the number of teachers that a training with this preset has. It is 0
+ * if no neighbouring cameras are far apart, or if there is not enough memory to
+ * find out. */
 static int teachers_of(const saga_capture *c, const saga_preset *preset)
 {
     const int n = saga_plan_teachers(preset, c);
@@ -52,7 +53,8 @@ static int teachers_of(const saga_capture *c, const saga_preset *preset)
     return apart ? n : 0;
 }
 
-/* All segments are taken to be like the first. A scale that was given stays. */
+/* Fills f for one preset. All segments are assumed to be like the first. If the
+ * user gave a scale, the capture has it already, so it is not changed. */
 static void forecast(saga_forecast *f, const saga_capture *c,
                      const saga_preset *preset, saga_shot *view)
 {
@@ -61,7 +63,7 @@ static void forecast(saga_forecast *f, const saga_capture *c,
     saga_capture first;
     double pixels = 0, least, most;
 
-    /* 0 leaves both to saga_plan. */
+    /* 0 lets saga_plan choose both. */
     o.n_primitives = 0;
     o.n_iterations = 0;
     f->scale = c->scale > 1 ? 1 : saga_plan_scale(&o, c, preset);
@@ -74,7 +76,7 @@ static void forecast(saga_forecast *f, const saga_capture *c,
     f->preset = preset->name;
     f->n_primitives = (int)o.n_primitives;
     f->n_iterations = o.n_iterations;
-    /* The plan is of a segment, minutes and bytes are of all. */
+    /* The plan is for one segment; minutes and bytes are for all segments. */
     f->n_teachers = teachers_of(c, preset);
     f->minutes = f->n_segments * saga_plan_time_with(f->n_teachers) *
                  saga_plan_minutes(f->n_primitives, f->n_iterations, pixels);
@@ -99,7 +101,7 @@ bool saga_forecast_of(saga_forecast *f, const saga_capture *capture, int index)
 
 /* --- Pieces -------------------------------------------------------------- */
 
-/* Text of files and names, with nothing that HTML would take for its own. */
+/* Writes text from the capture, with the special characters of HTML escaped. */
 static void put_escaped(FILE *to, const char *text)
 {
     for (; *text; text++)
@@ -109,7 +111,8 @@ static void put_escaped(FILE *to, const char *text)
             fputc(*text, to);
 }
 
-/* Makes a picture at most THUMB wide by means of boxes; free it. */
+/* Returns a picture at most THUMB pixels wide, made by averaging boxes of n x n
+ * pixels. The caller frees it. */
 static uint8_t *shrink(const saga_capture *c, int view, int *w, int *h,
                        saga_error *error)
 {
@@ -125,7 +128,7 @@ static uint8_t *shrink(const saga_capture *c, int view, int *w, int *h,
         const int x = i / 3 % *w * n, y = i / 3 / *w * n;
         int sum = 0, count = 0;
 
-        /* Only a picture of fewer than n rows has boxes that are cut short. */
+        /* Boxes are cut short only if the picture has fewer than n rows. */
         for (int b = 0; b < n && y + b < s->height; b++)
             for (int a = 0; a < n; a++, count++)
                 sum += from[((y + b) * s->width + x + a) * 3 + i % 3];
@@ -159,8 +162,8 @@ static bool put_thumbnail(FILE *to, const saga_capture *c, int view,
 
 /* --- The plan ------------------------------------------------------------ */
 
-/* The rig from the side on which it is largest: the axis along which centres
- * and points spread least is left out. */
+/* The plan shows the rig along the axis on which the cameras' centres spread
+ * least, so that it looks largest. */
 typedef struct plan {
     int axis[2];
     double middle[2], scale;
@@ -176,7 +179,8 @@ static void place_of(const saga_capture *c, size_t i, double x[3])
         memcpy(x, c->points[i - n].position, 3 * sizeof *x);
 }
 
-/* Cameras alone say how large it is: points may lie far away. */
+/* Chooses the plan's axes and scale by the cameras alone, because points may
+ * lie far away. */
 static plan make_plan(const saga_capture *c)
 {
     double low[3], high[3], x[3];
@@ -204,8 +208,8 @@ static plan make_plan(const saga_capture *c)
         p.middle[k] = (low[a] + high[a]) / 2;
         p.scale = fmax(p.scale, 2.5 * (high[a] - low[a]));
     }
-    /* Cameras take two fifths of the plan, so that points around them show.
-     * They may all stand in one place. */
+    /* Cameras take two fifths of the plan's width, so that points around them
+     * show. The spread is 0 if all cameras stand at one place. */
     p.scale = PLAN / (p.scale > 0 ? p.scale : 1);
     return p;
 }
@@ -214,7 +218,7 @@ static bool on_plan(const plan *p, const double x[3], double xy[2])
 {
     for (int k = 0; k < 2; k++)
         xy[k] = PLAN / 2 + p->scale * (x[p->axis[k]] - p->middle[k]);
-    /* Rows of SVG go down. */
+    /* SVG counts rows downwards. */
     xy[1] = PLAN - xy[1];
     return xy[0] >= 0 && xy[0] <= PLAN && xy[1] >= 0 && xy[1] <= PLAN;
 }
@@ -239,8 +243,8 @@ static void put_plan(FILE *to, const saga_capture *c)
 
         place_of(c, v, x);
         (void)on_plan(&p, x, xy);
-        /* 25 pixels ahead, if the camera looks along the plan: row 2 of the
-         * rotation is its forward axis. */
+        /* The line is 25 pixels long if the camera looks along the plan. Row 2
+         * of the rotation is the camera's forward axis. */
         for (int k = 0; k < 3; k++)
             x[k] += 25 / p.scale * c->views[v].rotation[6 + k];
         (void)on_plan(&p, x, ahead);
@@ -274,8 +278,8 @@ static void put_table(FILE *to, const saga_survey *s, const saga_capture *c)
         const saga_survey_view *const one = &s->views[v];
         const saga_shot *const shot = &c->views[v];
 
-        /* The camera, then its measurements in the order of the heading; "-"
-         * for one that is unknown. */
+        /* A row has the camera, then its measurements in the order of the
+         * heading; "-" stands for an unknown value. */
         fputs("<tr><td>", to);
         put_escaped(to, shot->name);
         fprintf(to, "%s<td>%d x %d", shot->held_out ? " (held out)" : "",
@@ -303,7 +307,8 @@ static bool put_page(FILE *to, const char *name, const saga_survey *s,
     saga_forecast f;
     bool ok = true;
 
-    /* Head: everything is in the page, so that it can be sent as a file. */
+    /* The head. The page refers to no other file, so that it can be sent as one
+     * file. */
     fputs("<!doctype html><html lang=en><meta charset=utf-8><title>", to);
     put_escaped(to, name);
     fputs("</title><style>body{font:15px sans-serif;margin:2em auto;max-width:"
@@ -315,7 +320,7 @@ static bool put_page(FILE *to, const char *name, const saga_survey *s,
             "points.<h2>To mind</h2><ul>", c->format, c->n_views,
             c->n_views == 1 ? "" : "s", c->n_frames,
             c->n_frames == 1 ? "" : "s", c->fps, c->n_points);
-    /* Names and notes come from the capture's files: escaped. */
+    /* Names and notes come from the capture's files, so they are escaped. */
     for (int i = 0; i < s->n_notes; i++) {
         fputs("<li>", to);
         put_escaped(to, s->note[i]);
@@ -326,7 +331,7 @@ static bool put_page(FILE *to, const char *name, const saga_survey *s,
     put_table(to, s, c);
     for (int v = 0; ok && v < c->n_views; v++)
         ok = put_thumbnail(to, c, v, error);
-    /* Forecast: a row for each preset. */
+    /* The forecast has a row for each preset. */
     fprintf(to, "<h2>Forecast</h2><p>By the measured files of docs/results/"
             "rd.md; what PSNR comes out only a trial tells. Segments: %d, with "
             "that number of primitives and iterations each.<table>",

@@ -38,7 +38,7 @@ void saga_cli_catch_signals(void (*handler)(int number))
     memset(&action, 0, sizeof action);
     action.sa_handler = handler;
     sigemptyset(&action.sa_mask);
-    /* A signal that is ignored (nohup) stays ignored. */
+    /* A signal that is ignored, as under nohup, stays ignored. */
     for (size_t i = 0; i < sizeof numbers / sizeof numbers[0]; i++) {
         struct sigaction old;
 
@@ -53,8 +53,9 @@ void saga_cli_end(int number)
     sigset_t its;
 
     saga_output_abandon();
-    /* The default action ends the program, so that a shell sees the signal. It
-     * is blocked while its handler runs, so it is let through first. */
+    /* The default action ends the program by the signal, which the shell then
+     * sees. The signal is blocked while its handler runs, so it is unblocked
+     * first. */
     signal(number, SIG_DFL);
     sigemptyset(&its);
     sigaddset(&its, number);
@@ -101,7 +102,7 @@ bool saga_cli_names(void *to, const char *text, const saga_cli_option *option)
     return true;
 }
 
-/* Takes a decimal integer of o's range at *text, which moves behind it. */
+/* Reads a decimal integer in the range of option o. *text moves past it. */
 static bool take_int(int32_t *v, const char **text, const saga_cli_option *o)
 {
     char *end;
@@ -206,7 +207,8 @@ static int min3(int a, int b, int c)
     return ab < c ? ab : c;
 }
 
-/* Counts letters to insert, remove or change to make b of a; both are short. */
+/* Returns the number of letters to insert, remove or change to turn a into b,
+ * or LONGEST_NAME if one of them is too long. */
 static int distance(const char *a, const char *b)
 {
     const int na = (int)strlen(a), nb = (int)strlen(b);
@@ -216,8 +218,9 @@ static int distance(const char *a, const char *b)
         return LONGEST_NAME;
     for (int j = 0; j <= nb; j++)
         row[j] = j;
-    /* Levenshtein: row[j] is the distance from the first i letters of a to the
-     * first j of b, and corner the value at j - 1 of the row before. */
+    /* Levenshtein's algorithm. row[j] is the distance between the first i
+     * letters of a and the first j letters of b; `corner` is the previous row's
+     * value at j - 1. */
     for (int i = 1; i <= na; i++) {
         int corner = row[0];
 
@@ -232,7 +235,8 @@ static int distance(const char *a, const char *b)
     return row[nb];
 }
 
-/* Half of the letters may be wrong, or the name may only have been begun. */
+/* Accepts a known name if fewer than half of its letters are wrong, or if
+ * `name` is its beginning. */
 static bool could_mean(const char *name, const char *known, int d)
 {
     const size_t n = strlen(name);
@@ -296,7 +300,8 @@ static int wrong_value(const saga_command *c, const saga_cli_option *o,
                           o->value, range, value, c->name);
 }
 
-/* Reads the option at argv[*i], with its value. */
+/* Reads the option at argv[*i] and its value; *i moves to the value if it is an
+ * argument of its own. */
 static int take_option(const saga_command *c, void *values, int argc,
                        char **argv, int *i)
 {
@@ -335,7 +340,7 @@ int saga_cli_parse(const saga_command *c, void *values,
 {
     const int most = strstr(c->arguments, "...") ? SAGA_CLI_MOST_ARGUMENTS
                                                  : c->n_arguments;
-    /* Surplus arguments are counted too, for wrong_count(). */
+    /* Surplus arguments are counted too, because wrong_count() reports them. */
     int n = 0;
     bool options = true;
 
@@ -370,7 +375,7 @@ static void option_help(const saga_cli_option *o)
     int column = printf("  %s%s%s", o->name, o->value ? " " : "",
                         o->value ? o->value : "");
 
-    /* A name that reaches into the column of the help has a line of its own. */
+    /* A name too long for its column has a line of its own. */
     if (column >= HELP_COLUMN) {
         putchar('\n');
         column = 0;
@@ -415,7 +420,7 @@ void saga_cli_help(const saga_command *c)
 
 /* --- Progress ------------------------------------------------------------ */
 
-/* Writes "3 s", "12 min", "4 h": about as exact as the estimate. */
+/* Writes "3 s", "12 min" or "4.0 h", about as precise as the estimate is. */
 static void time_text(char *text, size_t n, double seconds)
 {
     if (seconds < 90.0)
@@ -435,24 +440,25 @@ void saga_meter_show(saga_meter *m, double done, const char *doing)
     if (m->quiet)
         return;
     if (!m->started) {
-        /* As if shown a minute ago: a terminal gets the first line now. */
+        /* A terminal gets the first line at once, as if the last one was a
+         * minute ago. */
         *m = (saga_meter){ .started = true, .start = now, .shown = now - 60.0,
                            .from = done, .terminal = isatty(STDERR_FILENO) };
-        if (!m->terminal) /* what is over soon needs no line in a log */
+        if (!m->terminal) /* a short run needs no line in a log */
             m->shown = now;
     }
     if (now - m->shown < (m->terminal ? 0.1 : 5.0))
         return;
     m->shown = now;
     snprintf(left, sizeof left, "time left unknown");
-    /* Only what was done since the start tells the speed: a resumed run has a
-     * part that cost nothing. */
+    /* The speed is measured from the start of this run, since the part before a
+     * resumed run's start took no time. */
     if (done > m->from)
         time_text(left, sizeof left, (now - m->start) * (1.0 - done) /
                   (done - m->from));
     n = fprintf(stderr, "%s%3.0f %%  %s  %s%s", m->terminal ? "\r" : "",
                 100.0 * done, doing, left, done > m->from ? " left" : "");
-    /* On a terminal, blanks cover what is left of a longer line. */
+    /* On a terminal, blanks cover the rest of a longer line. */
     if (!m->terminal)
         fputc('\n', stderr);
     else if (n < m->width)

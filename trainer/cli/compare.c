@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * saga compare says how two results of `saga eval` differ, or by how much two
- * curves of them do: Bjontegaard's delta.
+ * saga compare tells how two results of `saga eval` differ. For two curves of
+ * results it computes the Bjontegaard delta rate.
  */
 #include "bd.h"
 #include "cli.h"
@@ -32,7 +32,8 @@ static const saga_line pair_text[] = {
       "{more:%+12.5f}\n" }
 };
 
-/* Tells what both have of a metric in a set of views. */
+/* Adds a row with the values that both results have for a metric in a set of
+ * views; nothing if one of them lacks it. */
 static void put_difference(const session *s, json_t *rows, json_t *set,
                            const saga_metric_row *m, const char *name)
 {

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * The quality that saga encode tells of comes from the closed file, opened
- * again: its pictures beside the capture's, and beside the float ones of the
- * same symbols.
+ * The quality that saga encode reports is measured on the finished file, which
+ * is opened again. Its pictures are compared with the capture's, and with
+ * pictures that the float model draws from the same symbols.
  */
 #include "encode_session.h"
 
@@ -15,18 +15,18 @@
 #include <math.h>
 #include <stdlib.h>
 
-/* Pictures of each view that tell of a rolling shutter. */
+/* Number of pictures per view in which a rolling shutter is looked for. */
 enum { SHUTTER_PICTURES = 8 };
 
 typedef struct {
-    double sum[2], even[2], agree[2]; /* dB: of all but the held-out views, of
-                              * these */
-    int n[2], n_agree[2];    /* pictures */
-    bool has_float;          /* of the segment */
+    double sum[2], even[2], agree[2]; /* sums of PSNR in dB; index 1: held-out
+                                       * views, index 0: the others */
+    int n[2], n_agree[2];    /* numbers of pictures in these sums */
+    bool has_float;          /* the segment's float model is in memory */
 } tally;
 
-/* Gives the PSNR of a decoded picture beside the truth as training sees it,
- * with the camera's exposure evened out. */
+/* Returns the PSNR of a decoded picture against the truth as training sees it,
+ * which is the truth multiplied by the camera's exposure factors. */
 static double evened_psnr(const saga_encode_session *s, int view, int frame,
                           const uint8_t *rgb)
 {
@@ -39,7 +39,7 @@ static double evened_psnr(const saga_encode_session *s, int view, int frame,
     size_t counting = 0;
 
     /* Training saw the truth times the factors of its camera. Masked pixels
-     * count neither in the sum nor in the mean. */
+     * count neither in the sum nor in the number of pixels. */
     for (size_t i = 0; i < n; i++) {
         counting += !mask || mask[i];
         for (int k = 0; k < 3 && (!mask || mask[i]); k++) {
@@ -70,8 +70,8 @@ double saga_encode_exposure(const saga_encode_session *s)
     return most - 1;
 }
 
-/* Gives the PSNR between a decoded picture and the float one of the same
- * symbols. */
+/* Sets *psnr to the PSNR between a decoded picture and the picture that the
+ * float model draws from the same symbols. */
 static bool compare_float(saga_encode_session *s, double *psnr,
                           const uint8_t *rgb, int view, int frame)
 {
@@ -85,7 +85,8 @@ static bool compare_float(saga_encode_session *s, double *psnr,
         free(image);
         return false;
     }
-    /* The image is (3, H, W), the decoded picture (H, W, 3). */
+    /* The float image has planes, (3, H, W); the decoded picture has pixels,
+     * (H, W, 3). */
     for (size_t i = 0; i < 3 * n; i++) {
         const double x = (double)image[i % 3 * n + i / 3];
         const double e = 255 * fmin(fmax(x, 0), 1) - rgb[i];
@@ -97,33 +98,34 @@ static bool compare_float(saga_encode_session *s, double *psnr,
     return true;
 }
 
-/* The float model in memory is that of the segment that was trained last. */
+/* Tells whether the float model in memory is that of a segment. Memory holds
+ * the model of the segment that was trained last. */
 static bool has_float(const saga_encode_session *s, int segment)
 {
-    /* With --networks and without a base, the first segment comes coded from
-     * that file, and there is no float model of it here. */
+    /* With --networks and without a base, the first segment was read from that
+     * file in coded form, so no float model of it exists here. */
     return segment == saga_train_segment(s->train) &&
            !(s->o->networks && !saga_encode_has_base(s) &&
              segment == saga_train_first(s->train));
 }
 
-/* A view of the capture as a film shows it. */
+/* A view of the capture, and the film that shows it. */
 typedef struct {
     saga_film *film;
     saga_camera camera;
     int view;
-    int first;               /* frame of the film, the capture's first */
-    uint8_t *rgb;            /* a picture */
+    int first;               /* frame of the film that is the segment's first */
+    uint8_t *rgb;            /* a picture, owned by the look */
 } look;
 
-/* Free look->rgb, also after a failure. */
+/* Opens a look. The caller frees l->rgb, even if this fails. */
 static bool open_look(look *l, saga_encode_session *s, saga_film *film,
                       int segment, int view)
 {
     const saga_shot *const v = &s->capture.views[view];
     uint32_t number;
 
-    /* A part of --only holds nothing but this segment. */
+    /* A file made with --only has no other segment than this one. */
     *l = (look){ .film = film, .view = view,
                  .first = s->o->networks ? 0 : saga_encode_begin(s, segment),
                  .rgb = saga_alloc(saga_view_frame_nbytes(v), 1, v->name,
@@ -132,7 +134,7 @@ static bool open_look(look *l, saga_encode_session *s, saga_film *film,
                                    &s->error);
 }
 
-/* Draws a frame and gives its PSNR; NaN where no pixel of it counts. */
+/* Draws a frame and sets *psnr; to NaN if the mask covers the whole frame. */
 static bool draw_look(look *l, double *psnr, saga_encode_session *s, int frame)
 {
     const saga_shot *const v = &s->capture.views[l->view];
@@ -143,8 +145,8 @@ static bool draw_look(look *l, double *psnr, saga_encode_session *s, int frame)
     if (!saga_film_draw_late(l->film, &l->camera, (uint32_t)(l->first + frame),
                              v->late, l->rgb, &s->error))
         return false;
-    /* Masked pixels become right, so the mean over all pixels counts only the
-     * others; divided by their part it is the mean over those. */
+    /* Masked pixels are set to the truth, so their error is 0. Dividing the
+     * mean by the fraction of other pixels gives the mean over those. */
     counting = saga_capture_forgive(&s->capture, l->view, frame, l->rgb);
     *psnr = counting > 0
         ? saga_psnr(saga_mse(l->rgb, truth, saga_view_frame_nbytes(v)) /
@@ -153,7 +155,7 @@ static bool draw_look(look *l, double *psnr, saga_encode_session *s, int frame)
     return true;
 }
 
-/* Adds what a drawn frame tells of a view. */
+/* Adds the PSNR of a drawn frame to the tally. */
 static bool judge_frame(saga_encode_session *s, const look *l, double psnr,
                         int frame, tally *t)
 {
@@ -177,7 +179,8 @@ static bool compare_view(saga_encode_session *s, saga_film *film, int segment,
                          int view, tally *t)
 {
     const saga_shot *const v = &s->capture.views[view];
-    /* Pictures of a camera that moves do not tell what stands still. */
+    /* The verdict needs to know what stands still, which pictures of a moving
+     * camera do not show. */
     const bool judged = !v->held_out && !s->capture.moves;
     uint8_t *const median = !judged ? NULL
         : saga_verdict_median(&s->capture, view, &s->error);
@@ -224,7 +227,7 @@ static bool compare_cut(saga_encode_session *s, saga_encode_cut *c, int segment,
     return ok;
 }
 
-/* Opens the file as it is behind each layer but the last. */
+/* Opens the file cut after each layer except the last. */
 static bool open_cuts(saga_encode_session *s, const saga_bytes *file)
 {
     for (int k = 0; k + 1 < s->o->layers; k++) {
@@ -258,8 +261,8 @@ static int written_but(const saga_encode_session *s)
                           "%s", s->error.message);
 }
 
-/* Looks for rows that were read in turn. The only segment, or all of them
- * together, have about as many pictures. */
+/* Looks for a rolling shutter in a view. Segments share SHUTTER_PICTURES, so
+ * that one segment and many have about the same number of pictures. */
 static bool look_at_rows(saga_encode_session *s, saga_film *film, int segment,
                          int view)
 {
@@ -280,7 +283,8 @@ static bool look_at_rows(saga_encode_session *s, saga_film *film, int segment,
 static int compare_segment(saga_encode_session *s, saga_film *film, int segment,
                            tally *t)
 {
-    /* A single segment, and that of --only, is still loaded from training. */
+    /* A single segment, or the one of --only, is still in memory from
+     * training. */
     const bool is_there = s->n_segments == 1 || s->o->networks;
     const int status = is_there ? SAGA_EXIT_OK : saga_encode_load(s, segment);
 
@@ -315,7 +319,8 @@ int saga_encode_check(saga_encode_session *s)
     for (int i = 0; !status && i < s->n_segments; i++)
         if (s->o->only < 0 || s->o->only == i)
             status = compare_segment(s, &film, i, &t);
-    /* Only now: a camera is judged against all the others. */
+    /* The shutter is judged after all segments, since each camera is compared
+     * with all the others. */
     if (!status)
         s->rows = saga_shutter_find(s->shutter, s->capture.n_views, &s->error);
     if (!status && !s->rows)

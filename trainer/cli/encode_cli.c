@@ -16,10 +16,11 @@
 #include <stdlib.h>
 #include <unistd.h>
 
-/* This signal asked to stop; a handler can tell no one else. */
+/* The signal that asked to stop. A handler may only set such a variable. */
 static volatile sig_atomic_t stop_signal;
 
-/* A second one ends the program, and what it has half-written. */
+/* A second signal of the same kind ends the program and removes half-written
+ * files. */
 static void ask_to_stop(int number)
 {
     if (stop_signal == number)
@@ -27,7 +28,7 @@ static void ask_to_stop(int number)
     stop_signal = number;
 }
 
-/* Makes the file and checks it; the checkpoint stays. */
+/* Makes the file and checks it. The checkpoint is kept. */
 static int make(saga_encode_session *s)
 {
     int status = saga_encode_open(s);
@@ -36,7 +37,7 @@ static int make(saga_encode_session *s)
         status = saga_encode_train(s);
     if (!status)
         status = saga_encode_write(s);
-    /* A file of networks has nothing that could be decoded. */
+    /* A file that holds only networks has nothing to decode. */
     return status || s->o->networks_only ? status : saga_encode_check(s);
 }
 
@@ -58,14 +59,15 @@ static int encode(saga_encode_session *s)
 
     if (status)
         return status;
-    /* The file is written and was decoded; nothing is left to go on with. */
+    /* The file is written and was decoded, so the checkpoint is not needed. */
     unlink(s->checkpoint);
     return saga_encode_tell(s);
 }
 
 /* --- A sweep ------------------------------------------------------------- */
 
-/* Judges the file, with what training says of it beside, and writes that. */
+/* Evaluates the file, and writes the result together with the report of its
+ * training. */
 static int judge(const saga_encode_options *o, const char *capture,
                  const char *result, json_t *report)
 {
@@ -83,9 +85,8 @@ static int judge(const saga_encode_options *o, const char *capture,
     return saga_cli_write_json(judged, 9, result);
 }
 
-/* Makes a file of the sweep of which `user` is the session. The checkpoint
- * outlives the training until the result is there, so that nothing is trained
- * twice. */
+/* Makes one file of a sweep; `user` is the sweep's session. The checkpoint is
+ * kept until the result is written, so that nothing is trained twice. */
 static int make_of_sweep(void *user, const char *file, const char *result,
                          double part)
 {
@@ -101,21 +102,22 @@ static int make_of_sweep(void *user, const char *file, const char *result,
     s.part = part;
     s.started = saga_clock_seconds();
     status = make(&s);
-    /* Kept from end(): it is removed when the result is there. */
+    /* end() must not free the name: the file is removed once the result is
+     * written. */
     checkpoint = s.checkpoint;
     s.checkpoint = NULL;
-    /* Before end(): the report is about what is open. */
+    /* The report comes before end(), since it reads what end() closes. */
     if (!status) {
         report = saga_encode_report(&s);
         saga_drop_asides(report);
-        if (saga_json_lost()) { /* which judge() tells */
+        if (saga_json_lost()) { /* judge() reports that */
             json_decref(report);
             report = NULL;
         }
     }
     end(&s);
-    /* Behind end(): judging loads the capture again, and its pictures need not
-     * be in memory twice. */
+    /* Judging comes after end(), because it loads the capture again and two
+     * copies of the pictures need not fit into memory. */
     if (!status)
         status = judge(&o, s.capture_name, result, report);
     if (!status)

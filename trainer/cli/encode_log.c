@@ -11,7 +11,7 @@ enum { EVERY = 10, LONGEST = 256 };
 
 static const char header[] = "iteration,stage,psnr,bits,seconds\n";
 
-/* A line of either kind is written so, and read so. */
+/* Formats to write and to read a line, for CSV and for JSON lines. */
 static const char write_csv[] = "%d,%s,%.4f,%.0f,%.2f\n";
 static const char write_json[] =
     "{\"iteration\": %d, \"stage\": \"%s\", \"psnr\": %.4f, \"bits\": %.0f, "
@@ -26,8 +26,8 @@ bool saga_encode_log_name(const char *path)
     return saga_has_suffix(path, ".csv") || saga_has_suffix(path, ".jsonl");
 }
 
-/* Returns where in the log the lines end that tell of iterations up to
- * `until`. */
+/* Returns the offset in the log at which the lines for iterations up to `until`
+ * end. */
 static long known(saga_encode_log *log, int until)
 {
     char line[LONGEST], stage[16];
@@ -35,9 +35,9 @@ static long known(saga_encode_log *log, int until)
     long end = 0;
     int at;
 
-    /* The first line that cannot be read, or that tells of a later iteration,
-     * ends what is kept: a killed run may have left half a line. Only the
-     * header may stand before. */
+    /* The first line that cannot be read, or that is for a later iteration,
+     * ends what is kept, because a killed run may have left half a line. Only
+     * the header may precede. */
     while (fgets(line, sizeof line, log->file)) {
         if (sscanf(line, log->csv ? read_csv : read_json, &at, stage, &psnr,
                    &bits, &seconds) == 5 && at <= until) {
@@ -51,7 +51,7 @@ static long known(saga_encode_log *log, int until)
     return end;
 }
 
-/* Keeps what the log holds of iterations up to `resume`. */
+/* Keeps the lines for iterations up to `resume` and removes the others. */
 static bool go_on(saga_encode_log *log, int resume)
 {
     long end;
@@ -82,7 +82,7 @@ void saga_encode_log_write(saga_encode_log *log, const saga_train_progress *p,
     if (!log->file || p->all < log->last + EVERY)
         return;
     log->last = p->all;
-    /* log->seconds are those of the run before. */
+    /* log->seconds is the time that earlier runs took. */
     fprintf(log->file, log->csv ? write_csv : write_json, p->all, p->name,
             p->psnr, p->bits, log->seconds + seconds);
     fflush(log->file);
