@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Blender's synthetic scenes, and D-NeRF's, are files like transforms.json, one
- * of which lists what is held out.
+ * Reads Blender's synthetic scenes and D-NeRF's. Their files have the form of
+ * transforms.json; the pictures that a second file lists are held out.
  */
 #include "error.h"
 #include "file.h"

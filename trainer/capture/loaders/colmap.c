@@ -36,8 +36,8 @@ static saga_lens lens_of(int model, const double *p)
     if (model == 4)
         return (saga_lens){.fx = p[0], .fy = p[1], .cx = p[2], .cy = p[3],
                            .k1 = p[4], .k2 = p[5], .p1 = p[6], .p2 = p[7]};
-    /* One focal length for both axes, cx, cy, then k1 (SIMPLE_RADIAL) or k1 and
-     * k2 (RADIAL). */
+    /* The other models have one focal length for both axes, then cx, cy, then
+     * k1 (SIMPLE_RADIAL) or k1 and k2 (RADIAL). */
     return (saga_lens){.fx = p[0], .fy = p[0], .cx = p[1], .cy = p[2],
                        .k1 = model >= 2 ? p[3] : 0.0,
                        .k2 = model == 3 ? p[4] : 0.0};
@@ -59,13 +59,14 @@ typedef struct colmap_job {
     saga_error *error;
 } colmap_job;
 
-/* Returns the array with room for one more item behind count, possibly moved;
- * NULL with the error where there is no memory, the old array untouched. */
+/* Returns the array, which may have moved, with room for one more item after
+ * the first `count`. Returns NULL and sets the error if it is out of memory;
+ * the old array then stays valid. */
 static void *grow(const colmap_job *job, void *items, size_t count,
                   size_t size)
 {
     if ((count & (count - 1)) != 0)
-        return items; /* room grows at powers of two only */
+        return items; /* the capacity is the next power of two */
     return saga_realloc(items, count ? 2 * count : 1, size, job->file,
                         job->error);
 }
@@ -80,7 +81,8 @@ static bool add_camera(const colmap_job *job, uint32_t id, double width,
                        double height, int model, const double *params)
 {
     saga_colmap *const m = job->model;
-    /* As doubles, since casts to integers need values that these can hold. */
+    /* The size is checked as a double, since casting a larger value to an
+     * integer would be undefined. */
     if (!(width >= 1.0 && width <= 1e9 && height >= 1.0 && height <= 1e9))
         return saga_fail(job->error, job->file, "correct the camera",
                          "camera %u has a size of %g x %g", (unsigned)id,
@@ -105,7 +107,8 @@ static saga_colmap_image *add_image(const colmap_job *job, uint32_t id,
     saga_colmap *const m = job->model;
     saga_colmap_image image = {.id = id, .camera = camera,
                                .first = m->n_observations};
-    /* pose is a quaternion w, x, y, z and a translation, world to camera. */
+    /* pose is a quaternion w, x, y, z and a translation; it maps world to
+     * camera. */
     if (!saga_pose_from_quaternion(pose, image.rotation) ||
         !isfinite(pose[4]) || !isfinite(pose[5]) || !isfinite(pose[6])) {
         saga_fail(job->error, job->file, "reconstruct that image again",
@@ -119,19 +122,19 @@ static saga_colmap_image *add_image(const colmap_job *job, uint32_t id,
     if (!more)
         return NULL;
     m->images = more;
-    /* A copy, since the file's bytes are freed once the part is read. */
+    /* The name is copied, since the file's bytes are freed once it is read. */
     image.name = saga_alloc(name_len + 1, 1, job->file, job->error);
     if (!image.name)
         return NULL;
     memcpy(image.name, name, name_len);
     image.name[name_len] = '\0';
-    /* Its observations are read next, before another image, so that `first` and
-     * `count` name all of them. */
+    /* The observations of this image are read before the next image, so that
+     * `first` and `count` describe all of them. */
     more[m->n_images] = image;
     return &more[m->n_images++];
 }
 
-/* Features that belong to no point are of no use here. */
+/* Adds a feature to an image. Features that belong to no point are ignored. */
 static bool add_observation(const colmap_job *job, saga_colmap_image *image,
                             double u, double v, int64_t point)
 {
@@ -180,7 +183,8 @@ static bool add_track(const colmap_job *job, saga_colmap_point *point,
 
 /* ------------------------------------------------------------------ binary */
 
-/* A count that cannot fit in what is left is refused before it is used. */
+/* Reads a count. A count is refused if that number of items, of `least` bytes
+ * each, cannot fit into the rest of the file. */
 static bool take_count(const colmap_job *job, saga_cursor *c, size_t least,
                        const char *what, uint64_t *count)
 {
@@ -195,7 +199,8 @@ static bool take_count(const colmap_job *job, saga_cursor *c, size_t least,
 static bool binary_cameras(const colmap_job *job, saga_cursor *c)
 {
     uint64_t n;
-    /* An id, a model, width and height, and three parameters at least. */
+    /* A camera has an id, a model, width and height, and at least three
+     * parameters. */
     if (!take_count(job, c, 4 + 4 + 16 + 24, "cameras", &n))
         return false;
     for (uint64_t i = 0; i < n; i++) {
@@ -223,7 +228,8 @@ static bool binary_observations(const colmap_job *job, saga_cursor *c,
                                 saga_colmap_image *image)
 {
     uint64_t n;
-    /* u, v and the id of a point: 2^64 - 1, read as -1, where there is none. */
+    /* A feature is u, v and the id of a point, which is 2^64 - 1, read as -1,
+     * if the feature has no point. */
     if (!take_count(job, c, 24, "features", &n))
         return false;
     for (uint64_t k = 0; k < n; k++) {
@@ -237,8 +243,8 @@ static bool binary_observations(const colmap_job *job, saga_cursor *c,
 static bool binary_images(const colmap_job *job, saga_cursor *c)
 {
     uint64_t n;
-    /* An id, a pose of 7 numbers, the camera's id, a name of no letters with
-     * its NUL, and the number of features. */
+    /* An image has an id, a pose of 7 numbers, the camera's id, a name, of
+     * which only the NUL is certain, and the number of features. */
     if (!take_count(job, c, 4 + 56 + 4 + 1 + 8, "images", &n))
         return false;
     for (uint64_t i = 0; i < n; i++) {
@@ -247,7 +253,7 @@ static bool binary_images(const colmap_job *job, saga_cursor *c)
         for (int k = 0; k < 7; k++)
             pose[k] = saga_take_f64(c);
         const uint32_t camera = (uint32_t)saga_take_le(c, 4);
-        /* The name ends in NUL, which must come before the file does. */
+        /* The name ends with a NUL. */
         const uint8_t *const end = memchr(c->next, 0, saga_left(c));
         if (c->failed || !end)
             return cut_short(job, "image", (size_t)i);
@@ -265,7 +271,8 @@ static bool binary_images(const colmap_job *job, saga_cursor *c)
 static bool binary_points(const colmap_job *job, saga_cursor *c)
 {
     uint64_t n;
-    /* An id, a position, a colour, an error, and the length of the track. */
+    /* A point has an id, a position, a colour, an error, and the length of its
+     * track. */
     if (!take_count(job, c, 8 + 24 + 3 + 8 + 8, "points", &n))
         return false;
     for (uint64_t i = 0; i < n; i++) {
@@ -281,8 +288,8 @@ static bool binary_points(const colmap_job *job, saga_cursor *c)
         saga_colmap_point *const point = add_point(job, id, position, rgb);
         if (!point || !take_count(job, c, 8, "track elements", &n_tracks))
             return false;
-        /* An element is an image's id and the feature in it, which is passed
-         * over. */
+        /* A track's element is the id of an image and the index of a feature,
+         * which is ignored. */
         for (uint64_t k = 0; k < n_tracks; k++) {
             const uint32_t image = (uint32_t)saga_take_le(c, 4);
             (void)saga_take(c, 4);
@@ -295,15 +302,16 @@ static bool binary_points(const colmap_job *job, saga_cursor *c)
 
 /* -------------------------------------------------------------------- text */
 
-/* Lines end in '\0' after this; NULL at the end. Comments are passed over,
- * empty lines only if asked, since an image may have an empty second line. */
+/* Returns the next line, without its end, or NULL at the end of the file.
+ * Comments are skipped. Empty lines are skipped only if asked, since the second
+ * line of an image may be empty. */
 static char *next_line(saga_cursor *c, bool skip_empty)
 {
     while (saga_left(c) > 0) {
         uint8_t *const line = (uint8_t *)(uintptr_t)c->next;
         uint8_t *const end = memchr(line, '\n', saga_left(c));
-        /* The bytes are the caller's own and may be written. Behind the last of
-         * them is a NUL, which ends a last line that lacks its '\n'. */
+        /* The caller owns the bytes, so that they may be written. A NUL follows
+         * them, which ends a last line without '\n'. */
         c->next = end ? end + 1 : c->end;
         if (end)
             *end = 0;
@@ -396,8 +404,8 @@ static bool text_images(const colmap_job *job, saga_cursor *c)
             job, (uint32_t)id, pose, (uint32_t)camera, line, strlen(line));
         if (!image)
             return false;
-        /* The second line has the features and may be empty, or absent at the
-         * end. */
+        /* The second line has the features. It may be empty, and missing at the
+         * end of the file. */
         char *const second = next_line(c, false);
         if (second && !text_observations(job, second, image))
             return false;
@@ -419,7 +427,8 @@ static bool text_points(const colmap_job *job, saga_cursor *c)
         saga_colmap_point *const point = add_point(job, id, x, rgb);
         if (!point)
             return false;
-        /* The track is pairs of image and feature to the end of the line. */
+        /* The track is pairs of an image and a feature, to the end of the
+         * line. */
         while (take_id(&line, &image, UINT32_MAX)) {
             if (!take_id(&line, &feature, UINT32_MAX))
                 return cut_short(job, "track of point", i);
@@ -493,7 +502,7 @@ bool saga_colmap_read_images(saga_colmap *model, const char *folder,
         saga_colmap_free(model);
         return false;
     }
-    /* saga_colmap_image_of searches by halving. */
+    /* saga_colmap_image_of searches by bisection. */
     if (model->n_images)
         qsort(model->images, model->n_images, sizeof *model->images,
               by_image_id);

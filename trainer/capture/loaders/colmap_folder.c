@@ -1,21 +1,22 @@
 /* SPDX-License-Identifier: MIT
  *
- * Reads a plain COLMAP folder: a sparse model in sparse/0 (or where
- * saga_colmap_find looks) and pictures in images/, or beside the model's
- * folder if there is no images/.
+ * Reads a plain COLMAP folder: a sparse model in sparse/0, or where
+ * saga_colmap_find looks, and pictures in images/, or beside the model's folder
+ * if there is no images/.
  *
- * An image of the model is a camera. Its pictures are, whichever is there:
+ * An image of the model is a camera. Its pictures are found in one of these
+ * forms:
  *
- *     images/NAME           the one picture of it. Images of one pose and one
- *                           camera of the model are one camera at several
+ *     images/NAME           its only picture. Images with the same pose and the
+ *                           same camera of the model are one camera at several
  *                           moments: CAM/0001.jpg CAM/0002.jpg, or 0001/CAM.jpg
  *                           0002/CAM.jpg
- *     images/NAME less its ending/ a folder of its frames
- *     images/FOLDER/        where every image of the model has a FOLDER of its
- *                           own: all pictures there are frames
+ *     images/STEM/          NAME without its extension: a folder of its frames
+ *     images/FOLDER/        if every image of the model has a FOLDER of its
+ *                           own: all pictures in it are frames
  *
- * The last number in a name is the moment. A picture that is missing is left
- * out, and so is a camera without any. No camera is held out.
+ * The last number in a name is the moment. A missing picture is left out, and
+ * so is a camera without any. No camera is held out.
  */
 #include "alloc.h"
 #include "colmap_views.h"
@@ -34,10 +35,11 @@ typedef const saga_colmap_image *image_pointer;
 typedef struct folder_reader {
     saga_listing *listing;
     const char *model_folder;
-    char *root;                /* of the pictures */
+    char *root;                /* folder of the pictures */
     saga_colmap model;
-    int *source_of;            /* (n_images) of the model, -1: none */
-    image_pointer *image_of;   /* (n_sources) the first one */
+    int *source_of;            /* (n_images) the source of each image of the
+                                * model, -1: none */
+    image_pointer *image_of;   /* (n_sources) the first image of each source */
     saga_finds finds;
     saga_error *error;
 } folder_reader;
@@ -63,8 +65,8 @@ static int by_pose(const void *a, const void *b)
     const image_pointer y = *(const image_pointer *)b;
     if (x->camera != y->camera)
         return x->camera < y->camera ? -1 : 1;
-    /* Poses are one only where all bits agree; beyond that any order will
-     * do. */
+    /* Only poses that agree in all bits are equal. For other poses any order
+     * will do. */
     const int r = memcmp(x->rotation, y->rotation, sizeof x->rotation);
     return r ? r
              : memcmp(x->translation, y->translation, sizeof x->translation);
@@ -83,8 +85,8 @@ static int by_pose_and_name(const void *a, const void *b)
     return r ? r : by_name(a, b);
 }
 
-/* Finds the cameras: source_of, and the first image of each in image_of, in the
- * order of their names. */
+/* Groups the model's images into cameras. Sets source_of, and image_of to the
+ * first image of each camera by name, ordered by name. */
 static bool group_images(folder_reader *r)
 {
     const size_t n = r->model.n_images;
@@ -100,7 +102,8 @@ static bool group_images(folder_reader *r)
                     r->listing->sources;
     for (size_t i = 0; ok && i < n; i++)
         sorted[i] = &r->model.images[i];
-    /* Images of one camera become neighbours, the first by name in front. */
+    /* Images of one camera become neighbours, with the first by name in
+     * front. */
     if (ok && n > 0)
         qsort(sorted, n, sizeof *sorted, by_pose_and_name);
     size_t n_sources = 0;
@@ -114,12 +117,12 @@ static bool group_images(folder_reader *r)
         return saga_fail(r->error, r->model_folder, "reconstruct with cameras "
                          "that stand still", "has %zu different cameras, not "
                          "1 to %d", n_sources, SAGA_MAX_VIEWS);
-    /* The listing's order is that of names, not of poses. */
+    /* The listing is ordered by names, not by poses. */
     qsort(r->image_of, n_sources, sizeof *r->image_of, by_name);
     r->listing->n_sources = (int)n_sources;
     for (size_t i = 0; i < n; i++) {
         const image_pointer image = &r->model.images[i];
-        /* This ends: the image's own camera is among them. */
+        /* The loop ends, because the image's own camera is in the list. */
         int s = 0;
         while (by_pose(&r->image_of[s], &image) != 0)
             s++;
@@ -130,7 +133,7 @@ static bool group_images(folder_reader *r)
 
 /* ----------------------------------------------------------------- pictures */
 
-/* Do the images have a folder each, of which nothing else is in the model? */
+/* Tells whether each image is the only one of the model in its folder. */
 static bool own_folders(const folder_reader *r)
 {
     const int n = r->listing->n_sources;
@@ -146,8 +149,8 @@ static bool own_folders(const folder_reader *r)
     return true;
 }
 
-/* Does a camera have pictures of one name in several folders? Then a folder is
- * a moment. */
+/* Tells whether a camera has pictures of the same name in several folders. Each
+ * folder is then one moment. */
 static bool folders_are_moments(const folder_reader *r)
 {
     for (size_t i = 0; i < r->model.n_images; i++) {
@@ -169,8 +172,8 @@ static char *join_part(const folder_reader *r, const char *name, size_t n)
     return path;
 }
 
-/* Adds all pictures in the folder of the first n characters of an image's
- * name, and says in *found whether there is one. */
+/* Adds all pictures in the folder that the first n characters of image i's name
+ * give. Sets *found if the folder exists. */
 static bool add_folder(folder_reader *r, size_t i, size_t n, bool *found)
 {
     char *const folder = join_part(r, r->model.images[i].name, n);
@@ -189,7 +192,7 @@ static bool add_file(folder_reader *r, size_t i, bool folder_tells, bool *found)
     const size_t begin = folder_tells ? 0 : folder_length(name);
     const size_t end = folder_tells ? folder_length(name) : stem_length(name);
     uint64_t moment;
-    /* The moment's number stands in the folder or in the file's own name. */
+    /* The moment's number is in the folder's name or in the file's own name. */
     char *const path = join_part(r, name, strlen(name));
     *found = path && saga_path_is_file(path);
     if (*found) {
@@ -206,8 +209,8 @@ static bool find_pictures(folder_reader *r)
     const bool own = own_folders(r), tells = folders_are_moments(r);
     size_t n_missing = 0, first = 0;
     for (size_t i = 0; i < r->model.n_images; i++) {
-        /* A folder of its own comes before the file: the image is then only one
-         * of the frames in there. */
+        /* A folder of the image's own comes before the file, because the image
+         * is then only one of the frames in that folder. */
         const char *const name = r->model.images[i].name;
         bool found = false;
         if (own && !add_folder(r, i, folder_length(name), &found))
@@ -227,8 +230,9 @@ static bool find_pictures(folder_reader *r)
     return true;
 }
 
-/* A camera is called like its folder, where its frames have one, else like its
- * picture; longer names, or numbers, where those are not different. */
+/* Names a camera by its folder if that holds its frames, otherwise by its
+ * picture. If such names are not all different, longer names and then numbers
+ * are tried. */
 static void name_sources(folder_reader *r)
 {
     saga_listing *const l = r->listing;
@@ -236,8 +240,8 @@ static void name_sources(folder_reader *r)
     for (int scheme = frames && !folders_are_moments(r) ? 0 : 1; scheme < 4;
          scheme++) {
         for (int i = 0; i < l->n_sources; i++) {
-            /* Schemes are the folder, the file without its ending, both, and
-             * numbers. */
+            /* The schemes are the folder, the file without its extension, both,
+             * and numbers. */
             const char *const name = r->image_of[i]->name;
             const size_t folder = folder_length(name), end = stem_length(name);
             const size_t slash = name[folder] == '/';
@@ -259,7 +263,7 @@ static void name_sources(folder_reader *r)
 
 /* ------------------------------------------------------------------ cameras */
 
-/* Leaves out cameras without pictures, and corrects who is whose. */
+/* Leaves out cameras without pictures, and renumbers image_of and source_of. */
 static bool drop_empty(folder_reader *r)
 {
     const int n = r->listing->n_sources;
@@ -267,7 +271,7 @@ static bool drop_empty(folder_reader *r)
         saga_alloc((size_t)n, sizeof *kept_as, r->model_folder, r->error);
     const bool ok = kept_as && saga_listing_drop_empty(
         r->listing, 0, r->listing->n_frames, kept_as, r->error);
-    /* kept_as[i] <= i, so that none is overwritten before it has moved. */
+    /* Since kept_as[i] <= i, no entry is overwritten before it has moved. */
     for (int i = 0; ok && i < n; i++)
         if (kept_as[i] >= 0)
             r->image_of[kept_as[i]] = r->image_of[i];
@@ -295,15 +299,14 @@ static bool read_folder(folder_reader *r, const saga_capture_options *options)
     if (!group_images(r) || !find_pictures(r))
         return false;
     name_sources(r);
-    /* Cameras come last: lenses are scaled to the size of the pictures, and
-     * points are counted by the views that are not held out. */
+    /* Cameras come last: lenses are scaled to the pictures' size, and points
+     * are kept by the number of views that see them and are not held out. */
     return saga_listing_take_finds(r->listing, &r->finds, r->error) &&
            drop_empty(r) && saga_listing_probe_pictures(r->listing, r->error) &&
            saga_listing_hold_out(r->listing, options->hold_out, r->error) &&
            take_cameras(r);
 }
 
-/* Returns images/ of a folder, or the folder itself. */
 static char *picture_root(const char *folder, saga_error *error)
 {
     char *root = saga_path_join(folder, "images", error);

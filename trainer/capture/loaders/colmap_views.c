@@ -27,7 +27,7 @@ bool saga_colmap_find(char **model, const char *folder, saga_error *error)
     return true;
 }
 
-/* A model made from pictures of another size is scaled to these. */
+/* If the model was made from pictures of another size, the lens is scaled. */
 bool saga_colmap_adopt(saga_source *s, const saga_colmap *model,
                        const saga_colmap_image *image, const char *folder,
                        saga_error *error)
@@ -38,7 +38,8 @@ bool saga_colmap_adopt(saga_source *s, const saga_colmap *model,
         return false;
     const double sx = (double)s->width / camera->width;
     const double sy = (double)s->height / camera->height;
-    /* More than 1 % between the axes is a crop, which no scale undoes. */
+    /* A ratio of axes that differs by more than 1 % means that the pictures
+     * were cropped, which scaling cannot undo. */
     if (fabs(sx / sy - 1.0) > 0.01)
         return saga_fail(error, folder, "reconstruct from uncropped frames",
                          "camera of %s has %d x %d pixels, its pictures "
@@ -54,7 +55,8 @@ bool saga_colmap_adopt(saga_source *s, const saga_colmap *model,
     return true;
 }
 
-/* Counts the distinct training views in a point's track. */
+/* Returns the number of distinct training views in a point's track. `now` must
+ * be new for each point. */
 static int count_training_views(const saga_listing *listing,
                                 const saga_colmap *model, const int *view,
                                 const saga_colmap_point *point, size_t *stamp,
@@ -67,8 +69,8 @@ static int count_training_views(const saga_listing *listing,
         const int v = image ? view[image - model->images] : -1;
         if (v < 0 || listing->sources[v].held_out || stamp[v] == now)
             continue;
-        /* stamp[v] is the point that counted view v last; with a new number for
-         * each point nothing has to be cleared. */
+        /* stamp[v] is the last point that counted view v, so that nothing has
+         * to be cleared between points. */
         stamp[v] = now;
         n++;
     }
@@ -108,8 +110,9 @@ bool saga_colmap_take_points(saga_listing *listing, const saga_colmap *model,
     return true;
 }
 
-/* Compares every observation with the loaded camera, through the lens: tells a
- * wrong convention or a wrong size at once. */
+/* Measures the distances between all features and their points as the loaded
+ * camera projects them, which shows a wrong convention or a wrong size at
+ * once. */
 bool saga_colmap_measure(saga_source *s, const saga_colmap *model,
                          const saga_colmap_image *image, saga_error *error)
 {
@@ -135,8 +138,8 @@ bool saga_colmap_measure(saga_source *s, const saga_colmap *model,
         e[n] = 1e9; /* behind the camera */
         if (c[2] > 0.0) {
             saga_lens_project(&s->lens, c[0] / c[2], c[1] / c[2], uv);
-            /* Features are pixels of the model's size, errors those of the
-             * pictures'. */
+            /* Features are in pixels of the model's pictures, errors in pixels
+             * of the loaded ones. */
             const double du = uv[0] - o->u * s->width / camera->width;
             const double dv = uv[1] - o->v * s->height / camera->height;
             e[n] = sqrt(du * du + dv * dv);

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * All loaders stand in one table here, from which detection, the message about
- * what is no capture, and `saga help check` are made. Loaders do not see it: a
- * listing brings it to the one that asks others.
+ * This table lists all loaders. Detection, the error message for an unknown
+ * format, and `saga help check` are made from it. A loader that asks others
+ * gets the table from its listing, not from here.
  */
 #include "load.h"
 
@@ -10,8 +10,8 @@ extern const saga_loader saga_nerfstudio_loader, saga_blender_loader,
     saga_panoptic_loader, saga_calibrated_videos_loader, saga_neu3d_loader,
     saga_frame_folders_loader, saga_miv_loader, saga_colmap_loader;
 
-/* The surest signs come first. Frame folders come before the last two, since a
- * COLMAP model may lie beside them. */
+/* The most certain signs come first. Frame folders come before the last two,
+ * since a COLMAP model may lie beside them. */
 static const saga_loader *const loaders[] = {
     &saga_nerfstudio_loader, &saga_blender_loader, &saga_panoptic_loader,
     &saga_panoptic_loader, &saga_calibrated_videos_loader, &saga_neu3d_loader,
@@ -30,7 +30,7 @@ bool saga_listing_make(saga_listing *listing, const char *path,
 {
     listing->loaders = loaders;
     listing->follow_paths = options->follow_paths;
-    /* Masks are found by the names of the pictures, so they come last. */
+    /* Masks are found by the names of pictures, so they come last. */
     return saga_listing_make_part(listing, path, NULL, options, error) &&
            saga_listing_find_masks(listing, path, error);
 }

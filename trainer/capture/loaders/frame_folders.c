@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * A capture may be made of others: of a folder of frame folders (frame000/,
- * frame001/ ...) each is a capture of one moment with the same cameras. The
- * first one tells the cameras and the points, the others bring pictures of the
- * same names; a COLMAP model may also lie beside them.
+ * A folder of frame folders (frame000/, frame001/ ...) is a capture whose parts
+ * are captures of one moment with the same cameras. The first one has the
+ * cameras and the points; the others have pictures of the same names. The
+ * cameras may also come from a COLMAP model beside the folders.
  */
 #include "alloc.h"
 #include "colmap_views.h"
@@ -17,8 +17,8 @@
 
 extern const saga_loader saga_frame_folders_loader;
 
-/* 0007, frame0007, f7, t_7: letters that begin like a frame or a time, and a
- * number; cam07 is a camera. */
+/* Accepts 0007, frame0007, f7 and t_7: a number, or a number after letters that
+ * begin like "frame" or "time". cam07 is a camera. */
 static bool is_frame_name(const char *name)
 {
     const size_t letters = strcspn(name, "0123456789");
@@ -26,12 +26,12 @@ static bool is_frame_name(const char *name)
            name[letters] && (letters == 0 || strchr("fFtT", name[0]));
 }
 
-/* Adds the frame folders in a folder, as finds of source 0. */
+/* Adds the frame folders in a folder to `finds`, all for source 0. */
 static bool find_frame_folders(saga_finds *finds, const char *path,
                                saga_error *error)
 {
     DIR *dir;
-    /* A path that cannot be opened holds no frames. */
+    /* A path that cannot be opened has no frames. */
     bool ok = saga_folder_try(&dir, path, error);
     for (struct dirent *e; dir && ok && (e = readdir(dir)) != NULL;) {
         uint64_t number;
@@ -57,7 +57,8 @@ static int by_number(const void *a, const void *b)
     return strcmp(x->path, y->path);
 }
 
-/* Gives a list of one path room for n; one that is not there stays so. */
+/* Replaces a list of one path by one with room for n. A list that is NULL stays
+ * NULL. */
 static bool grow_list(char ***files, size_t n, const char *path,
                       saga_error *error)
 {
@@ -72,8 +73,8 @@ static bool grow_list(char ***files, size_t n, const char *path,
     return true;
 }
 
-/* The first path must lie in the first folder, by its name, for the others to
- * have the like. */
+/* Checks that the first path lies in the first folder, because the paths in the
+ * other folders are derived from it. */
 static bool is_below(const char *file, const char *folder, saga_error *error)
 {
     const size_t n = strlen(folder);
@@ -83,8 +84,8 @@ static bool is_below(const char *file, const char *folder, saga_error *error)
                      folder);
 }
 
-/* Fills a list from its first path: the file of that name in every other
- * folder. Those that are not there are counted. */
+/* Fills a list with the files that have the first file's name in the other
+ * folders, and counts the missing ones. */
 static bool fill_list(char **files, const saga_finds *folders, int *n_missing,
                       saga_error *error)
 {
@@ -118,7 +119,8 @@ static bool add_frames(saga_listing *listing, const saga_finds *folders,
     }
     if (!ok)
         return false;
-    /* Not earlier: saga_listing_free walks so far along every list. */
+    /* n_frames is set only now, because saga_listing_free reads that number of
+     * items of each list. */
     listing->n_frames = (int)folders->n;
     for (int i = 0; ok && i < listing->n_sources; i++) {
         saga_source *const s = &listing->sources[i];
@@ -139,8 +141,8 @@ static bool list_folders(saga_listing *listing, const char *path,
                          const saga_capture_options *options,
                          saga_error *error)
 {
-    /* A COLMAP model beside the folders is of all frames; else the first folder
-     * is a capture in itself. */
+    /* A COLMAP model beside the folders serves all frames. Without one, the
+     * first folder is a capture by itself. */
     const char *const first = folders->items[0].path;
     char *model = NULL;
     bool ok = saga_colmap_find(&model, path, error);
@@ -162,8 +164,8 @@ static bool list_folders(saga_listing *listing, const char *path,
     return add_frames(listing, folders, error);
 }
 
-/* With images/ it is a COLMAP folder, whose loader reads folders of frames
- * itself. */
+/* A folder with images/ is left to COLMAP's loader, which reads folders of
+ * frames itself. */
 static bool is_there(const char *path, saga_error *error)
 {
     saga_finds folders = {0};

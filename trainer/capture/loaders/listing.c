@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * A listing is what a loader has found; this is what all of them do with it.
+ * The operations on a listing, which holds what a loader found, that all
+ * loaders share.
  */
 #include "load.h"
 
@@ -42,8 +43,8 @@ void saga_listing_free(saga_listing *listing)
 
 /* ------------------------------------------------------------------- paths */
 
-/* Returns the part of a name that only descends: behind its last "..", of an
- * absolute name all. */
+/* Returns the part of a name after its last "..", which only descends; an
+ * absolute name is returned whole. */
 static const char *descent(const char *name)
 {
     const char *behind = name;
@@ -56,7 +57,7 @@ static const char *descent(const char *name)
     return behind;
 }
 
-/* Tells whether a folder is `root`, a real path, or below it. */
+/* Tells whether a folder is `root` or below it; `root` must be a real path. */
 static bool is_in(const char *folder, const char *root)
 {
     char *const real = realpath(folder, NULL);
@@ -67,15 +68,15 @@ static bool is_in(const char *folder, const char *root)
     return in;
 }
 
-/* Tells whether a path whose last n characters only descend is in `root`: one
- * of the folders that they pass is enough. */
+/* Tells whether a path leads into `root`. The last n characters only descend,
+ * so it is enough that one of the folders that they pass is in `root`. */
 static bool leads_into(char *path, size_t n, const char *root)
 {
     char *const real = realpath(root, NULL);
     bool in = false;
     for (char *p = path + strlen(path) - n; real && !in;
          p += 1 + strcspn(p + 1, "/")) {
-        /* The path is cut here, asked about, and mended. */
+        /* The path is cut here for the test, then restored. */
         const char end = *p;
         *p = '\0';
         in = is_in(p > path ? path : "/", real);
@@ -87,7 +88,7 @@ static bool leads_into(char *path, size_t n, const char *root)
     return in;
 }
 
-/* Returns the capture's folder; free() frees it. */
+/* Returns the capture's folder, which the caller frees. */
 static char *root_of(const saga_listing *listing, saga_error *error)
 {
     const bool folder = saga_path_is_folder(listing->path);
@@ -104,7 +105,7 @@ char *saga_listing_join(const saga_listing *listing, const char *folder,
 {
     char *const path = saga_path_join(folder, name, error);
     const char *const down = descent(name);
-    /* A relative name without ".." only descends, and is taken as it is. */
+    /* A relative name without ".." only descends, so it needs no test. */
     if (!path || listing->follow_paths || (name[0] != '/' && down == name))
         return path;
     char *const root = root_of(listing, error);
@@ -146,7 +147,7 @@ bool saga_listing_make_part(saga_listing *listing, const char *path,
                             saga_error *error)
 {
     const saga_loader *found = NULL;
-    /* A search that says no may also have run out of memory. */
+    /* is_there may also return false because it is out of memory. */
     for (const saga_loader *const *l = listing->loaders;
          *l && !found && !saga_failed(error); l++)
         if (*l != without && (*l)->is_there(path, error))
@@ -161,7 +162,7 @@ bool saga_listing_make_part(saga_listing *listing, const char *path,
 
 /* ------------------------------------------------------------------- names */
 
-/* Writes all names in one line, for messages. */
+/* Writes the names of all sources in one line, for messages. */
 static void list_names(const saga_listing *listing, char *text, size_t n)
 {
     size_t used = 0;
@@ -171,8 +172,8 @@ static void list_names(const saga_listing *listing, char *text, size_t n)
                                  i ? "," : "", listing->sources[i].name);
 }
 
-/* Returns the source of a name, as it is told or as its folder has it; NULL:
- * there is none. */
+/* Returns the source with a name, which is shortened as sources' names are, or
+ * NULL if there is none. */
 static saga_source *find_source(const saga_listing *listing, const char *name,
                                 size_t n)
 {
@@ -203,7 +204,7 @@ static bool hold_out_one(saga_listing *listing, const char *name, size_t n,
 bool saga_listing_hold_out(saga_listing *listing, const char *names,
                            saga_error *error)
 {
-    /* The option replaces what the format says; without it that stands. */
+    /* The option replaces what the format marks as held out. */
     for (int i = 0; names && i < listing->n_sources; i++)
         listing->sources[i].held_out = false;
     for (const char *p = names; p && *p;) {
@@ -257,7 +258,7 @@ bool saga_listing_drop_empty(saga_listing *listing, int first, int end,
         const bool keep = has_picture(s, first, end);
         if (kept_as)
             kept_as[i] = keep ? n : -1;
-        /* n <= i: none is overwritten before it has moved. */
+        /* Since n <= i, no source is overwritten before it has moved. */
         if (keep) {
             listing->sources[n++] = *s;
             continue;
@@ -299,12 +300,11 @@ bool saga_probe_video(saga_source *source, saga_listing *listing,
     return true;
 }
 
-/* Refuses videos that drift apart, where a picture of one and the picture of
- * the same number of another are further apart than half a frame at the end of
- * n frames: then its neighbour would be nearer. The k-th pictures lie
- * k (1 / slow - 1 / fast) apart in time, k (fast / slow - 1) in frames of the
- * fast one. Rates further apart than 30000/1001 and 30, twice, are a mistake
- * whatever the length. */
+/* Refuses videos that drift apart by more than half a frame within n frames,
+ * because a neighbouring picture would then be nearer in time. After k frames
+ * the drift is k (1 / slow - 1 / fast) in seconds, which is k (fast / slow - 1)
+ * in frames of the fast video. Rates that differ by more than 0.2 % are a
+ * mistake whatever the length; 30000/1001 and 30 differ by half of that. */
 static bool match_rates(const saga_listing *listing, int n, saga_error *error)
 {
     const saga_source *slow = &listing->sources[0], *fast = slow;
@@ -341,11 +341,13 @@ bool saga_listing_match_videos(saga_listing *listing,
         return false;
     if (listing->fps == 0.0)
         listing->fps = listing->sources[0].info.fps;
-    /* Lengths may differ behind the frames that are wanted. */
+    /* Lengths may differ if the wanted frames end before the shortest video
+     * does. */
     if (longest->info.n_frames == listing->n_frames ||
         (options->end_frame > 0 && options->end_frame <= listing->n_frames))
         return true;
-    /* Or where somebody knows which frames belong together, or asks. */
+    /* They may also differ if --late gives the frames that belong together, or
+     * if the caller accepts any length. */
     if (options->late || options->any_length) {
         saga_note(listing->notes, "lengths: %s has %d frames, %s has %d; what "
                   "is behind the shortest is not taken", shortest->name,
@@ -365,7 +367,7 @@ bool saga_listing_match_videos(saga_listing *listing,
 
 /* ---------------------------------------------------------------- late ones */
 
-/* Takes one "NAME=FRAMES" at *text, which moves behind it. */
+/* Reads one "NAME=FRAMES" at *text and moves *text past it. */
 static bool take_late(const saga_listing *l, const char **text, double *late,
                       saga_error *error)
 {
@@ -389,7 +391,7 @@ static bool take_late(const saga_listing *l, const char **text, double *late,
     return true;
 }
 
-/* Takes the first frames of a list away, so that n are left. */
+/* Keeps n files from number `skip` and frees the others. */
 static void cut_list(char **files, int skip, int n, int n_before)
 {
     for (int k = 0; files && k < n_before; k++)
@@ -414,8 +416,8 @@ bool saga_listing_late(saga_listing *listing, const char *text,
         ok = take_late(l, &text, late, error);
     for (int i = 0; ok && i < l->n_sources; i++)
         least = fmin(least, late[i]);
-    /* The first picture that is taken is not before the others' first; a
-     * millionth of a frame is a rounding. */
+    /* No camera may begin before the first picture of the latest one. The 1e-6
+     * of a frame absorbs rounding. */
     for (int i = 0; ok && i < l->n_sources; i++) {
         saga_source *const s = &l->sources[i];
         const double behind = late[i] - least - s->late;
@@ -427,7 +429,7 @@ bool saga_listing_late(saga_listing *listing, const char *text,
     if (ok && n < 1)
         ok = saga_fail(error, l->path, "give smaller numbers", "--late leaves "
                        "nothing of %d frames", l->n_frames);
-    /* Videos are not cut here: whoever reads them skips those frames. */
+    /* Videos are not cut here; their reader skips these frames. */
     for (int i = 0; ok && i < l->n_sources; i++) {
         saga_source *const s = &l->sources[i];
         cut_list(s->pictures, s->skip, n, l->n_frames);

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: MIT
  *
- * Masks say which pixels count: those that are white. They lie in masks/, in
- * the folder in which images/ is or else the pictures' own folders, and are
- * called like their pictures, with .png in the place of the ending or behind
- * it. masks/CAMERA.png is of all pictures of a camera. A format may also say
- * itself which mask a picture has.
+ * Masks mark the pixels that count with white. They lie in masks/ beside
+ * images/, or in the capture's folder if it has no images/, and have the name
+ * of their picture with .png instead of its extension or after it.
+ * masks/CAMERA.png is for all pictures of a camera. A format may also give the
+ * masks itself.
  */
 #include "load.h"
 
@@ -17,8 +17,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Returns the path `name` in masks/ of the first n characters of `root`, or
- * NULL: there is no such file, or *ok is false. `behind` is put behind it. */
+/* Returns the path of the mask masks/NAME + `behind` in the folder that the
+ * first n characters of `root` give. Returns NULL if there is no such file or
+ * if memory runs out; *ok is false only for the latter. */
 static char *find_mask(const char *root, size_t n, const char *name,
                        size_t n_name, const char *behind, bool *ok,
                        saga_error *error)
@@ -36,13 +37,15 @@ static char *find_mask(const char *root, size_t n, const char *name,
     return NULL;
 }
 
-/* Finds the mask of a picture in the capture's folder of n characters. */
+/* Returns the mask of a picture, or NULL; n is the length of the capture's
+ * folder in its path. */
 static char *mask_of(const char *picture, size_t n, bool *ok,
                      saga_error *error)
 {
     static const char images[] = "/images/";
     const char *name = picture + n + 1, *at = picture + n;
-    /* The last images/ of the path behind the capture's folder. */
+    /* The mask lies beside the last images/ in the path below the capture's
+     * folder. */
     for (const char *p = at; (p = strstr(p, images)) != NULL; p++) {
         n = (size_t)(p - picture);
         name = p + sizeof images - 1;
@@ -63,8 +66,8 @@ static bool make_room(saga_source *s, int n, saga_error *error)
     return s->masks != NULL;
 }
 
-/* Sets the masks that a source has none of yet; n_root is the length of the
- * capture's folder. Counts them. */
+/* Sets the masks of a source that the format did not give, and adds the number
+ * of all its masks to *n_found. */
 static bool find_masks(const saga_listing *l, saga_source *s,
                        const char *root, int *n_found, saga_error *error)
 {
@@ -77,8 +80,8 @@ static bool find_masks(const saga_listing *l, saga_source *s,
         char *mask = NULL;
         if (s->masks && s->masks[k])
             continue;
-        /* The format's own mask stands. Then one that is called like the
-         * picture comes before the one that is called like the camera. */
+        /* A mask from the format comes first, then one named like the picture,
+         * then one named like the camera. */
         if (picture && strncmp(picture, root, n_root) == 0)
             mask = mask_of(picture, n_root, &ok, error);
         if (ok && !mask && all) {
@@ -104,7 +107,7 @@ bool saga_listing_find_masks(saga_listing *listing, const char *path,
     char *const root = saga_string_copy(path, error);
     bool ok = root != NULL;
     int n = 0;
-    /* A path to a file stands for its folder; none ends in a slash. */
+    /* A path to a file means its folder; a slash at the end is removed. */
     if (ok && !saga_path_is_folder(root)) {
         char *const slash = strrchr(root, '/');
         *(slash ? slash : root) = '\0';

@@ -1,17 +1,18 @@
 /* SPDX-License-Identifier: MIT
  *
- * Reads a sequence as MPEG's immersive video (MIV) has it: a JSON file of
- * "cameras", and of each view NAME_texture_WxH_yuv420p10le.yuv (or yuv420p, 8
+ * Reads a sequence in the form of MPEG's immersive video (MIV): a JSON file of
+ * "cameras", and for each view NAME_texture_WxH_yuv420p10le.yuv (or yuv420p, 8
  * bits), with NAME_depth_WxH_yuv420p16le.yuv or 10le beside it (miv_depth.h).
- * Views are those of "sourceCameraNames"; without it all but "viewport" and
- * "center". Untagged YUV is BT.709, limited range.
+ * "sourceCameraNames" lists the views; without it all views except "viewport"
+ * and "center" are read. Untagged YUV is taken as BT.709, limited range.
  *
- * Axes: x forward, y left, z up. "Rotation" is yaw, pitch, roll in degrees,
- * camera to scene by Rz(yaw) Ry(pitch) Rx(roll). The corner of a picture is
- * (0, 0). A perspective view is a pinhole of "Focal" and "Principle_point"; an
- * equirectangular one becomes faces of 90 degrees, side by side over
- * "Hor_range", and where that is the whole circle one up and one down. Of an
- * orthographic view, which no pinhole shows, only the depth is taken.
+ * Axes are x forward, y left, z up. "Rotation" has yaw, pitch and roll in
+ * degrees; Rz(yaw) Ry(pitch) Rx(roll) maps camera to scene. The corner of a
+ * picture is (0, 0). A perspective view is a pinhole with "Focal" and
+ * "Principle_point". An equirectangular view becomes faces of 90 degrees side
+ * by side over "Hor_range", with one more up and one down if it shows the whole
+ * sphere. An orthographic view cannot be shown by a pinhole, so only its depth
+ * is used.
  */
 #include "alloc.h"
 #include "error.h"
@@ -36,15 +37,15 @@
 typedef struct miv_reader {
     saga_listing *listing;
     const char *folder;
-    char *path;               /* of the JSON */
+    char *path;               /* path of the JSON */
     json_t *root;
     double fps;
-    int frame;                /* the first that is wanted */
+    int frame;                /* the first wanted frame */
     int n_left_out, n_depths;
     saga_error *error;
 } miv_reader;
 
-/* One camera of the JSON, by its texture file. */
+/* One camera of the JSON and its files. */
 typedef struct miv_camera {
     const json_t *json;
     const char *name;
@@ -58,7 +59,7 @@ typedef struct miv_camera {
 
 /* ---------------------------------------------------------------- the JSON */
 
-/* Reads n numbers of an array. */
+/* Reads an array of n numbers. */
 static bool get_numbers(const miv_reader *r, const miv_camera *c,
                         const char *key, int n, double *to)
 {
@@ -96,7 +97,7 @@ static bool get_pose(const miv_reader *r, miv_camera *c)
     const double cy = cos(angle[0] * DEGREE), sy = sin(angle[0] * DEGREE);
     const double cp = cos(angle[1] * DEGREE), sp = sin(angle[1] * DEGREE);
     const double cr = cos(angle[2] * DEGREE), sr = sin(angle[2] * DEGREE);
-    /* Rz(yaw) Ry(pitch) Rx(roll), multiplied out, row by row. */
+    /* Rz(yaw) Ry(pitch) Rx(roll) multiplied out, row by row. */
     const double m[9] = {cy * cp, cy * sp * sr - sy * cr,
                          cy * sp * cr + sy * sr,
                          sy * cp, sy * sp * sr + cy * cr,
@@ -109,8 +110,8 @@ static bool get_pose(const miv_reader *r, miv_camera *c)
 
 /* ----------------------------------------------------------------- textures */
 
-/* Sets the size and the pixels that the part of a name behind "_texture_" tells
- * of; false if it tells none. */
+/* Reads the size and the pixel format from the part of a name after
+ * "_texture_". Returns false if it has another form. */
 static bool parse_texture(const char *s, saga_video_info *info)
 {
     char format[24];
@@ -124,7 +125,7 @@ static bool parse_texture(const char *s, saga_video_info *info)
     return info->raw != NULL;
 }
 
-/* Does the same for what is behind "_depth_". */
+/* Does the same for the part after "_depth_". */
 static bool parse_depth(const char *s, miv_camera *c)
 {
     char format[24];
@@ -150,7 +151,7 @@ static bool find_files(const miv_reader *r, miv_camera *c)
         char **to = NULL;
         if (strncmp(e->d_name, c->name, n) != 0)
             continue;
-        /* The "_" behind the name keeps v1 from taking files of v10. */
+        /* The "_" after the name keeps camera v1 from taking files of v10. */
         if (!c->video && strncmp(e->d_name + n, "_texture_", 9) == 0 &&
             parse_texture(e->d_name + n + 9, &c->info))
             to = &c->video;
@@ -168,7 +169,8 @@ static bool find_files(const miv_reader *r, miv_camera *c)
                      "has no texture of camera %s", c->name);
 }
 
-/* The size of the file tells how many frames there are. */
+/* Checks a texture's size. The number of frames follows from the size of the
+ * file. */
 static bool measure_texture(const miv_reader *r, miv_camera *c)
 {
     struct stat st;
@@ -186,7 +188,7 @@ static bool measure_texture(const miv_reader *r, miv_camera *c)
         return saga_fail(r->error, c->video, "export it with even sides",
                          "has odd sides, %d x %d, which 4:2:0 has not",
                          c->info.width, c->info.height);
-    /* 4:2:0 has 3/2 samples a pixel; 10 bits take two bytes each. */
+    /* 4:2:0 has 3/2 samples per pixel; a sample of 10 bits takes two bytes. */
     const long long frame = (long long)c->info.width * c->info.height * 3 / 2 *
                             (strcmp(c->info.raw, "yuv420p") == 0 ? 1 : 2);
     const long long n = stat(c->video, &st) == 0 ? (long long)st.st_size : 0;
@@ -203,8 +205,9 @@ static bool measure_texture(const miv_reader *r, miv_camera *c)
 
 /* ------------------------------------------------------------------ sources */
 
-/* Adds a source that looks along axes given in the camera's own, x forward, y
- * left, z up; `suffix` tells faces apart. */
+/* Adds a source with the given right, down and forward axes in the camera's
+ * coordinates (x forward, y left, z up). `suffix` makes the names of faces
+ * different. */
 static saga_source *add_source(const miv_reader *r, const miv_camera *c,
                                const double axes[3][3], const char *suffix)
 {
@@ -217,7 +220,7 @@ static saga_source *add_source(const miv_reader *r, const miv_camera *c,
     l->sources = more;
     saga_source *const s = &more[l->n_sources];
     char begin[51], name[2 * SAGA_NAME_NBYTES];
-    /* The name is cut, not the suffix, or faces would be called the same. */
+    /* The name is cut rather than the suffix, so that names of faces differ. */
     saga_utf8_copy(begin, sizeof begin, c->name, strlen(c->name));
     (void)snprintf(name, sizeof name, "%s%s", begin, suffix);
     *s = (saga_source){.width = c->info.width, .height = c->info.height,
@@ -227,8 +230,7 @@ static saga_source *add_source(const miv_reader *r, const miv_camera *c,
         return NULL;
     l->n_sources++;
     saga_copy_name(s->name, name, strlen(name));
-    /* Axes of the source in the scene: the camera's matrix times its own
-     * axes. */
+    /* The source's axes in the scene are the camera's matrix times `axes`. */
     for (int a = 0; a < 3; a++)
         for (int i = 0; i < 3; i++)
             world[a][i] = c->matrix[3 * i] * axes[a][0] +
@@ -243,7 +245,7 @@ static saga_source *add_source(const miv_reader *r, const miv_camera *c,
     return s;
 }
 
-/* Gets "Depth_range", of which the far end may be a word for infinity. */
+/* Reads "Depth_range". Its far end may be a string, which means infinity. */
 static bool get_depth_range(const miv_reader *r, const miv_camera *c,
                             double range[2])
 {
@@ -263,7 +265,8 @@ static bool add_perspective(const miv_reader *r, const miv_camera *c)
     if (!get_numbers(r, c, "Focal", 2, f) ||
         !get_numbers(r, c, "Principle_point", 2, p))
         return false;
-    /* axes are right, down and forward: -y, -z and x of the camera. */
+    /* The axes are right, down and forward, which are the camera's -y, -z and
+     * x. */
     saga_source *const s = add_source(r, c, axes, "");
     if (!s)
         return false;
@@ -272,7 +275,8 @@ static bool add_perspective(const miv_reader *r, const miv_camera *c)
         return true;
     if (!get_depth_range(r, c, range))
         return false;
-    /* Where far is infinite the range stays unknown, 0 and 0. */
+    /* If the far end is infinite, the range stays 0 and 0, which means
+     * unknown. */
     if (isfinite(range[1])) {
         s->near_depth = range[0];
         s->far_depth = range[1];
@@ -280,20 +284,21 @@ static bool add_perspective(const miv_reader *r, const miv_camera *c)
     return true;
 }
 
-/* Adds a face that looks `yaw` to the left and `pitch` up, radians. */
+/* Adds a face that looks `yaw` to the left and `pitch` upwards, in radians. */
 static bool add_face(const miv_reader *r, const miv_camera *c,
                      const saga_lens *lens, double yaw, double pitch,
                      const char *suffix)
 {
     const double cy = cos(yaw), sy = sin(yaw), cp = cos(pitch), sp = sin(pitch);
-    /* Right, down and forward; without yaw and pitch -y, -z and x. */
+    /* Right, down and forward; -y, -z and x if yaw and pitch are 0. */
     const double axes[3][3] = {
         {sy, -cy, 0.0}, {cy * sp, sy * sp, -cp}, {cy * cp, sy * cp, sp}};
     saga_source *const s = add_source(r, c, axes, suffix);
     if (!s)
         return false;
     s->lens = *lens;
-    /* The picture's own axes are right, down, forward: -y, -z, x. */
+    /* The turn maps the face's axes to those of the picture, which are right,
+     * down and forward: the camera's -y, -z and x. */
     for (int a = 0; a < 3; a++) {
         s->lens.turn[a] = -axes[a][1];
         s->lens.turn[3 + a] = -axes[a][2];
@@ -318,15 +323,14 @@ static bool add_equirectangular(const miv_reader *r, const miv_camera *c)
     saga_lens lens = {.equirect = true};
     lens.fx = c->info.width / (wide * DEGREE);
     lens.fy = c->info.height / (high * DEGREE);
-    /* Longitude grows to the left and latitude up: the left side looks at h[1]
-     * and the top at v[1], so 0 degrees lie that many radians further, times
-     * pixels a radian. */
+    /* Longitude grows to the left and latitude upwards. The left side is at
+     * h[1] and the top at v[1], so the pixel of 0 degrees is h[1] and v[1] in
+     * radians times the pixels per radian away. */
     lens.cx = h[1] * DEGREE * lens.fx;
     lens.cy = v[1] * DEGREE * lens.fy;
     const int n = (int)(wide / 90.0);
+    /* Faces lie side by side from left to right, centred in the range. */
     for (int i = 0; i < n; i++) {
-        /* Faces lie side by side from left to right, in the middle of the
-         * range. */
         const double yaw = (h[0] + h[1]) / 2.0 + 90.0 * ((n - 1) / 2.0 - i);
         (void)snprintf(suffix, sizeof suffix, "_%d", i);
         if (!add_face(r, c, &lens, yaw * DEGREE,
@@ -338,7 +342,7 @@ static bool add_equirectangular(const miv_reader *r, const miv_camera *c)
             add_face(r, c, &lens, 0.0, -90.0 * DEGREE, "_down"));
 }
 
-/* Sets where the pixels of a view look (miv_depth.h). */
+/* Sets the coefficients that give the direction of a pixel (miv_depth.h). */
 static bool get_directions(const miv_reader *r, const miv_camera *c,
                            saga_miv_depth *d)
 {
@@ -348,7 +352,7 @@ static bool get_directions(const miv_reader *r, const miv_camera *c,
         if (!get_numbers(r, c, "Focal", 2, h) ||
             !get_numbers(r, c, "Principle_point", 2, v))
             return false;
-        /* The slopes (cx - u) / fx to the left and (cy - v) / fy up. */
+        /* Slopes: (cx - u) / fx to the left and (cy - v) / fy upwards. */
         const double a[4] = {v[0] / h[0], -1.0 / h[0], v[1] / h[1],
                              -1.0 / h[1]};
         memcpy(d->a, a, sizeof a);
@@ -356,8 +360,8 @@ static bool get_directions(const miv_reader *r, const miv_camera *c,
         if (!get_numbers(r, c, "Hor_range", 2, h) ||
             !get_numbers(r, c, "Ver_range", 2, v))
             return false;
-        /* Longitude from h[1] at the left side to h[0] at the right, latitude
-         * from v[1] at the top to v[0] at the bottom. */
+        /* Longitude runs from h[1] at the left side to h[0] at the right,
+         * latitude from v[1] at the top to v[0] at the bottom. */
         const double a[4] = {h[1] * DEGREE, (h[0] - h[1]) * DEGREE / w,
                              v[1] * DEGREE, (v[0] - v[1]) * DEGREE / high};
         memcpy(d->a, a, sizeof a);
@@ -376,7 +380,7 @@ static bool get_directions(const miv_reader *r, const miv_camera *c,
     return true;
 }
 
-/* All views together give at most about this number of points. */
+/* All views together give about this number of points at most. */
 enum { MOST_POINTS = 50000 };
 
 static bool add_depth(miv_reader *r, const miv_camera *c, int kind)
@@ -399,13 +403,13 @@ static bool add_depth(miv_reader *r, const miv_camera *c, int kind)
         return false;
     d.near = range[0];
     d.far = range[1];
-    /* Depth of the first frame that is wanted: training starts from there. */
+    /* Depth is taken from the first wanted frame, where training starts. */
     d.frame = r->frame < c->info.n_frames ? r->frame : 0;
     memcpy(d.matrix, c->matrix, sizeof d.matrix);
     memcpy(d.centre, c->centre, sizeof d.centre);
     r->n_depths++;
-    /* Each camera of the file has an equal share, also one that is no
-     * source. */
+    /* Each camera of the file has an equal share of the points, even if it is
+     * no source. */
     return saga_miv_take_points(r->listing, &d, (int)(MOST_POINTS /
                                 json_array_size(cameras)) + 1, r->error);
 }
@@ -414,7 +418,7 @@ static bool add_camera(miv_reader *r, miv_camera *c)
 {
     const char *const projection =
         json_string_value(json_object_get(c->json, "Projection"));
-    /* A camera becomes six sources at most: four faces round, one up, one
+    /* A camera becomes at most six sources: four faces around, one up, one
      * down. */
     if (r->listing->n_sources > SAGA_MAX_VIEWS - 8)
         return saga_fail(r->error, r->path, "split the capture",
@@ -463,8 +467,8 @@ static bool add_cameras(miv_reader *r)
 
 /* --------------------------------------------------------------- the folder */
 
-/* Finds the first file of a folder, by name, that ends so; NULL if there is
- * none. */
+/* Returns the name of the first file in a folder, by name, that has a suffix,
+ * or NULL if there is none. */
 static char *first_with(const char *folder, const char *suffix,
                         saga_error *error)
 {
@@ -472,7 +476,8 @@ static char *first_with(const char *folder, const char *suffix,
     char *best = NULL;
     bool ok = saga_folder_try(&dir, folder, error);
     for (struct dirent *e; dir && ok && (e = readdir(dir)) != NULL;) {
-        /* readdir keeps no order; the first by name is the same everywhere. */
+        /* readdir has no defined order; the first by name is the same
+         * everywhere. */
         if (!saga_has_suffix(e->d_name, suffix) ||
             (best && strcmp(best, e->d_name) < 0))
             continue;
