@@ -770,7 +770,7 @@ for name in "$tmp/poses/transforms.json" "$tmp/./poses/transforms.json" \
 done
 told 2 "$tmp/none" check "$tmp/none"
 told 1 'holds no capture of a known format' check "$tmp/dim/images"
-says '`saga help check` lists the layouts'
+says '(docs/from-cameras.md tells how' '`saga help check` lists the layouts'
 told 2 "$tmp/none/x.html" check "$tmp/dim" --html "$tmp/none/x.html"
 verdict check
 

@@ -320,7 +320,7 @@ video() {
 }
 mkdir n
 video cam00.mp4 3
-refused n n: '1 videos but no cameras'
+refused n n: '1 videos but no calibration' docs/from-cameras.md
 poses good
 refused n n/poses_bounds.npy '2 rows but there are 1 videos'
 cp n/cam00.mp4 n/cam01.mp4

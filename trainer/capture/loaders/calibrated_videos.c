@@ -515,7 +515,7 @@ static bool list(saga_listing *listing, const char *folder,
 }
 
 const saga_loader saga_calibrated_videos_loader = {
-    "calibrated videos", "camera_array.toml or calibration.toml",
+    "calibrated videos", "calibration.toml",
     "a video for each camera and the calibration in camera_array.toml of "
     "caliscope, or in calibration.toml of Anipose, Pose2Sim or FreeMoCap",
     is_there, list

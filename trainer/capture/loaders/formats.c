@@ -14,7 +14,7 @@ extern const saga_loader saga_nerfstudio_loader, saga_blender_loader,
  * since a COLMAP model may lie beside them. */
 static const saga_loader *const loaders[] = {
     &saga_nerfstudio_loader, &saga_blender_loader, &saga_panoptic_loader,
-    &saga_panoptic_loader, &saga_calibrated_videos_loader, &saga_neu3d_loader,
+    &saga_calibrated_videos_loader, &saga_neu3d_loader,
     &saga_frame_folders_loader, &saga_miv_loader, &saga_colmap_loader, NULL
 };
 

@@ -137,8 +137,8 @@ static bool unknown_format(const saga_listing *listing, const char *path,
         n += (size_t)snprintf(looked + n, sizeof looked - n, "%s%s",
                               (*l)->sign, l[1] ? ", "
                               : "; `saga help check` lists the layouts");
-    return saga_fail(error, path, looked,
-                     "holds no capture of a known format");
+    return saga_fail(error, path, looked, "holds no capture of a known format "
+                     "(docs/from-cameras.md tells how to make one)");
 }
 
 bool saga_listing_make_part(saga_listing *listing, const char *path,

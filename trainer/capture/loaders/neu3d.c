@@ -372,10 +372,11 @@ static bool list(saga_listing *listing, const char *folder,
     bool ok = poses && saga_colmap_find(&model, folder, error);
     const bool have_poses = ok && saga_path_is_file(poses);
     if (ok && !have_poses && !model)
-        ok = saga_fail(error, folder, "add poses_bounds.npy, or a COLMAP "
-                       "model in colmap/ or sparse/0",
-                       "has %d videos but no cameras: neither "
-                       "poses_bounds.npy nor a COLMAP model",
+        ok = saga_fail(error, folder, "add one of them; docs/from-cameras.md "
+                       "tells how to calibrate cameras",
+                       "has %d videos but no calibration: no "
+                       "poses_bounds.npy, COLMAP model in colmap/ or sparse/0, "
+                       "camera_array.toml or calibration.toml",
                        listing->n_sources);
     ok = ok && (!have_poses || read_poses(listing, poses, error));
     if (ok && model)
