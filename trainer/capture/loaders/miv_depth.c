@@ -10,8 +10,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Reads n samples from sample `at` of a frame of frame_samples on; each has
- * one or two bytes. */
+/* Reads n samples of a frame, starting with sample `at`; each has one or two
+ * bytes. */
 static bool read_samples(FILE *file, const saga_miv_depth *d, int bits,
                          uint64_t at, uint16_t *to, size_t n)
 {
@@ -22,8 +22,8 @@ static bool read_samples(FILE *file, const saga_miv_depth *d, int bits,
     if (fseek(file, (long)offset, SEEK_SET) != 0 ||
         fread(bytes, (size_t)size, n, file) != n)
         return false;
-    /* Bytes lie at the front of the same memory, so they are widened from the
-     * back: none is overwritten before it is read. */
+    /* The bytes lie at the front of the same memory. They are widened from the
+     * back, so that none is overwritten before it is read. */
     for (size_t i = n; i-- > 0;)
         to[i] = size == 1 ? bytes[i]
                           : (uint16_t)(bytes[2 * i] | bytes[2 * i + 1] << 8);
@@ -35,11 +35,11 @@ static uint8_t level(double x)
     return (uint8_t)(255.0 * fmin(fmax(x, 0.0), 1.0) + 0.5);
 }
 
-/* From BT.709 of limited range. */
+/* Converts a colour from BT.709 with limited range. */
 static void set_colour(saga_point *p, int bits, int y, int u, int v)
 {
-    /* Limited range in 8 bits: luma 16 to 235, chroma 16 to 240 around 128; in
-     * 10 bits all of it times 4. */
+    /* Limited range in 8 bits has luma 16 to 235 and chroma 16 to 240 around
+     * 128; in 10 bits all of these are multiplied by 4. */
     const double unit = 1 << (bits - 8);
     const double l = (y / unit - 16.0) / 219.0;
     const double b = (u / unit - 128.0) / 224.0;
@@ -53,9 +53,10 @@ static void set_position(saga_point *p, const saga_miv_depth *d, double u,
                          double v, double z)
 {
     const double s = d->a[0] + d->a[1] * u, t = d->a[2] + d->a[3] * v;
-    /* z is along the axis of a pinhole, and s and t are slopes. */
+    /* For a pinhole, z is the depth along the axis, and s and t are slopes. */
     double x[3] = {z, z * s, z * t};
-    /* Here z is the distance from the centre, and s and t are angles. */
+    /* For an equirectangular view, z is the distance from the centre, and s and
+     * t are angles. */
     if (d->kind == SAGA_MIV_EQUIRECT) {
         x[0] = z * cos(t) * cos(s);
         x[1] = z * cos(t) * sin(s);
@@ -70,11 +71,11 @@ static void set_position(saga_point *p, const saga_miv_depth *d, double u,
                          d->matrix[3 * i + 2] * x[2];
 }
 
-/* Returns the depth of a code; 0: it has none. */
+/* Returns the depth for a code, or 0 if the code has none. */
 static double depth_of(const saga_miv_depth *d, int code)
 {
     const double part = code / (double)((1 << d->depth_bits) - 1);
-    /* 1/z is linear in the code. Where far is infinite, code 0 has no depth. */
+    /* 1/z is linear in the code. If `far` is infinite, code 0 has no depth. */
     const double inverse = (1.0 - part) / d->far + part / d->near;
     return (code == 0 && d->has_invalid) || !(inverse > 0.0) ? 0.0
                                                              : 1.0 / inverse;
@@ -82,15 +83,15 @@ static double depth_of(const saga_miv_depth *d, int code)
 
 typedef struct rows {
     FILE *texture, *depth;
-    uint16_t *z, *y, *u, *v;     /* of one row */
+    uint16_t *z, *y, *u, *v;     /* samples of one row */
 } rows;
 
 static bool read_row(rows *r, const saga_miv_depth *d, int y)
 {
     const uint64_t w = (uint64_t)d->width, plane = w * (uint64_t)d->height;
     const uint64_t row = (uint64_t)y, half = w / 2;
-    /* Planes Y, U, V follow each other; U and V have a quarter of the samples,
-     * and one of their rows serves two of Y. */
+    /* The planes Y, U and V follow each other. U and V have half the width and
+     * half the height, so that one of their rows serves two rows of Y. */
     return read_samples(r->depth, d, d->depth_bits, w * row, r->z, w) &&
            read_samples(r->texture, d, d->texture_bits, w * row, r->y, w) &&
            read_samples(r->texture, d, d->texture_bits,
@@ -99,7 +100,7 @@ static bool read_row(rows *r, const saga_miv_depth *d, int y)
                         plane + plane / 4 + half * (row / 2), r->v, half);
 }
 
-/* Adds the points of every step-th pixel of every step-th row. */
+/* Adds a point for every step-th pixel of every step-th row. */
 static bool add_points(saga_listing *l, rows *r, const saga_miv_depth *d,
                        int step, saga_error *error)
 {
@@ -132,7 +133,7 @@ bool saga_miv_take_points(saga_listing *listing, const saga_miv_depth *d,
 {
     const size_t w = (size_t)d->width;
     const double pixels = (double)d->width * d->height;
-    /* A point for each square of step x step pixels. */
+    /* One point for each square of step x step pixels gives about n points. */
     const int step = (int)ceil(sqrt(pixels / n));
     uint16_t *const room = saga_alloc(4 * w, sizeof *room, d->depth, error);
     rows r = {saga_open_file(d->texture), saga_open_file(d->depth), room,

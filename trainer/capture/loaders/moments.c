@@ -9,7 +9,7 @@
 #include <string.h>
 #include <strings.h>
 
-/* 18 digits fit in 64 bits; of a longer number the last ones count. */
+/* Only the last 18 digits count, because 18 digits always fit in 64 bits. */
 bool saga_last_number(const char *s, size_t n, uint64_t *number)
 {
     while (n > 0 && (s[n - 1] < '0' || s[n - 1] > '9'))
@@ -41,7 +41,8 @@ bool saga_finds_add(saga_finds *finds, int source, uint64_t moment, char *path,
     if (!path)
         return false;
     saga_found *more = finds->items;
-    if ((finds->n & (finds->n - 1)) == 0) /* room grows at powers of two */
+    if ((finds->n & (finds->n - 1)) == 0) /* the capacity is the next power of
+                                           * two */
         more = saga_realloc(finds->items, finds->n ? 2 * finds->n : 1,
                             sizeof *more, path, error);
     if (!more) {
@@ -64,7 +65,8 @@ bool saga_finds_add_folder(saga_finds *finds, int source, const char *folder,
         uint64_t moment;
         if (!saga_is_picture_name(e->d_name))
             continue;
-        /* There is a dot: what is called like a picture has an ending. */
+        /* strrchr finds a dot, because saga_is_picture_name requires an
+         * extension. */
         const size_t n = (size_t)(strrchr(e->d_name, '.') - e->d_name);
         (void)saga_last_number(e->d_name, n, &moment);
         ok = saga_finds_add(finds, source, moment,
@@ -92,7 +94,7 @@ static int by_moment(const void *a, const void *b)
     return strcmp(x->path, y->path);
 }
 
-/* Sorted finds: how many different moments. */
+/* Returns the number of different moments in sorted finds. */
 static int count_moments(const saga_finds *finds)
 {
     int n = 0;
@@ -101,8 +103,8 @@ static int count_moments(const saga_finds *finds)
     return n;
 }
 
-/* Pictures of cameras that have one each are of one moment, whatever their
- * numbers. */
+/* If each camera has only one picture, all pictures belong to one moment,
+ * whatever their numbers are. */
 static void join_stills(saga_finds *finds, const int *n_of)
 {
     for (size_t i = 0; i < finds->n; i++)
@@ -117,8 +119,8 @@ static bool place(saga_listing *listing, saga_finds *finds, saga_error *error)
     int k = -1;
     for (size_t i = 0; i < finds->n; i++) {
         saga_found *const f = &finds->items[i];
-        /* The finds are sorted, so k counts the moments up to here; a source
-         * that lacks one keeps NULL there. */
+        /* The finds are sorted, so k is the number of the moment. A source that
+         * lacks a moment keeps NULL there. */
         k += i == 0 || f->moment != finds->items[i - 1].moment;
         char **const to = &listing->sources[f->source].pictures[k];
         if (*to)
@@ -127,7 +129,7 @@ static bool place(saga_listing *listing, saga_finds *finds, saga_error *error)
                              "camera %s with the number %llu, beside %.200s",
                              listing->sources[f->source].name,
                              (unsigned long long)f->moment, *to);
-        /* The path is the listing's from here on. */
+        /* The listing owns the path from here on. */
         *to = f->path;
         f->path = NULL;
     }
@@ -141,7 +143,7 @@ bool saga_listing_take_finds(saga_listing *listing, saga_finds *finds,
                                   listing->path, error);
     for (size_t i = 0; n_of && i < finds->n; i++)
         n_of[finds->items[i].source]++;
-    /* Before the sort, since it changes moments. */
+    /* Stills are joined before the sort, since that changes their moments. */
     if (n_of)
         join_stills(finds, n_of);
     if (finds->n > 0)

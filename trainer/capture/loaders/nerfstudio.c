@@ -2,29 +2,30 @@
  *
  * Reads nerfstudio's transforms.json.
  *
- * Every entry of "frames" is one picture with its camera, or one video with
- * all its frames. Intrinsics stand in the entry or, for all, at the top.
+ * Each entry of "frames" is one picture with its camera, or one video with all
+ * its frames. Intrinsics stand in the entry, or at the top for all entries.
  * transform_matrix is camera to world in OpenGL axes (x right, y up, z
- * backwards). Pictures with one pose and the same intrinsics are one camera;
- * "time" orders them and must be the same in all cameras. Without any "time"
- * the order of the file names counts, and a camera with one picture is a
- * still one. A picture whose file is not there is missing, and so is one that
- * is not listed where the others have a "time", or a number in their names,
- * that tells which it is.
+ * backwards). Pictures with the same pose and the same intrinsics are one
+ * camera; "time" orders them, and all cameras must have the same times. Without
+ * any "time" the order of the file names counts, and a camera with one picture
+ * is a still one. A picture is missing if its file does not exist. It is also
+ * missing if it is not listed and the other entries have a "time", or a number
+ * in their names, that shows which one is left out.
  *
- * A camera that moves (D-NeRF) has a "time" and a pose of its own in each
- * picture. Each picture becomes a camera that lacks all other moments, of which
- * there are as many as different times to train on, evenly spaced; a picture
- * that was taken between two of them is late after the earlier.
+ * A camera that moves (D-NeRF) has its own "time" and pose for each picture.
+ * Each picture becomes a camera of its own that lacks all other moments. The
+ * number of moments is that of the different times in the training pictures,
+ * and moments are evenly spaced; a picture taken between two moments is late
+ * after the earlier one.
  *
  * Blender's synthetic scenes have transforms_train.json and
- * transforms_test.json, the pictures of which are held out, camera_angle_x
- * alone, and file names without an ending.
+ * transforms_test.json, whose pictures are held out. They have camera_angle_x
+ * as their only intrinsic, and file names without extension.
  *
- * "time" is in seconds, or runs from 0 to 1 over the whole capture; a top
- * level "fps" settles it. Whole cameras are held out: those whose files stand
- * in test_filenames or val_filenames, or not in train_filenames if that is
- * there.
+ * "time" is in seconds, or runs from 0 to 1 over the whole capture, unless
+ * "fps" at the top sets the rate. Cameras are held out as a whole: those whose
+ * files are in test_filenames or val_filenames, or are not in train_filenames
+ * if that exists.
  */
 #include "transforms.h"
 
@@ -62,14 +63,14 @@ static bool split_views(saga_transforms *r)
     return true;
 }
 
-/* Returns the path of a name in the file. */
 static char *join(const saga_transforms *r, const char *name)
 {
     return saga_listing_join(r->listing, r->folder, name, r->path, r->error);
 }
 
-/* Blender leaves out the ending of the files. Where there is none with a known
- * ending either, the path stays. */
+/* Returns the path of a picture, with an extension if the file's name lacks
+ * one, as Blender's do. If no file with a known extension exists, the path is
+ * returned as it is. */
 static char *picture_path(const saga_transforms *r, const char *file)
 {
     static const char *const endings[] = {".png", ".jpg", ".jpeg", ".webp",
@@ -109,8 +110,8 @@ static bool fill_lens(const saga_transforms *r, saga_source *s,
                           .k1 = k->k1, .k2 = k->k2, .k3 = k->k3,
                           .p1 = k->p1, .p2 = k->p2, .k4 = k->k4,
                           .fisheye = k->fisheye != 0.0};
-    /* w = 2 fx tan(angle / 2). Without fl_x and an angle fx stays NaN, and is
-     * refused below. */
+    /* w = 2 fx tan(angle / 2). If both fl_x and the angle are missing, fx stays
+     * NaN and is refused below. */
     if (isnan(s->lens.fx))
         s->lens.fx = s->width / (2.0 * tan(k->angle_x / 2.0));
     if (isnan(s->lens.fy))
@@ -138,7 +139,7 @@ static bool fill_pose(const saga_transforms *r, saga_source *s,
                      e->key.pose[3]);
 }
 
-/* Sets the paths of a source's pictures that are there. */
+/* Sets the paths of a source's pictures, as far as the files exist. */
 static bool fill_pictures(saga_transforms *r, saga_source *s,
                           saga_entry *const *at, int n)
 {
@@ -178,7 +179,7 @@ static bool fill_views(saga_transforms *r, int n)
     if (!l->sources)
         return false;
     l->n_sources = r->n_views;
-    /* Videos tell how many frames they have after they are probed. */
+    /* For videos the number of frames is known only after they are probed. */
     l->n_frames = r->videos ? 0 : n;
     saga_transforms_name_views(r, n);
     for (int v = 0; v < r->n_views; v++) {
@@ -192,8 +193,8 @@ static bool fill_views(saga_transforms *r, int n)
         if (r->videos && !(s->video && saga_probe_video(s, l, r->error)))
             return false;
     }
-    /* A view of a moving camera lacks all moments but one; these are not
-     * missing. */
+    /* A view of a moving camera has only one moment; its other moments do not
+     * count as missing. */
     const int n_others = l->moves ? r->n_entries * (n - 1) : 0;
     if (r->n_missing > n_others)
         saga_note(l->notes, "pictures: %d are missing (%.100s)",
@@ -202,13 +203,15 @@ static bool fill_views(saga_transforms *r, int n)
     return split_views(r);
 }
 
-/* Cameras without any picture are left out; the others get lens and pose. */
+/* Leaves out cameras without any picture and sets lens and pose of the
+ * others. */
 static bool place_cameras(saga_transforms *r, int n)
 {
     saga_listing *const l = r->listing;
     int *const kept_as =
         saga_alloc((size_t)r->n_views, sizeof *kept_as, r->path, r->error);
-    /* Empty cameras go first: a size is found by probing a picture. */
+    /* Empty cameras are dropped first, because a camera's size comes from one
+     * of its pictures. */
     bool ok = kept_as && saga_listing_drop_empty(l, 0, n, kept_as, r->error) &&
               (r->videos || saga_listing_probe_pictures(l, r->error));
     for (int v = 0; ok && v < r->n_views; v++) {
@@ -246,8 +249,8 @@ static bool read_all(saga_transforms *r, const saga_capture_options *options)
 {
     if (!saga_transforms_read_fps(r) || !saga_transforms_find_views(r))
         return false;
-    /* There are as many moments as the fullest view has pictures; of a camera
-     * that moves, as the pictures have different times. */
+    /* The number of moments is the number of pictures in the fullest view, or,
+     * for a moving camera, the number of different times. */
     const int n = r->n_moments > 0 ? r->n_moments : r->view_size[r->fullest];
     if (!saga_transforms_find_moments(r, n) || !fill_views(r, n) ||
         !place_cameras(r, n))
@@ -262,7 +265,7 @@ static bool read_all(saga_transforms *r, const saga_capture_options *options)
 
 /* ------------------------------------------------------------------ a file */
 
-/* Returns the folder of a path, "." if it has none. */
+/* Returns the folder of a path, "." if it has none. The caller frees it. */
 static char *folder_of(const char *path, saga_error *error)
 {
     const char *const slash = strrchr(path, '/');
@@ -272,7 +275,6 @@ static char *folder_of(const char *path, saga_error *error)
     return folder;
 }
 
-/* Reads one JSON file and its entries. */
 static bool read_json(saga_transforms *r, int which, const char *path)
 {
     r->path = path;
@@ -288,13 +290,14 @@ bool saga_nerfstudio_list(saga_listing *listing, const char *json_path,
     saga_transforms r = {.listing = listing, .error = error,
                          .folder = folder_of(json_path, error)};
     /* The main file is read last, so that r.root is its top when fps, lists and
-     * points are looked up there. */
+     * points are looked up. */
     listing->opengl = true;
     const bool ok = r.folder &&
                     (!test_path || read_json(&r, 1, test_path)) &&
                     read_json(&r, 0, json_path) &&
                     saga_transforms_check_kinds(&r) && read_all(&r, options);
-    /* Not earlier: the entries' names are strings inside the JSON. */
+    /* The JSON is freed last, because the entries' names are strings inside
+     * it. */
     json_decref(r.roots[0]);
     json_decref(r.roots[1]);
     free(r.folder);
@@ -305,7 +308,7 @@ bool saga_nerfstudio_list(saga_listing *listing, const char *json_path,
     return ok;
 }
 
-/* Tells whether a path is itself such a file. */
+/* Tells whether a path is itself a JSON file. */
 static bool is_json(const char *path)
 {
     return saga_has_suffix(path, ".json") && saga_path_is_file(path);

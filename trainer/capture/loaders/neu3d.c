@@ -1,13 +1,14 @@
 /* SPDX-License-Identifier: MIT
  *
- * Neu3D / DyNeRF has camNN.mp4 and poses_bounds.npy, one row per video in the
- * order of the sorted names; a COLMAP sparse model for points, and for the
- * cameras where poses_bounds.npy is missing or lives in another frame.
+ * Reads Neu3D / DyNeRF captures: camNN.mp4 and poses_bounds.npy, with one row
+ * per video in the order of the sorted names. A COLMAP sparse model gives the
+ * points. It also gives the cameras if poses_bounds.npy is missing or has
+ * another world frame.
  *
- * A row: 3 x 5 row-major, columns down, right, backwards, centre, (H, W, f) of
- * the camera; then near and far. H, W, f are of the pictures before anybody
- * scaled them, so f is scaled by the width of the video. Pixels are square,
- * the principal point is the centre of the picture.
+ * A row has a 3 x 5 matrix, row-major, with the columns down, right, backwards,
+ * centre and (H, W, f) of the camera; then the near and the far depth. H, W and
+ * f are in pixels of the original pictures, so f is scaled by the width of the
+ * video. Pixels are square, and the principal point is the picture's centre.
  */
 #include "colmap_views.h"
 
@@ -85,7 +86,7 @@ static bool list_videos(saga_listing *listing, const char *folder,
               sizeof *listing->sources, by_name);
     for (int i = 0; ok && i < listing->n_sources; i++)
         ok = saga_probe_video(&listing->sources[i], listing, error);
-    /* One camera alone has nobody to be compared with. */
+    /* A single camera must be trained on, so it is not held out. */
     if (listing->n_sources == 1)
         listing->sources[0].held_out = false;
     return ok;
@@ -100,7 +101,8 @@ static bool row_intrinsics(saga_source *source, double h, double w, double f,
         return saga_fail(error, path, "correct columns 5, 10 and 15",
                          "row of %s has height %g, width %g, focal length %g",
                          source->name, h, w, f);
-    /* More than 1 % between the axes is a crop, which no scale undoes. */
+    /* A ratio of axes that differs by more than 1 % means that the pictures
+     * were cropped, which scaling cannot undo. */
     const double sx = source->width / w, sy = source->height / h;
     if (fabs(sx / sy - 1.0) > 0.01)
         return saga_fail(error, path, "scale the videos alike on both axes, "
@@ -160,13 +162,14 @@ static bool read_poses(saga_listing *listing, const char *path,
 
 /* ---------------------------------------------------------- COLMAP's model */
 
-/* "cam01" names the image "cam01.png", "x/cam01.jpg", "cam01/0000.png". */
+/* Tells whether a camera's name fits an image: "cam01" fits "cam01.png",
+ * "x/cam01.jpg" and "cam01/0000.png". */
 static bool names_image(const char *name, const char *image)
 {
     const size_t n = strlen(name);
     for (const char *p = image; p;) {
-        /* The name may be any folder of the path, or its file less the
-         * ending. */
+        /* The name may be any folder of the path, or the file's name without
+         * its extension. */
         if (strncmp(p, name, n) == 0 &&
             (p[n] == '\0' || p[n] == '/' || (p[n] == '.' &&
                                              !strchr(p + n, '/'))))
@@ -177,7 +180,7 @@ static bool names_image(const char *name, const char *image)
     return false;
 }
 
-/* Finds the first image of each view; -1 if it has none. */
+/* Sets image_of to the first image of each view, or to -1 if it has none. */
 static void match_images(const saga_listing *listing, const saga_colmap *model,
                          int *image_of)
 {
@@ -189,8 +192,8 @@ static void match_images(const saga_listing *listing, const saga_colmap *model,
     }
 }
 
-/* Returns the largest distance between a camera's two centres, in diameters of
- * the rig. Another world frame differs by the order of one. */
+/* Returns the largest distance between the two centres of a camera, as a
+ * fraction of the rig's size. If the world frames differ, it is about one. */
 static double disagreement(const saga_listing *listing,
                            const saga_colmap *model, const int *image_of)
 {
@@ -245,7 +248,8 @@ static int view_of_image(const saga_listing *listing, const char *image)
     return -1;
 }
 
-/* Returns the view each image belongs to (n_images), -1 for none. */
+/* Returns the number of each image's view (n_images), -1 for none. The caller
+ * frees the list. */
 static int *map_images(const saga_listing *listing, const saga_colmap *model,
                        saga_error *error)
 {
@@ -267,8 +271,8 @@ static bool measure_views(saga_listing *listing, const saga_colmap *model,
     return true;
 }
 
-/* Poses agree within 0.1 % of the rig: COLMAP was then given these poses, or
- * refined them by less than it matters. */
+/* World frames are the same if poses agree within 0.1 % of the rig's size.
+ * COLMAP then used these poses or refined them by a negligible amount. */
 static const double same_frame = 1e-3;
 
 static bool use_model(saga_listing *listing, const saga_colmap *model,
@@ -280,9 +284,9 @@ static bool use_model(saga_listing *listing, const saga_colmap *model,
     const bool complete = all_matched(listing, image_of, &missing);
     const double off = have_poses ? disagreement(listing, model, image_of)
                                   : 0.0;
-    /* The model must have all cameras where nothing else has them. Where poses
-     * are of another world, cameras and points come from it together, or
-     * neither. */
+    /* If there are no other poses, the model must have all cameras. If the
+     * poses have another world frame, cameras and points both come from the
+     * model, or neither does. */
     if (!complete && !have_poses)
         return saga_fail(error, folder, "add poses_bounds.npy or reconstruct "
                          "with all cameras", "no image of the COLMAP model "
@@ -326,7 +330,7 @@ static bool read_model(saga_listing *listing, const char *folder,
 
 /* ------------------------------------------------------------------- depth */
 
-/* Finds depth/NAME_fKKK.exr of a source, where there are some. */
+/* Finds a source's files depth/NAME_fKKK.exr, as far as they exist. */
 static bool find_depths_of(saga_source *s, const saga_listing *listing,
                            const char *folder, saga_error *error)
 {
@@ -361,8 +365,8 @@ static bool list(saga_listing *listing, const char *folder,
 {
     if (!list_videos(listing, folder, error))
         return false;
-    /* Views are split here because points, below, are those that the training
-     * views see. */
+    /* Views are held out before points are read, because only points that
+     * training views see are kept. */
     saga_listing_tell_apart(listing);
     if (!saga_listing_match_videos(listing, options, error) ||
         !saga_listing_hold_out(listing, options->hold_out, error))

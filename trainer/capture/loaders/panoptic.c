@@ -1,16 +1,16 @@
 /* SPDX-License-Identifier: MIT
  *
- * Reads Panoptic Sports as Dynamic 3D Gaussians has it: train_meta.json and
- * test_meta.json, whose cameras are held out, each with w, h, and for every
- * moment t a list of cameras c:
+ * Reads Panoptic Sports in the form that Dynamic 3D Gaussians uses:
+ * train_meta.json and test_meta.json, whose cameras are held out. Each file has
+ * w, h, and for every moment t a list of cameras c:
  *
  *     k[t][c]        3 x 3 intrinsics
  *     w2c[t][c]      4 x 4 world to camera, OpenCV axes
  *     fn[t][c]       the picture, in ims/
- *     cam_id[t][c]   which camera it is
+ *     cam_id[t][c]   the number of the camera
  *
- * A camera must have one k and one w2c at all moments. init_pt_cld.npz, if
- * there is one, has points: rows of "data" are x, y, z, red, green, blue (0 to
+ * A camera must have the same k and w2c at all moments. init_pt_cld.npz is
+ * optional and has points: rows of "data" are x, y, z, red, green, blue (0 to
  * 1) and more. seg/ is not read.
  */
 #include "alloc.h"
@@ -33,10 +33,10 @@
 typedef struct sports_reader {
     saga_listing *listing;
     const char *folder;
-    const char *path;          /* of the JSON that is being read */
+    const char *path;          /* path of the JSON that is being read */
     json_t *root;
     bool test;
-    int *ids;                  /* (n_sources) cam_id */
+    int *ids;                  /* (n_sources) cam_id of each source */
     saga_finds finds;
     int n_missing;
     saga_error *error;
@@ -57,7 +57,7 @@ static const json_t *entry_of(const sports_reader *r, const char *key,
     return json_array_get(json_array_get(json_object_get(r->root, key), t), c);
 }
 
-/* Reads the first rows x cols numbers of an array of rows. */
+/* Reads the first rows x cols numbers of a matrix. */
 static bool get_matrix(const sports_reader *r, const char *key, size_t t,
                        size_t c, size_t rows, size_t cols, double *to)
 {
@@ -97,7 +97,8 @@ static bool fill_camera(const sports_reader *r, saga_source *s, size_t t,
         return saga_fail(r->error, r->path, "rectify the pictures first",
                          "k[%zu][%zu] has a skew of %g", t, c, k[1]);
     s->lens = (saga_lens){.fx = k[0], .fy = k[4], .cx = k[2], .cy = k[5]};
-    /* Rows of w2c = (R, t) are the camera's axes; its centre is -R^T t. */
+    /* The rows of R in w2c = (R, t) are the camera's axes; its centre is -R^T
+     * t. */
     for (int i = 0; i < 3; i++) {
         centre[i] = 0.0;
         for (int j = 0; j < 3; j++) {
@@ -130,7 +131,7 @@ static bool add_camera(sports_reader *r, int id, size_t t, size_t c)
         return false;
     r->ids = ids;
     ids[l->n_sources] = id;
-    /* The file tells which cameras are held out: those of test_meta.json. */
+    /* The cameras of test_meta.json are held out. */
     more[l->n_sources] = (saga_source){.held_out = r->test};
     (void)snprintf(more[l->n_sources].name, SAGA_NAME_NBYTES, "cam%02d", id);
     return fill_camera(r, &more[l->n_sources++], t, c);
@@ -153,7 +154,7 @@ static bool same_camera(const saga_source *a, const saga_source *b)
     return true;
 }
 
-/* Finds the camera of an entry, new or known. */
+/* Sets *source to the camera of an entry, which is added if it is new. */
 static bool find_camera(sports_reader *r, size_t t, size_t c, int *source)
 {
     saga_listing *const l = r->listing;
@@ -172,7 +173,7 @@ static bool find_camera(sports_reader *r, size_t t, size_t c, int *source)
         return saga_fail(r->error, r->path, "list a camera in one of both",
                          "camera %d is in train_meta.json and in "
                          "test_meta.json", (int)id);
-    /* A known camera is read once more, and must be where it was. */
+    /* A known camera is read again, to check that it has not moved. */
     return fill_camera(r, &now, t, c) &&
            (same_camera(s, &now) ||
             saga_fail(r->error, r->path, "saga needs cameras that stand still",
@@ -229,13 +230,14 @@ static bool read_meta(sports_reader *r, const char *name, bool test)
     return ok;
 }
 
-/* The pictures must have the size that the file tells. */
+/* Checks that the pictures have the size that the file gives. */
 static bool check_sizes(const saga_listing *l, saga_error *error)
 {
     for (int i = 0; i < l->n_sources; i++) {
         const saga_source *const s = &l->sources[i];
         int k = 0, width = 0, height = 0;
-        /* This ends: sources without any picture have been dropped. */
+        /* The loop ends, because sources without any picture have been
+         * dropped. */
         while (!s->pictures[k])
             k++;
         if (!saga_picture_probe(s->pictures[k], &width, &height, error) ||

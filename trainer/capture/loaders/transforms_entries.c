@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Entries of transforms.json are read here, and what else the file says of
- * them: its rate, and which are held out.
+ * Reads the entries of transforms.json, and from the rest of the file its frame
+ * rate and the lists of held-out pictures.
  */
 #include "transforms.h"
 
@@ -25,7 +25,7 @@ static const char *type_name(const json_t *value)
     return t >= 0 && t < 8 ? names[t] : "something else";
 }
 
-/* index < 0 stands for the top of the file. */
+/* Reports a value of a wrong type; index < 0 means the top of the file. */
 static bool wrong_type(const saga_transforms *r, int index, const char *key,
                        const json_t *value, const char *wanted)
 {
@@ -37,12 +37,13 @@ static bool wrong_type(const saga_transforms *r, int index, const char *key,
                      value ? type_name(value) : "missing", wanted);
 }
 
-/* A number is taken from the entry, else from the top, else left alone. */
+/* Reads a number from the entry, or from the top of the file if the entry lacks
+ * it. *x is unchanged if both lack it. */
 static bool get_number(const saga_transforms *r, const json_t *frame, int index,
                        const char *key, double *x)
 {
     const json_t *value = json_object_get(frame, key);
-    /* index -1: an error is then told of the top of the file. */
+    /* index -1 makes an error message name the top of the file. */
     if (!value) {
         value = json_object_get(r->root, key);
         index = -1;
@@ -131,8 +132,8 @@ static bool read_intrinsics(const saga_transforms *r, const json_t *frame,
         {"p2", &k->p2},   {"w", &k->width}, {"h", &k->height},
         {"camera_angle_x", &k->angle_x},    {"k4", &k->k4},
     };
-    /* NaN stands for what the file leaves out; distortions and sizes that it
-     * leaves out are 0 (read_entries). */
+    /* NaN means that the file has no value. Distortions and sizes without a
+     * value are 0 (saga_transforms_read_entries). */
     k->fx = k->fy = k->cx = k->cy = k->angle_x = NAN;
     for (size_t i = 0; i < sizeof numbers / sizeof numbers[0]; i++)
         if (!get_number(r, frame, e->index, numbers[i].name, numbers[i].to))
@@ -152,7 +153,8 @@ static bool read_entry(saga_transforms *r, int index)
     saga_entry *const e = &r->entries[r->n_entries++];
     const json_t *const time = json_object_get(frame, "time");
     e->index = index;
-    /* The second file has what Blender's scenes hold out. */
+    /* All pictures of the second file, which only Blender's scenes have, are
+     * held out. */
     e->held_out = r->root == r->roots[1];
     if (!json_is_object(frame))
         return wrong_type(r, -1, "frames[]", frame, "an object");
@@ -229,7 +231,7 @@ int saga_transforms_n_timed(const saga_transforms *r)
     return n;
 }
 
-/* Sorts by camera, then by time, then by name. */
+/* Orders by camera, then by time, then by name. */
 static int entry_order(const void *a, const void *b)
 {
     const saga_entry *const x = a, *const y = b;
@@ -264,7 +266,7 @@ static int by_string(const void *a, const void *b)
     return strcmp(*(const char *const *)a, *(const char *const *)b);
 }
 
-/* Every name of the list is the file of an entry. */
+/* Checks that every name in the list is the file of an entry. */
 static bool all_known(const saga_transforms *r, const char *key,
                       const char *const *names, size_t n)
 {
@@ -287,7 +289,8 @@ static bool all_known(const saga_transforms *r, const char *key,
                                names[i]);
 }
 
-/* Marks entries whose file stands in the list (or does not, if inverted). */
+/* Marks as held out the entries whose file is in the list or, if `inverted`, is
+ * not in the list. */
 static bool mark_list(saga_transforms *r, const char *key, bool inverted)
 {
     const json_t *const list = json_object_get(r->root, key);
@@ -321,7 +324,7 @@ static bool mark_list(saga_transforms *r, const char *key, bool inverted)
 
 bool saga_transforms_mark_held_out(saga_transforms *r)
 {
-    /* Inverted: what train_filenames leaves out is held out. */
+    /* Pictures that train_filenames does not list are held out. */
     return mark_list(r, "train_filenames", true) &&
            mark_list(r, "val_filenames", false) &&
            mark_list(r, "test_filenames", false);

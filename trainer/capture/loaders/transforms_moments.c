@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Every entry is of a moment: by its time, by the number in its name, or by the
- * order of the names.
+ * Finds the moment of each entry: by its time, by the number in its name, or by
+ * the order of the names.
  */
 #include "transforms.h"
 
@@ -14,8 +14,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Where some are not listed and nothing has a time, the numbers in the files'
- * names do. */
+/* Takes the numbers in the files' names as times, for captures that lack
+ * entries and have no times. */
 static void take_numbers_for_times(saga_transforms *r)
 {
     for (int i = 0; i < r->n_entries; i++) {
@@ -26,12 +26,13 @@ static void take_numbers_for_times(saga_transforms *r)
                                             : strlen(e->file), &number);
         e->time = (double)number;
     }
-    /* Times were equal when the entries were sorted first. */
+    /* The first sort was done while all times were equal, so it is repeated. */
     saga_transforms_sort(r);
 }
 
-/* The moment of an entry is its rank in a view that has all n, else the nearest
- * of n even ones from `start` on. */
+/* Sets *k to the entry's moment. In a view with all n pictures that is the
+ * entry's rank, which *k holds already; otherwise it is the nearest of n evenly
+ * spaced times from `start`. */
 static bool find_moment(const saga_transforms *r, const saga_entry *e,
                         double start, double step, int n, int *k)
 {
@@ -42,7 +43,7 @@ static bool find_moment(const saga_transforms *r, const saga_entry *e,
         step > 0.0 ? fmin(fmax((e->time - start) / step, 0.0), n - 1.0) : 0.0;
     if (r->view_size[e->view] < n)
         *k = (int)floor(moment + 0.5);
-    /* Times within a quarter of a step count as synchronous. */
+    /* A time within a quarter of a step counts as synchronous. */
     const double near = start + step * *k;
     return fabs(e->time - near) <= 0.25 * step ||
            saga_fail(r->error, r->path, "pictures must be synchronous and "
@@ -50,8 +51,9 @@ static bool find_moment(const saga_transforms *r, const saga_entry *e,
                      "that of frame %d", e->time, e->file, near, *k);
 }
 
-/* Entries are sorted by view and time. Those of the fullest view tell the
- * moments; with neither times nor holes the order does. */
+/* Sets the table of entries by view and moment. Entries are sorted by view and
+ * time, and those of the fullest view define the moments. Without times and
+ * gaps the order is enough. */
 static bool place_entries(saga_transforms *r, int n, bool timed)
 {
     const saga_entry *const ref = &r->entries[r->view_first[r->fullest]];
@@ -61,7 +63,7 @@ static bool place_entries(saga_transforms *r, int n, bool timed)
     for (int i = 0; r->at && i < r->n_entries; i++) {
         saga_entry *const e = &r->entries[i];
         int k = i - r->view_first[e->view];
-        /* k > 0 says that the entry before this one is of the same view. */
+        /* If k > 0, the previous entry belongs to the same view. */
         const bool twice = k > 0 && timed && e->time == e[-1].time;
         if (timed && !twice && !find_moment(r, e, ref[0].time, step, n, &k))
             return false;
@@ -75,7 +77,8 @@ static bool place_entries(saga_transforms *r, int n, bool timed)
     return r->at != NULL;
 }
 
-/* Gives every picture its moment, and how much later it was taken. */
+/* Sets the moment of every picture, and how late after it the picture was
+ * taken. */
 static bool place_moving(saga_transforms *r, int n)
 {
     double first = r->entries[0].time, last = first;
@@ -84,7 +87,8 @@ static bool place_moving(saga_transforms *r, int n)
         last = fmax(last, r->entries[i].time);
     }
     r->first_time = first;
-    /* n >= 2: with one moment every camera stands, says find_moves. */
+    /* n >= 2, because find_moves does not treat a capture with one moment as
+     * moving. */
     r->step = (last - first) / (n - 1);
     if (!isfinite(r->step))
         return saga_fail(r->error, r->path, "correct them", "times run from "
@@ -94,7 +98,8 @@ static bool place_moving(saga_transforms *r, int n)
     for (int i = 0; r->at && i < r->n_entries; i++) {
         saga_entry *const e = &r->entries[i];
         const double moment = (e->time - first) / r->step;
-        /* Within 1e-4 of a step a picture was taken at the moment itself. */
+        /* A picture within 1e-4 of a step counts as taken at the moment
+         * itself. */
         const bool between = fabs(moment - rint(moment)) > 1e-4;
         const double k = between ? floor(moment) : rint(moment);
         e->late = between ? moment - k : 0.0;
@@ -113,20 +118,21 @@ static bool place(saga_transforms *r, int n)
     const bool holes = r->n_entries < n * r->n_views;
     if (r->n_moments > 0)
         return place_moving(r, n);
-    /* Without times the order is enough, unless a picture is not listed. */
+    /* Without times the order is enough, unless pictures are not listed. */
     if (holes && !timed)
         take_numbers_for_times(r);
     return place_entries(r, n, (timed || holes) && !r->videos);
 }
 
-/* Times are seconds, unless they run from exactly 0 to exactly 1. */
+/* Derives the frame rate from times, which are in seconds unless they run from
+ * exactly 0 to exactly 1. */
 static void guess_fps(saga_transforms *r, int n)
 {
     const saga_entry *const e = &r->entries[r->view_first[r->fullest]];
     const bool moving = r->n_moments > 0;
     if (r->listing->fps > 0.0 || n < 2 || saga_transforms_n_timed(r) == 0)
         return;
-    /* The times of all views tell for a moving camera, else those of the
+    /* For a moving camera the times of all views count, otherwise those of the
      * fullest view. */
     const double first = moving ? r->first_time : e[0].time;
     const double last = moving ? first + r->step * (n - 1) : e[n - 1].time;

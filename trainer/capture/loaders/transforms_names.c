@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Cameras of transforms.json have no names; their files' names and folders give
- * them some.
+ * Names the cameras of transforms.json, which have no names there, by the names
+ * and folders of their files.
  */
 #include "transforms.h"
 
@@ -22,7 +22,7 @@ static const char *base_of(const char *file)
     return slash ? slash + 1 : file;
 }
 
-/* Returns the last folder of a path; empty if it has none. */
+/* Sets `name` to the last folder of a path, empty if it has none. */
 static void folder_name(const char *file, char name[SAGA_NAME_NBYTES])
 {
     const char *const base = base_of(file);
@@ -33,7 +33,7 @@ static void folder_name(const char *file, char name[SAGA_NAME_NBYTES])
     saga_copy_name(name, start, (size_t)(end - start));
 }
 
-/* Gives "train/r_003.png" the name "train_r_003". */
+/* Makes the name "train_r_003" from "train/r_003.png". */
 static void folder_and_stem(const char *file, char name[SAGA_NAME_NBYTES])
 {
     const char *const base = base_of(file);
@@ -44,14 +44,14 @@ static void folder_and_stem(const char *file, char name[SAGA_NAME_NBYTES])
     saga_copy_name(name, both, strlen(both));
 }
 
-/* Finds what the names of all pictures of a camera begin with, without the
- * frame number: "cam03_f000" and "cam03_f001" give "cam03". */
+/* Sets `name` to the common beginning of a camera's pictures without the frame
+ * number: "cam03_f000" and "cam03_f001" give "cam03". */
 static void common_prefix(const saga_entry *e, int n,
                           char name[SAGA_NAME_NBYTES])
 {
     const char *const base = base_of(e[0].file);
     size_t len = stem_length(base);
-    /* Shorten the stem to what all names begin with. */
+    /* The stem is shortened to what all names begin with. */
     for (int k = 1; k < n; k++) {
         const char *const other = base_of(e[k].file);
         size_t i = 0;
@@ -60,9 +60,9 @@ static void common_prefix(const saga_entry *e, int n,
         len = i;
     }
     while (len > 0 && ((unsigned char)base[len] & 0xc0) == 0x80)
-        len--; /* not inside a character */
-    /* The frame number's first digits go, then letters in front of it that a
-     * separator sets off, then separators: "cam03_f00" becomes "cam03". */
+        len--; /* never cut a UTF-8 character */
+    /* Removes the frame number's first digits, then letters before them that
+     * follow a separator, then separators: "cam03_f00" becomes "cam03". */
     while (len > 0 && base[len - 1] >= '0' && base[len - 1] <= '9')
         len--;
     size_t letters = len;
@@ -80,9 +80,9 @@ void saga_transforms_name_views(const saga_transforms *r, int n)
 {
     saga_listing *const listing = r->listing;
     for (int scheme = n > 1 ? 0 : 2; scheme < 5; scheme++) {
-        /* Schemes are the folder, the beginning of the names, the first name,
-         * it with its folder, and numbers. The first two need several
-         * pictures. */
+        /* The schemes are the folder, the common beginning of the names, the
+         * first name, the first name with its folder, and numbers. The first
+         * two need several pictures. */
         for (int v = 0; v < r->n_views; v++) {
             const saga_entry *const e = &r->entries[r->view_first[v]];
             char *const name = listing->sources[v].name;

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Entries with one pose and the same intrinsics are one camera; where the
- * camera moves, each is a view of its own.
+ * Groups entries into cameras: entries with the same pose and the same
+ * intrinsics are one camera. If the camera moves, each entry is a view of its
+ * own.
  */
 #include "transforms.h"
 
@@ -19,7 +20,7 @@ static bool too_many(const saga_transforms *r, const char *remedy,
                      SAGA_MAX_VIEWS, what);
 }
 
-/* Makes room for one more view in first (n_views). */
+/* Makes room for one more item in `first` (n_views). */
 static bool add_view(const saga_transforms *r, int **first)
 {
     if (r->n_views == SAGA_MAX_VIEWS)
@@ -33,13 +34,13 @@ static bool add_view(const saga_transforms *r, int **first)
 
 static bool assign_views(saga_transforms *r)
 {
-    int *first = NULL; /* (n_views) entry */
+    int *first = NULL; /* (n_views) the first entry of each view */
     bool ok = true;
     for (int i = 0; ok && i < r->n_entries; i++) {
         saga_entry *const e = &r->entries[i];
         e->view = -1;
-        /* Newest first: files mostly list camera after camera. Videos are views
-         * of their own, whatever their poses. */
+        /* Newest views are tried first, since files mostly list one camera
+         * after another. Each video is a view of its own, whatever its pose. */
         for (int v = r->n_views; !r->videos && v-- > 0 && e->view < 0;)
             if (memcmp(&r->entries[first[v]].key, &e->key,
                        sizeof e->key) == 0)
@@ -64,8 +65,8 @@ static bool assign_views(saga_transforms *r)
     return true;
 }
 
-/* Counts the different times of pictures to train on; times is scratch of the
- * number of entries. */
+/* Returns the number of different times of training pictures; `times` is
+ * scratch memory for all entries. */
 static int count_moments(const saga_transforms *r, double *times)
 {
     size_t n = 0;
@@ -76,16 +77,17 @@ static int count_moments(const saga_transforms *r, double *times)
     if (n == 0)
         return 0;
     qsort(times, n, sizeof *times, saga_by_value);
-    /* Times closer than a millionth of the span are one, printed
-     * differently. */
+    /* Times closer than a millionth of the span are equal except for
+     * rounding. */
     const double least = 1e-6 * (times[n - 1] - times[0]);
     for (size_t i = 1; i < n; i++)
         n_moments += times[i] - times[i - 1] > least;
     return n_moments;
 }
 
-/* A camera moves where fewer than two pictures share a pose on average, and no
- * pose has half of the moments: then every picture is a view. */
+/* The camera is taken to move if fewer than two pictures share a pose on
+ * average and no pose has more than half of the moments. Then every picture
+ * becomes a view. */
 static bool find_moves(saga_transforms *r)
 {
     int most = 0;
@@ -102,7 +104,8 @@ static bool find_moves(saga_transforms *r)
     free(times);
     if (2 * most > n)
         return true;
-    /* Poses may be fewer: each picture will be a view. */
+    /* There may be more pictures than poses, and each picture becomes a
+     * view. */
     if (r->n_entries > SAGA_MAX_VIEWS)
         return too_many(r, "list fewer pictures",
                         "pictures of a camera that moves");
@@ -111,8 +114,7 @@ static bool find_moves(saga_transforms *r)
     if (!size)
         return false;
     r->view_size = size;
-    /* It moves. Now there are as many views as pictures, with one picture
-     * each. */
+    /* From here on every picture is a view of its own. */
     r->n_moments = n;
     r->n_views = r->n_entries;
     for (int i = 0; i < r->n_entries; i++) {

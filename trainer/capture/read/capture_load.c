@@ -59,7 +59,8 @@ static bool choose_range(saga_capture *capture, const saga_listing *listing,
 
 /* -------------------------------------------------------------------- views */
 
-/* Marks the frames whose picture is missing; nothing where none is. */
+/* Marks the frames whose picture is missing. view->missing stays NULL if there
+ * are none. */
 static bool mark_missing(const saga_load_job *job, saga_shot *view,
                          const saga_source *s)
 {
@@ -75,7 +76,8 @@ static bool mark_missing(const saga_load_job *job, saga_shot *view,
         view->missing[k] = true;
         view->n_missing++;
     }
-    /* Nothing of it is looked at, but it stays in the rig. */
+    /* A view without any picture stays in the rig; its pixels are set but not
+     * used. */
     if (view->n_missing == n)
         memset(view->rgb, 0, saga_view_frame_nbytes(view));
     return true;
@@ -94,14 +96,15 @@ static bool allocate_view(const saga_load_job *job, saga_shot *view,
         view->mask = saga_alloc(px, n_held, s->name, job->error);
         if (!view->mask)
             return false;
-        memset(view->mask, 1, px * n_held); /* what has none counts */
+        memset(view->mask, 1, px * n_held); /* pixels of frames without a mask
+                                             * count */
     }
     bool any = false;
     for (size_t k = 0; s->depths && k < n_frames; k++)
         any |= s->depths[(size_t)job->capture->first_frame + k] != NULL;
     if (!any || !job->options->want_depth)
         return true;
-    /* The frames that have depth get memory for it, the others stay NULL. */
+    /* Only frames that have depth get memory for it; the others stay NULL. */
     view->depth =
         saga_calloc(n_frames, sizeof *view->depth, s->name, job->error);
     for (size_t k = 0; view->depth && k < n_frames; k++) {
@@ -142,7 +145,8 @@ static void note_decisions(const saga_load_job *job)
         saga_note(notes, "scale: 1/%d, boxes of %d x %d pixels averaged",
                   job->options->scale, job->options->scale,
                   job->options->scale);
-    /* How far lenses were changed, and which camera lacks most pictures. */
+    /* Summarises how much undistortion changed focal lengths, and which camera
+     * lacks most pictures. */
     double least = INFINITY, most = 0.0;
     int n_lenses = 0, n_missing = 0, n_lacking = 0, n_most = 0;
     const char *worst = "";
@@ -182,7 +186,8 @@ static bool fill_capture(saga_load_job *job)
         if (!make_view(job, v))
             return false;
     note_decisions(job);
-    /* Poses are cheap to check, pictures are not to decode. */
+    /* Poses are checked before pictures are decoded, because that is much
+     * cheaper. */
     saga_error *const told = job->options->no_overlap;
     return (saga_check_overlap(c, listing->path, told ? told : job->error) ||
             told) && saga_load_pictures(job);
@@ -190,8 +195,8 @@ static bool fill_capture(saga_load_job *job)
 
 /* ------------------------------------------------------------------ capture */
 
-/* Focal lengths in sides of the picture: of an angle of 175 degrees, and of a
- * telescope. */
+/* Limits for the focal length divided by the picture's width or height: an
+ * angle of view of 175 degrees, and a telescope. */
 #define MIN_FOCAL 0.02
 #define MAX_FOCAL 1000.0
 
@@ -199,7 +204,7 @@ static bool check_focal(const saga_source *s, const char *path,
                         saga_error *error)
 {
     const double x = s->lens.fx / s->width, y = s->lens.fy / s->height;
-    /* saga_remap_plan refuses those that are not positive. */
+    /* saga_remap_plan refuses values that are not positive. */
     if (!(fmin(x, y) > 0.0) ||
         (fmin(x, y) >= MIN_FOCAL && fmax(x, y) <= MAX_FOCAL))
         return true;
@@ -209,8 +214,8 @@ static bool check_focal(const saga_source *s, const char *path,
                      s->lens.fy, s->width, s->height);
 }
 
-/* Takes the rates of which a file can say three digits, in 1/1000 of a frame
- * per second. */
+/* Accepts the rates that a file can store in 1/1000 frame per second with at
+ * least three digits. */
 static bool check_fps(double fps, const char *path, saga_error *error)
 {
     return (fps >= 0.1 && fps <= 1e5) ||
@@ -219,7 +224,7 @@ static bool check_fps(double fps, const char *path, saga_error *error)
                      fps);
 }
 
-/* Returns a file that a source has, or where it should be, for messages. */
+/* Returns a file that a source has, or the capture's path, for messages. */
 static const char *source_file(const saga_listing *l, const saga_source *s)
 {
     for (int k = 0; !s->video && k < l->n_frames; k++)
@@ -245,16 +250,16 @@ static bool choose_frames(saga_capture *capture, saga_listing *listing,
                           const saga_capture_options *options,
                           saga_error *error)
 {
-    /* Late cameras come first: shifting them leaves fewer frames to choose
-     * from. */
+    /* Late cameras come first, because shifting them leaves fewer frames to
+     * choose from. */
     if (!saga_listing_late(listing, options->late, error))
         return false;
     capture->opengl = listing->opengl;
     capture->format = listing->format;
     capture->moves = listing->moves;
     capture->scale = options->scale;
-    /* The rate that a capture tells wins over the option; of metres, below, it
-     * is the other way round. */
+    /* The rate in the capture overrides the option; for metres, below, the
+     * option overrides the capture. */
     capture->fps = listing->fps > 0.0      ? listing->fps
                    : options->fps > 0.0 ? options->fps
                                         : 30.0;
@@ -264,7 +269,7 @@ static bool choose_frames(saga_capture *capture, saga_listing *listing,
            choose_range(capture, listing, options, error);
 }
 
-/* Counts what is learned from, at the scale that is wanted. */
+/* Counts the training views and their pixels at the wanted scale. */
 static void count_learned(saga_capture *capture, const saga_load_job *job)
 {
     const double scale = job->options->scale;
@@ -280,7 +285,6 @@ static void count_learned(saga_capture *capture, const saga_load_job *job)
     }
 }
 
-/* Moves the points and the notes to the capture. */
 static void take_points(saga_capture *capture, saga_listing *listing)
 {
     capture->points = listing->points;
@@ -292,7 +296,7 @@ static void take_points(saga_capture *capture, saga_listing *listing)
                   capture->fps);
 }
 
-/* Takes the frames that are wanted, and with `pictures` loads them. */
+/* Selects the wanted frames, and loads the pictures if `pictures` is set. */
 static bool carry_out(saga_capture *capture, saga_listing *listing,
                       const saga_capture_options *options, bool pictures,
                       saga_error *error)
@@ -314,8 +318,8 @@ static bool carry_out(saga_capture *capture, saga_listing *listing,
         capture->n_fitting = saga_load_frames_that_fit(&job);
         count_learned(capture, &job);
     }
-    /* Looking at a capture does not check the budget: it tells how many frames
-     * fit. */
+    /* Looking at a capture does not check the budget, because it reports how
+     * many frames fit. */
     if (ok && pictures) {
         take_points(capture, listing);
         ok = saga_load_check_budget(&job) && fill_capture(&job);
@@ -324,7 +328,8 @@ static bool carry_out(saga_capture *capture, saga_listing *listing,
     return ok;
 }
 
-/* Sets *capture from the listing of a path, and with `pictures` loads it. */
+/* Lists a capture and sets *capture; loads the pictures if `pictures` is
+ * set. */
 static bool list_and_carry_out(saga_capture *capture, const char *path,
                                const saga_capture_options *options,
                                bool pictures, saga_error *error)
