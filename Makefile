@@ -621,6 +621,11 @@ vectors: $(BUILD)/make_vectors $(BUILD)/transcode
 	$(BUILD)/make_vectors vectors
 	tests/stream/make_refusals.py $(BUILD)/transcode vectors
 
+# The description of the container for Kaitai Struct, from the pages' tables.
+.PHONY: ksy
+ksy:
+	tests/stream/make_ksy.py >docs/bitstream.ksy
+
 clean:
 	rm -rf $(BUILD)
 
@@ -663,6 +668,7 @@ make init        the decode depends on the bytes alone: paint, MemorySanitizer
 make mutants     planted mistakes that the gates must catch
 make bench       what operators take, beside what this machine can do
 make vectors     regenerates vectors/
+make ksy         regenerates docs/bitstream.ksy from the tables of bitstream.md
 make clean       removes $(BUILD)
 
 CC=gcc|clang|...   OPT=-O2   HOT_OPT=-O3 (inner loops)   CFLAGS= LDFLAGS=

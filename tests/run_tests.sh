@@ -236,6 +236,7 @@ many() {
         packages; do
         check "$name" "tests/cli/check_$name.sh"
     done
+    check ksy python3 tests/check_ksy.py
     check metrics python3 tests/cli/check_metrics.py
     check python python3 tests/cli/check_python.py
     check report python3 tests/cli/check_report.py

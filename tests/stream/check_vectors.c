@@ -201,7 +201,8 @@ enum { LINE = 1 << 16 };
  * own. */
 static int edit(uint8_t **bytes, size_t *n, const char *edits)
 {
-    uint8_t *const out = malloc(*n + strlen(edits) + 1);
+    const size_t room = *n + strlen(edits) + 1;
+    uint8_t *const out = malloc(room);
     size_t from = 0, to = 0;
     unsigned long at, old;
     unsigned byte;
@@ -209,6 +210,8 @@ static int edit(uint8_t **bytes, size_t *n, const char *edits)
 
     if (!out)
         return 0;
+    /* Bytes behind the file are not those of another one. */
+    memset(out, 0x55, room);
     while (sscanf(edits, " %lu:%lu:%n", &at, &old, &used) == 2 && used) {
         if (at < from || at > *n || old > *n - at)
             break;
@@ -241,8 +244,10 @@ static saga_status refusal(const char *kind, const uint8_t *bytes, size_t n)
 {
     saga_stages stages;
     saga_naming naming;
+    saga_sound sound;
 
     return strcmp(kind, "names") == 0 ? saga_name_camera(&naming, bytes, n, 0)
+         : strcmp(kind, "sound") == 0 ? saga_find_sound(&sound, bytes, n)
          : strcmp(kind, "last") == 0 ? find_last(bytes, n)
          : saga_stages_of(&stages, bytes, n, 0, 0, 0, pixels, sizeof pixels);
 }

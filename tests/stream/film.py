@@ -201,14 +201,19 @@ class Edit:
             return self.replace(chunk.end, 0, bytes(by))
         return self.replace(chunk.end + by, -by, b"")
 
-    def shrink(self, name, nbytes):
-        """A chunk whose length leaves out bytes that stay where they are."""
-        return self.set(name, nbytes)
-
     def surplus(self, label):
         """A byte after a chunk that its surroundings count as theirs."""
         return self.moved(label, 1).replace(self.film.chunk(label).end, 0,
                                             b"\0")
+
+    def without_cameras(self):
+        film = self.film
+        at = film.place("camera0.number")[0]
+        n = film.place("header.crc")[0] - at
+        for i in range(film.n_segments):
+            self.add(f"index{i}.offset", -n)
+        self.set("header.n_cameras", 0).add("header.header_nbytes", -n)
+        return self.replace(at, n, b"")
 
     def payload(self, label, new):
         """A chunk with another payload."""
@@ -225,8 +230,8 @@ class Edit:
         out, at = b"", begin
         for place in sorted(self.changes):
             n, new = self.changes[place]
-            inside = begin <= place < end and place + n <= end
-            if not inside and not (n == 0 and place == end and new):
+            inside = begin <= place and place + n <= end
+            if not inside or (n == 0 and place == begin) or place == end and n:
                 continue
             out += self.film.data[at:place] + new
             at = place + n
@@ -252,6 +257,8 @@ class Edit:
             head = self.bytes_of(chunk.at, chunk.at + 8)
             body = self.bytes_of(chunk.at + 12, chunk.end)
             n = int.from_bytes(head[4:8], "little")
+            if n > len(body):        # it claims bytes of what follows
+                body = self.bytes_of(chunk.at + 12, chunk.at + 12 + n)
             self.set(f"{label}.crc", crc32c(crc32c(owner, head), body[:n]))
 
     def line(self):

@@ -96,7 +96,10 @@ def header_ranges(film, names):
             continue
         for value in outside(field):
             rule, status = verdict(name, value, field)
-            head_row(film, rule, f"{name}={value}", status, **{name: value})
+            more = {"header.n_frames": value} if value > 1 and \
+                name == "header.n_segments" else {}
+            head_row(film, rule, f"{name}={value}", status, **{name: value},
+                     **more)
 
 
 def opening(plain, bank):
@@ -268,8 +271,10 @@ def index(plain):
     frames = plain.get("header.n_frames")
     for by in (-1, -16):
         row("find", f"INDX.nbytes{by:+}", DATA,
-            Edit(plain).shrink("INDX.nbytes", n + by))
-    row("find", "index0.n_frames=0", DATA, Edit(plain).set("index0.n_frames", 0))
+            Edit(plain).set("INDX.nbytes", n + by))
+    row("find", "index0.n_frames=0", DATA,
+        Edit(plain).set("index0.n_frames", 0)
+        .set("header.n_frames", frames - plain.get("index0.n_frames")))
     row("find", "index0.n_frames-above-all", DATA,
         Edit(plain).set("index0.n_frames", frames + 1))
     row("find", "index0.n_frames-2^32", DATA,
@@ -304,10 +309,11 @@ def segments(plain, layers):
             Edit(plain).set(f"segment0.layer{k}.n_{name}", 2**32 - 1))
     row("segment.4", "n_coarse=0", DATA,
         Edit(plain).set("segment0.layer0.n_coarse", 0))
-    row("segment.3", "SEGM.nbytes-1", DATA,
-        Edit(plain).resize("segment0.SEGM", -1))
-    row("segment.3", "SEGM.nbytes+1", DATA,
-        Edit(plain).resize("segment0.SEGM", 1))
+    for by in (-1, 1):
+        name = "segment0.SEGM.nbytes"
+        row("segment.3", f"SEGM.nbytes{by:+}", DATA,
+            Edit(plain).set(name, plain.get(name) + by))
+    row("open.14", "byte-after-NETS", DATA, Edit(plain).surplus("NETS"))
     row("segment.9", "byte-after-PRIM", DATA,
         Edit(plain).surplus("segment0.PRIM"))
     row("open.16", "byte-after-PRIM-of-base", DATA,
@@ -341,7 +347,7 @@ def layered(film):
         Edit(film, sign=False).cut(film.chunk("segment0.layer0.COAR").at))
 
 
-# --- Views, names ------------------------------------------------------------
+# --- Views, names, sound -----------------------------------------------------
 
 def views(film):
     for name, field in film.fields.items():
@@ -358,6 +364,7 @@ def views(film):
         for axis, value in enumerate((most // 2, -(most // 2), most % 2 + 1)):
             edit.set(f"camera0.rotation_q30[{3 * k + axis}]", value)
         row("view", f"rotation-row-{k}-of-sum-{most + 1}", ARG, edit)
+    row("view", "no-camera", ARG, Edit(film).without_cameras())
 
 
 def names(film):
@@ -367,6 +374,13 @@ def names(film):
         edit.set("NAME.nbytes", 8 + len(payload)).cut(chunk.end)
         row("names.6" if status else "names", f"example-{number + 1}", status,
             edit, kind="names")
+    for name, new in (("64-bytes", b"\0\x40" + b"a" * 64 + b"\0\0" * 2),
+                      ("63-shared-and-1", b"\0\x3f" + b"a" * 63 +
+                       b"\x3f\1b\0\0")):
+        edit = Edit(film).replace(chunk.at + 20, chunk.nbytes - 20, new)
+        edit.set("NAME.nbytes", 8 + len(new)).cut(chunk.end)
+        row("names.6", f"name-of-{name}", DATA, edit, kind="names")
+    row("names.1", "no-camera", ARG, Edit(film).without_cameras(), kind="names")
     for n in (0, 7):
         edit = Edit(film).replace(chunk.at + 12 + n, chunk.nbytes - 12 - n, b"")
         row("names.5", f"NAME.nbytes={n}", DATA,
@@ -379,9 +393,16 @@ def names(film):
              TRUNCATED)):
         row("names.4" if status != ARG else "names.3", f"NAME.{label}", status,
             edit, kind="names")
-    for n in (0, 3, 11, chunk.nbytes - 1):
+    for n in (-chunk.at + film.header_nbytes, -1, 0, 3, 11, chunk.nbytes - 1):
         row("names.2" if n < 4 else "names.4", f"NAME.cut={n}", TRUNCATED,
             Edit(film, sign=False).cut(chunk.at + n), kind="names")
+
+
+def sound(film):
+    """What sound/ has not: a length that leaves out OggS, which follows."""
+    for n in (4, 7):
+        row("sound.5", f"OPUS.nbytes={n}", DATA,
+            Edit(film).set("OPUS.nbytes", n), kind="sound")
 
 
 # --- Contents ----------------------------------------------------------------
@@ -443,6 +464,7 @@ def main():
     segments(plain, layers)
     views(plain)
     names(film("names"))
+    sound(film("sound"))
     counts(plain)
     if transcode != "-":
         contents(transcode, film("linear"), folder)
