@@ -167,8 +167,8 @@ OMP = $(if $(OPENMP),$(OPENMP),-Wno-unknown-pragmas)
 comma := ,
 AS_NEEDED = $(if $(filter Darwin,$(shell uname -s)),,-Wl$(comma)--as-needed)
 HOST_LIBS = $(AS_NEEDED) -lOpenEXRCore $(shell pkg-config --libs jansson \
-              libpng libturbojpeg libzstd zlib 2>/dev/null || \
-              echo -ljansson -lpng -lturbojpeg -lzstd -lz) -lm
+              libpng libturbojpeg libwebp libzstd zlib 2>/dev/null || \
+              echo -ljansson -lpng -lturbojpeg -lwebp -lzstd -lz) -lm
 # Warnings in system headers are not ours.
 EXR_INC   = $(patsubst -I%,-isystem %,$(shell pkg-config --cflags-only-I \
               OpenEXR 2>/dev/null))

@@ -5,12 +5,13 @@ files that are cut and joined,
   draw        a renderer that is not ours draws the exported PLY like saga-dec
               the file: places, shapes, opacities, colours, axes and units
   formats     PLY, SPZ and GLB hold the same splats, SPZ within its steps
-  programs    @playcanvas/splat-transform reads the same splats from SPZ and
-              compressed PLY, within their steps; skipped without npm
+  programs    @playcanvas/splat-transform reads the same splats from SPZ,
+              compressed PLY and SOG, within their steps; skipped without npm
   outputs     the frames asked for, and whole or not at all; README lists the
               formats that the help lists
   import      a file of PLY splats is drawn like these by a renderer that is not
-              ours; a sequence has its frames; a PLY that is none is told
+              ours; a sequence of SPZ has its frames; a PLY that is none is
+              told
   cut         frames of a file draw the same pixels, from the same bytes
   join        the parts of a file, joined, are the file; in another order they
               draw what they drew
@@ -391,7 +392,8 @@ def matched(a, b):
 READ_BY_OTHERS = {
     ".spz": [0.51 / 4096, 0.06, 0.51 / 16, 0.51 / 255, 0.51 / 255 / 0.15,
              4.6 / 128],
-    ".compressed.ply": [4 / 1023, 0.06, 8 / 1023, 0.51 / 255, 0.02, 1.01 / 64]}
+    ".compressed.ply": [4 / 1023, 0.06, 8 / 1023, 0.51 / 255, 0.02, 1.01 / 64],
+    ".sog": [16 / 65535, 0.3, 10 / 510, 0.51 / 255, 0.02, 0.02]}
 
 
 def check_programs(tmp):
@@ -504,11 +506,9 @@ def check_import(tmp):
         print("     imported, camera %d: %.1f dB" % (index, got))
         if not got > 33:
             complain("camera", index, "draws the import at", got, "dB")
-    os.mkdir(tmp + "/seq")
-    for i in range(3):
-        write(tmp + "/seq/%d.ply" % i, ply(ball(60, i)))
-    saga("import", tmp + "/seq", "-o", out, "--primitives", "60",
-         "--fps", "12", "--iterations", "60", "--cameras", out)
+    saga("export", DEMO, "-o", tmp + "/seq/%d.spz", "--frames", "8:11")
+    saga("import", tmp + "/seq", "-o", out, "--primitives", "60", "--fps",
+         "12", "--iterations", "60", "--cameras", out)
     info = json.loads(saga("info", out, "--json"))
     if info["n_frames"] != 3 or info["frames_per_second"] != [12, 1]:
         complain("the sequence has", info["n_frames"], "frames at",

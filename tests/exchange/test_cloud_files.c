@@ -10,6 +10,7 @@
 #include "gen_cloud.h"
 #include "put.h"
 #include "testing.h"
+#include "zip.h"
 
 #include <unistd.h>
 #include <zlib.h>
@@ -175,12 +176,21 @@ static void check_cloud(const saga_cloud *a, const saga_cloud *b,
     0.50001 * 1.41422 / 1023, \
     { 1.00001 / 255, 4.00001 / 256, 4.00001 / 256, 4.00001 / 256 } }
 
+/* A mean of x is off by 1 + |x| times half a step of log(1 + |x|), of which
+ * there are 65535 over 2 log 2; lists have 255 steps of the same extents.
+ * splat-transform rounds down, by a whole step where we round by half a step,
+ * and its lists are clusters, which come to 0.02 here. */
+#define SOG(part, scale, colour) { (part) * 4.00001 * 0.693148 / 65535, scale, \
+    (part) * 1.00001 / 255, (part) * 1.41422 / 255, \
+    { colour, colour, colour, colour } }
+
 static const struct {
     const char *suffix;
     bounds most;
 } written[] = {
     { ".ply", FLOATS }, { ".spz", SPZ(16) }, { ".glb", FLOATS },
-    { ".compressed.ply", PACKED }
+    { ".compressed.ply", PACKED },
+    { ".sog", SOG(0.5, 2.00001 / 255, 1.00001 / 255) }
 };
 
 TEST(splats_should_come_back_within_half_a_step)
@@ -208,7 +218,8 @@ static const struct {
 } theirs[] = {
     { "version3.spz", 40, 3, SPZ(12) }, { "version4.spz", 40, 3, SPZ(12) },
     { "splats.glb", 40, 3, FLOATS },
-    { "splats.compressed.ply", 300, 1, PACKED }
+    { "splats.compressed.ply", 300, 1, PACKED },
+    { "splats.sog", 40, 0, SOG(1, 0.02, 0.02) }
 };
 
 TEST(files_of_another_program_should_be_read)
@@ -420,6 +431,77 @@ TEST(damage_should_be_survived)
         (void)snprintf(path, sizeof path, "tests/exchange/theirs/%s",
                        theirs[f].name);
         damage(path, count, &r);
+    }
+}
+
+/* The files of a SOG. */
+static const char *const members[] = {
+    "meta.json", "means_l.webp", "means_u.webp", "scales.webp", "quats.webp",
+    "sh0.webp", "shN_centroids.webp", "shN_labels.webp"
+};
+enum { N_MEMBERS = sizeof members / sizeof members[0] };
+
+static void write_member(const char *name, const uint8_t *bytes, size_t n)
+{
+    char path[64];
+
+    (void)snprintf(path, sizeof path, "%s/%s", folder, name);
+    write_bytes(path, bytes, n);
+}
+
+/* Writes a SOG's members into the folder, also into part[]. */
+static void unzip(saga_bytes part[N_MEMBERS], saga_cloud *cloud)
+{
+    saga_bytes file;
+    saga_zip zip;
+    char path[64];
+
+    path_of(path, ".sog");
+    assert_done(saga_cloud_write(path, cloud, &error));
+    assert_done(saga_read_file(&file, path, &error));
+    unlink(path);
+    assert_true(saga_zip_open(&zip, &file, path));
+    for (int i = 0; i < N_MEMBERS; i++) {
+        assert_done(saga_zip_read(&part[i], &zip, members[i], &error));
+        write_member(members[i], part[i].data, part[i].nbytes);
+    }
+    saga_bytes_free(&file);
+}
+
+/* Damage that no checksum of an archive covers. */
+TEST(sog_in_a_folder_should_be_read)
+{
+    const uint32_t count = testing_count(300, 20000);
+    FREED_BY(saga_cloud_free) saga_cloud a;
+    saga_bytes part[N_MEMBERS];
+    uint64_t r = testing_seed(1);
+    char path[64];
+    saga_cloud b;
+
+    gen_cloud(&a, 40, 1);
+    unzip(part, &a);
+    (void)snprintf(path, sizeof path, "%s/meta.json", folder);
+    assert_done(saga_cloud_read(&b, path, &error));
+    check_cloud(&a, &b, &written[4].most);
+    saga_cloud_free(&b);
+    for (uint32_t i = 0; i < count; i++) {
+        const saga_bytes *const of = &part[i % N_MEMBERS];
+        FREED uint8_t *const copy = malloc(of->nbytes);
+        saga_error why = { "" };
+        bool ok;
+
+        memcpy(copy, of->data, of->nbytes);
+        write_member(members[i % N_MEMBERS], copy,
+                     hurt(copy, of->nbytes, &r));
+        ok = saga_cloud_read(&b, path, &why);
+        assert_int_equal(ok, !saga_failed(&why));
+        saga_cloud_free(&b);
+        write_member(members[i % N_MEMBERS], of->data, of->nbytes);
+    }
+    for (int i = 0; i < N_MEMBERS; i++) {
+        (void)snprintf(path, sizeof path, "%s/%s", folder, members[i]);
+        unlink(path);
+        saga_bytes_free(&part[i]);
     }
 }
 

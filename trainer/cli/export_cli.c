@@ -288,13 +288,13 @@ static const saga_cli_option option_list[] = {
 
 const saga_command saga_command_export = {
     "export", "FILE", 1,
-    "its splats for other programs: PLY, SPZ, glTF",
+    "its splats for other programs: PLY, SPZ, glTF, SOG",
     "Writes the splats that frames of a .saga file show, for viewers and\n"
     "editors of Gaussian splatting. Positions are in the capture's own units.\n"
-    "PLY has its axes, which viewers take as x right, y down, z forward; SPZ\n"
-    "has half a turn around x, glTF around z, since y is up there. Opacity\n"
-    "is what the moment leaves of it; splats below the decoder's cut of 1/256\n"
-    "are left out.\n"
+    "PLY and SOG have its axes, which viewers take as x right, y down, z\n"
+    "forward; SPZ has half a turn around x, glTF around z, since y is up\n"
+    "there. Opacity is what the moment leaves of it; splats below the\n"
+    "decoder's cut of 1/256 are left out.\n"
     "\n"
     "  saga export scene.saga -o scene.glb --frame 12\n"
     "  saga export scene.saga -o frames/scene_%04d.spz\n"

@@ -115,6 +115,9 @@ static bool list_files(session *s)
 
     if (!saga_path_is_folder(s->splats))
         return add_file(s, NULL, s->splats);
+    /* A still as SOG may be a folder, too. */
+    if (saga_folder_has(s->splats, "meta.json"))
+        return add_file(s, s->splats, "meta.json");
     dir = opendir(s->splats);
     if (!dir)
         return saga_fail_errno(&s->error, s->splats, "check its permissions",
@@ -455,7 +458,7 @@ static const saga_cli_option option_list[] = {
 
 const saga_command saga_command_import = {
     "import", "SPLATS", 1,
-    "a .saga file of splats from any trainer (PLY, SPZ, glTF)",
+    "a .saga file of splats from any trainer (PLY, SPZ, ...)",
     "Codes splats that another program trained, without pictures. SPLATS is\n"
     "a file, or a folder of files, a frame each in the order of their names,\n"
     "in one of the formats that `saga help export` lists. A still keeps its\n"

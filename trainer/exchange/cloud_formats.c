@@ -4,12 +4,13 @@
 #include <string.h>
 
 extern const saga_cloud_format saga_packed_format, saga_ply_format,
-    saga_spz_format, saga_glb_format;
+    saga_spz_format, saga_glb_format, saga_sog_format;
 
 /* A format whose files look like those of another comes before it, as does one
  * with a longer suffix. */
 static const saga_cloud_format *const formats[] = {
-    &saga_packed_format, &saga_ply_format, &saga_spz_format, &saga_glb_format
+    &saga_packed_format, &saga_ply_format, &saga_spz_format,
+    &saga_glb_format, &saga_sog_format
 };
 
 enum { N_FORMATS = sizeof formats / sizeof formats[0] };

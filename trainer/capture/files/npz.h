@@ -8,12 +8,12 @@
 
 #include "file.h"
 #include "npy.h"
+#include "zip.h"
 
 typedef struct saga_npz {
     const char *path;        /* for messages; owned by the caller */
     saga_bytes bytes;        /* the whole file */
-    size_t directory;        /* offset of the ZIP directory */
-    uint32_t n_members;
+    saga_zip zip;
 } saga_npz;
 
 /* Reads the file and finds its directory. Call saga_npz_close even after a
