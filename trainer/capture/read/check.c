@@ -10,13 +10,14 @@
 
 enum { FEW_POINTS = 8 };
 
-/* flip = -1 mirrors the camera's y and z axes, 1 leaves them. */
+/* Tells whether a view sees a point. flip = -1 negates the camera's y and z
+ * axes, 1 leaves them. */
 static bool sees(const saga_shot *view, const double world[3], double flip,
                  double *depth)
 {
     double c[3];
     saga_view_transform(view, world, c);
-    /* Mirrored, the point has the camera axes (x, -y, -z). */
+    /* With negated axes the point's coordinates are (x, -y, -z). */
     *depth = flip * c[2];
     if (!(*depth > 0.0))
         return false;
@@ -25,7 +26,8 @@ static bool sees(const saga_shot *view, const double world[3], double flip,
     return u >= 0.0 && v >= 0.0 && u < view->width && v < view->height;
 }
 
-/* Returns the share of the points, of which there is one, that a view sees. */
+/* Returns the fraction of the points that a view sees. There must be at least
+ * one point. */
 static double share_seen(const saga_capture *capture, int view)
 {
     size_t n = 0;
@@ -56,12 +58,12 @@ static bool overlap_by_points(saga_capture *capture, const char *path,
 {
     const size_t n = capture->n_points;
     const size_t shared = count_shared(capture, 1.0);
-    /* Little is asked, a hundredth of the points and at least four: only poses
-     * that make no sense are to be refused. */
+    /* Only nonsensical poses should be refused, so a hundredth of the points
+     * and at least four are enough. */
     if (shared >= FEW_POINTS / 2 && shared >= n / 100)
         return true;
-    /* Poses in OpenGL's axes put the scene behind the cameras: mirrored, these
-     * see most of the points. */
+    /* If the poses are in OpenGL's axes, the scene is behind the cameras, which
+     * see most points once their axes are negated. */
     const bool flipped = count_shared(capture, -1.0) > n / 2;
     return saga_fail(error, path, flipped
                      ? "the poses look like the other axis convention: "
@@ -87,16 +89,16 @@ static double rig_size(const saga_capture *capture)
             d2 += (c[i] - first[i]) * (c[i] - first[i]);
         size = fmax(size, sqrt(d2));
     }
-    /* Where all cameras stand in one place, any length has to do. */
+    /* If all cameras stand at one place, 1 replaces the size. */
     return size > 0.0 ? size : 1.0;
 }
 
-/* Does b see anything of what a may see, from a quarter to sixteen times the
- * size of the rig? */
+/* Tells whether b sees any of the points that a may see at depths of 1/4 to 16
+ * times the size of the rig. */
 static bool frusta_meet(const saga_shot *a, const saga_shot *b, double size)
 {
-    /* Seven depths, doubling, and at each a grid of 5 x 5 rays through the
-     * middles of equal boxes of a's picture. */
+    /* Seven depths, each twice the last, and at each depth 5 x 5 rays through
+     * the centres of equal boxes in a's picture. */
     for (double z = 0.25 * size; z <= 16.0 * size; z *= 2.0)
         for (int i = 0; i < 25; i++) {
             const double uv[2] = {a->width * (i % 5 + 0.5) / 5,

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * How much memory a capture takes is known before a picture is decoded.
+ * Computes the memory that a capture takes before any picture is decoded.
  */
 #include "load_job.h"
 
@@ -33,11 +33,11 @@ static double picture_nbytes(const saga_load_job *job, int v, double scale)
     const saga_remap *const m = &job->remaps[v];
     const double px =
         floor(m->full_width / scale) * floor(m->full_height / scale);
-    /* 3 bytes of colour a pixel, and one of the mask. */
+    /* 3 bytes of colour per pixel, and one more if there are masks. */
     double n = (saga_load_has_masks(job, s) ? 4.0 : 3.0) * px *
                (saga_load_is_single(job, s) ? 1 : job->capture->n_frames);
-    /* Depth is of 4 bytes, and held for each frame that has it, single view or
-     * not. */
+    /* Depth takes 4 bytes per pixel, for each frame that has it, even in a view
+     * with a single picture. */
     for (int k = 0; s->depths && job->options->want_depth &&
                     k < job->capture->n_frames; k++)
         if (s->depths[job->capture->first_frame + k])
@@ -55,19 +55,19 @@ static bool is_exr(const saga_load_job *job, char *const *files)
     return false;
 }
 
-/* Returns what a thread works with while it decodes a picture of view v: the
- * picture, its table, its depth, its mask. */
+/* Returns the working memory of a thread that decodes a picture of view v: the
+ * picture, its remapping table, its depth and its mask. */
 static double thread_nbytes(const saga_load_job *job, int v)
 {
     const saga_source *const s = &job->listing->sources[v];
     const saga_remap *const m = &job->remaps[v];
-    /* 3 bytes of colour and 4 of depth for each pixel of the file; an EXR also
-     * has three floats, which become those 3 bytes. */
+    /* Each pixel of the file takes 3 bytes of colour and 4 of depth. An EXR has
+     * three floats more, which become the 3 bytes. */
     double each = 7.0;
     if (is_exr(job, s->pictures) || is_exr(job, s->masks))
         each += 12.0;
     double n = (double)saga_remap_nbytes(m, &s->lens);
-    /* Opacity is read as RGBA. The mask is scaled as a picture, RGB. */
+    /* Opacity is read as RGBA, and the mask is scaled as an RGB picture. */
     if (saga_load_has_masks(job, s)) {
         each += 4.0;
         n += 3.0 * m->width * m->height;
@@ -109,11 +109,11 @@ static void say_remedy(const saga_load_job *job, double need, char *text,
     const double budget = (double)job->options->memory_nbytes;
     const double frames = need - scratch_nbytes(job);
     int scale = job->options->scale;
-    /* The first smaller scale at which everything fits. */
+    /* The largest picture size, at 1/scale, that fits. */
     while (scale < SAGA_MAX_SCALE && forecast(job, scale) > budget)
         scale++;
-    /* The number of frames that fit at the wanted scale, beside what the
-     * threads need however few frames there are. */
+    /* The number of frames that fit at the wanted scale, after the threads'
+     * memory, which does not depend on the number of frames. */
     const int fit = (int)floor((budget - scratch_nbytes(job)) / frames *
                                job->capture->n_frames);
     size_t used = (size_t)snprintf(text, n, "use ");

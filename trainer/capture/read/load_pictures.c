@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Pictures, masks and depth are decoded here, by several threads, straightened
- * and scaled into the views of a capture.
+ * Decodes pictures, masks and depth with several threads, undistorts them, and
+ * scales them into the views of a capture.
  */
 #include "load_job.h"
 
@@ -14,8 +14,8 @@
 
 /* ----------------------------------------------------------------- progress */
 
-/* Counts an item that is done. The error of the lowest item wins: items start
- * in order, so it is the same one for any number of threads. */
+/* Counts a finished item. If items fail, the error of the lowest one is kept.
+ * Items start in order, so that is the same error for any number of threads. */
 static void item_done(saga_load_job *job, int item, bool ok,
                       const saga_error *error)
 {
@@ -36,8 +36,8 @@ static void item_done(saga_load_job *job, int item, bool ok,
     }
 }
 
-/* Only what comes after a failure is given up: an earlier item may yet turn
- * out to be the first that fails. */
+/* Tells whether an item is skipped, which is so only for items after a failed
+ * one. An earlier item may still turn out to be the first that fails. */
 static bool item_skipped(saga_load_job *job, int item)
 {
     bool skip;
@@ -65,8 +65,8 @@ static bool read_video(saga_load_job *job, int v, const saga_remap *remap,
     if (!saga_video_open(&video, s->video, &s->info, end, error))
         return false;
     bool ok = true;
-    /* Videos are read from their start: frames before the first wanted one are
-     * decoded and dropped. */
+    /* Videos are decoded from their start; frames before the first wanted one
+     * are dropped. */
     for (int k = 0; ok && k < end; k++) {
         ok = saga_video_next(&video, buffer, error);
         if (ok && k >= first)
@@ -108,8 +108,8 @@ static void load_picture(saga_load_job *job, int v, int k,
     item_done(job, v * job->capture->n_frames + k, ok, &error);
 }
 
-/* Lets pixels count where the mask is nearly white after lens and scale:
- * nothing of a mask's border is in them. */
+/* Sets mask to 1 for pixels that are nearly white after undistortion and
+ * scaling, so that no pixel at the mask's border counts. */
 static void take_mask(uint8_t *mask, const uint8_t *rgb, size_t n)
 {
     for (size_t i = 0; i < n; i++)
@@ -123,7 +123,7 @@ static void load_mask(saga_load_job *job, int v, int k, const saga_remap *remap)
     const int at = job->capture->first_frame + k;
     const size_t n = (size_t)view->width * (size_t)view->height;
     uint8_t *const mask = view->mask + n * (size_t)(view->single ? 0 : k);
-    /* A mask of its own comes before the picture's opacity. */
+    /* A separate mask file takes precedence over the picture's opacity. */
     const char *const path = s->masks && s->masks[at] ? s->masks[at]
                              : s->pictures            ? s->pictures[at]
                                                       : NULL;
@@ -140,8 +140,8 @@ static void load_mask(saga_load_job *job, int v, int k, const saga_remap *remap)
                          ? saga_picture_read
                          : saga_picture_read_alpha)(path, s->width, s->height,
                                                     buffer, &error);
-    /* Black or white before lens and scale: any other value in the result is a
-     * mixture at a border, of which take_mask wants nearly nothing. */
+    /* The mask becomes black or white before it is remapped. Any other value
+     * afterwards is a mixture at a border, which take_mask excludes. */
     for (size_t i = 0; ok && i < (size_t)s->width * (size_t)s->height; i++)
         memset(buffer + 3 * i, buffer[3 * i] >= 128 ? 255 : 0, 3);
     if (ok) {
@@ -179,7 +179,7 @@ static void load_view(saga_load_job *job, int v, load_what what)
     const int n = job->capture->n_frames;
     saga_remap remap = job->remaps[v];
     saga_error error = { "" };
-    /* One table serves all frames of the view, and its threads share it. */
+    /* One table serves all frames of the view and is shared by the threads. */
     if (!saga_remap_build(&remap, &s->lens, job->listing->path, &error)) {
         item_done(job, v * n, false, &error);
         return;
@@ -202,8 +202,8 @@ static void load_view(saga_load_job *job, int v, load_what what)
 
 /* ---------------------------------------------------------- what is missing */
 
-/* A missing picture looks like the nearest of its camera that is there, so that
- * what compares moments sees no motion in it. */
+/* Fills missing pictures with the nearest existing picture of the same camera,
+ * so that code that compares moments sees no motion. */
 static void fill_missing(saga_load_job *job, int v)
 {
     const saga_capture *const c = job->capture;
@@ -214,8 +214,8 @@ static void fill_missing(saga_load_job *job, int v)
                    saga_view_frame_nbytes(&c->views[v]));
 }
 
-/* A pixel that does not count looks as in the nearest frame in which it does;
- * black where there is none. The time of both passes is linear. */
+/* Fills a pixel that does not count from the nearest frame in which it counts,
+ * or with black if there is none. Time is linear in the number of frames. */
 static void fill_masked(saga_load_job *job, int v)
 {
     const saga_shot *const view = &job->capture->views[v];
@@ -228,9 +228,8 @@ static void fill_masked(saga_load_job *job, int v)
         const uint8_t *const counts = view->mask + i;
         uint8_t *const rgb = view->rgb + 3 * (size_t)i;
         for (int k = 0, last = -1, next = -1; k < n_frames; k++) {
-            /* last and next are the frames nearest to k, up to it and from it
-             * on, in which the pixel counts: -1 and n_frames where there is
-             * none. */
+            /* last <= k and next >= k are the nearest frames in which the pixel
+             * counts, or -1 and n_frames if there are none. */
             if (next < k)
                 for (next = k; next < n_frames &&
                                !counts[(size_t)n * (size_t)next];)
@@ -241,7 +240,7 @@ static void fill_masked(saga_load_job *job, int v)
                                            k - last <= next - k)
                                  ? last : next;
             /* Only frames in which the pixel does not count are written, so
-             * what is copied is always a pixel that was filmed. */
+             * that copies always come from filmed pixels. */
             if (from == n_frames)
                 memset(rgb + size * (size_t)k, 0, 3);
             else if (from != k)
@@ -258,8 +257,8 @@ bool saga_load_pictures(saga_load_job *job)
     const bool videos = job->listing->sources[0].video != NULL;
     job->n_items = videos ? n_views : n_views * job->capture->n_frames;
 #pragma omp parallel for schedule(dynamic, 1) num_threads(job->n_threads)
-    /* Pictures. Threads share the cameras where these are videos, and the
-     * pictures of one camera after the other where they are stills. */
+    /* Threads share out the cameras if these are videos. If they are stills,
+     * the threads share out the pictures of one camera after the other. */
     for (int v = 0; v < (videos ? n_views : 0); v++)
         if (!item_skipped(job, v))
             load_video(job, v);
@@ -267,11 +266,11 @@ bool saga_load_pictures(saga_load_job *job)
         load_view(job, v, PICTURES);
     if (job->first_failed != INT32_MAX)
         return false;
-    /* Holes are filled before masks are: a missing picture without a mask
-     * counts everywhere, and fill_masked may copy from it. */
+    /* Missing pictures are filled before masked pixels: without a mask they
+     * count everywhere, and fill_masked may copy from them. */
     for (int v = 0; v < n_views; v++)
         fill_missing(job, v);
-    /* Masks, then depth; progress runs from 0 again for each. */
+    /* Masks come next, then depth; progress begins at 0 for each. */
     job->n_done = 0;
     job->n_items = n_views * job->capture->n_frames;
     for (int v = 0; v < n_views; v++)

@@ -13,33 +13,40 @@
 #include <string.h>
 
 enum {
-    FEW_PAIRS = 3,           /* or nothing is said of all cameras: one pair is
-                              * made to fit by many a mistake */
-    FEW_PLACES = 10,         /* in pairs, for an exposure */
-    PATCH = 2,               /* pixels around a match whose colours count */
-    FOCAL_STEPS = 8,         /* of an octave that lengths of focus are tried */
+    FEW_PAIRS = 3,           /* with fewer pairs there is no verdict on all
+                              * cameras, because many a mistake makes one pair
+                              * fit */
+    FEW_PLACES = 10,         /* least number of matched places for an
+                              * exposure */
+    PATCH = 2,               /* a patch has this number of pixels on each side
+                              * of a match */
+    FOCAL_STEPS = 8,         /* focal lengths tried per octave */
     FOCAL_OCTAVES = 2
 };
 
-/* Pairs that have to fit for all to be right: repeated windows and chairs match
- * wrongly in some. */
+/* All cameras count as right if this fraction of the pairs fits; in the others,
+ * repeated objects such as windows and chairs may match wrongly. */
 #define MOST_FIT 0.8
-#define EXPLAINED 0.6        /* of the pairs that did not fit, or of what all
-                              * are off: noise of corners is halved by nothing
-                              * but the truth */
-#define ODD 3.0              /* times what the best third of the pairs is off:
-                              * it is 0.3 to 0.5 pixels in right captures */
-#define IN_FRONT 0.5         /* of a pair's matches at least are so */
+/* A mistake must explain this fraction of the pairs that did not fit, or reduce
+ * the typical error to it; the noise of corners does not shrink that far. */
+#define EXPLAINED 0.6
+/* Limit for a view's error, relative to the best third of the pairs, which is
+ * 0.3 to 0.5 pixels in right captures. */
+#define ODD 3.0
+/* A pair fits only if this fraction of its matches lies in front of both
+ * cameras. */
+#define IN_FRONT 0.5
 
 typedef struct search {
     const saga_capture *c;
     saga_pairs pairs;
-    double *scratch;         /* (SAGA_FEATURES_MOST + 2 x the pairs) */
+    double *scratch;         /* (SAGA_FEATURES_MOST + 2 x number of pairs) */
 } search;
 
 /* ----------------------------------------------------------------- mistakes */
 
-/* Reverses two axes of the camera: columns 1 and 2 of camera to world. */
+/* Negates two axes of the camera, which are columns 1 and 2 of camera to
+ * world. */
 static void reverse_axes(double a[9])
 {
     for (int i = 0; i < 3; i++) {
@@ -61,7 +68,7 @@ static void transpose(double a[9])
 void saga_mistake_undo(const saga_mistake *mistake, double rotation[9],
                        double translation[3], double lens[4])
 {
-    /* Back to what the file had: camera to world A and b. */
+    /* A and b are the camera-to-world rotation and centre, as in the file. */
     double a[9], b[3], x[3];
     memcpy(a, rotation, sizeof a);
     transpose(a);
@@ -71,7 +78,7 @@ void saga_mistake_undo(const saga_mistake *mistake, double rotation[9],
     if (mistake->form == SAGA_POSE_INVERSE ||
         mistake->form == SAGA_POSE_TRANSPOSED)
         transpose(a);
-    /* A t of world to camera has its centre at -A t. */
+    /* If b is the t of world to camera, the centre is -A t. */
     if (mistake->form == SAGA_POSE_INVERSE ||
         mistake->form == SAGA_POSE_TRANSLATION) {
         saga_pose_translation(a, b, x);
@@ -90,7 +97,8 @@ void saga_mistake_undo(const saga_mistake *mistake, double rotation[9],
 
 /* -------------------------------------------------------------------- score */
 
-/* The median over a pair's matches; behind the cameras nothing fits. */
+/* Returns the median error of a pair's matches, or infinity if too many lie
+ * behind the cameras. */
 static double off_pair(const saga_pair *p, const saga_pinhole *a,
                        const saga_pinhole *b, double within, double *scratch)
 {
@@ -116,10 +124,10 @@ static void off_pairs(double *off, const search *s,
     }
 }
 
-/* How well all pairs fit, given cameras. */
+/* The number of pairs that fit, and the median error of all pairs. */
 typedef struct score { int n_fit; double typical; } score;
 
-/* off (n_pairs) is sorted. */
+/* Scores cameras. off (n_pairs) is scratch memory and ends sorted. */
 static score score_of(const search *s, const saga_pinhole *cameras, double *off)
 {
     score found = {0, (double)NAN};
@@ -138,7 +146,8 @@ static bool is_better(const score *a, const score *b)
 
 typedef struct best { saga_mistake mistake; score score; } best;
 
-/* Judges a mistake, and keeps it if it is the best so far. */
+/* Scores the cameras with a mistake undone, and keeps the mistake if it is the
+ * best so far. */
 static void try_mistake(best *to, const search *s, const saga_mistake *m,
                         saga_pinhole *cameras)
 {
@@ -156,10 +165,10 @@ static void try_mistake(best *to, const search *s, const saga_mistake *m,
         *to = (best){*m, now};
 }
 
-/* Tells whether undoing a mistake explains the pictures: with it, most pairs
- * fit, and either most of those are among them that did not before, or all are
- * clearly less off, which a wrong length of focus mostly makes them in rigs
- * along an arc. */
+/* Tells whether undoing a mistake explains the pictures. Most pairs must fit
+ * with the mistake undone. In addition, either most of the pairs that did not
+ * fit before must be among them, or the typical error must be clearly smaller.
+ * The latter is how a wrong focal length mostly shows in rigs along an arc. */
 static bool explains(const score *then, const score *now, int n_pairs)
 {
     const int gain = then->n_fit - now->n_fit, bad = n_pairs - now->n_fit;
@@ -169,8 +178,8 @@ static bool explains(const score *then, const score *now, int n_pairs)
              then->typical < EXPLAINED * now->typical));
 }
 
-/* All lengths of focus with one form of poses; one that is not right as it is
- * has to explain much, since noise too has a best length. */
+/* Tries all focal lengths for one form of poses. A focal length other than the
+ * file's must explain much to be chosen, because noise too has a best one. */
 static void try_lenses(best *to, const search *s, saga_mistake m,
                        saga_pinhole *cameras)
 {
@@ -189,7 +198,7 @@ static void try_lenses(best *to, const search *s, saga_mistake m,
         *to = as_is;
 }
 
-/* Exchanged pictures first, whose poses are right. */
+/* Tries exchanged pictures of two views whose poses are right. */
 static void try_swaps(best *to, const search *s, saga_pinhole *cameras)
 {
     const saga_shot *const views = s->c->views;
@@ -204,8 +213,9 @@ static void try_swaps(best *to, const search *s, saga_pinhole *cameras)
         }
 }
 
-/* Whether the loader reversed axes before it took the matrix for camera to
- * world is known; a world that is turned as a whole would fit as well. */
+/* Tries the forms of poses. Whether the loader reversed axes before it read the
+ * matrix as camera to world is known. It is not searched for, because a world
+ * turned as a whole would fit as well. */
 static void try_forms(best *to, const search *s, saga_pinhole *cameras)
 {
     for (int form = 0; form < SAGA_POSE_FORMS; form++)
@@ -218,8 +228,8 @@ static void try_forms(best *to, const search *s, saga_pinhole *cameras)
 
 /* ------------------------------------------------------------------ verdict */
 
-/* A view is as much off as the median of its pairs with views that are not
- * odd. */
+/* Returns the error of a view, which is the median over its pairs with views
+ * that are not odd. */
 static double off_view(const saga_calibration *cal, const search *s, int v,
                        const double *off)
 {
@@ -232,15 +242,17 @@ static double off_view(const saga_calibration *cal, const search *s, int v,
     return saga_median(s->scratch, n);
 }
 
-/* Takes out one view after the other that is clearly more off than pairs that
- * fit; a third of all at most, or it is not they who are odd. */
+/* Marks odd views, one after the other: each is the view with the largest error
+ * above that of fitting pairs. If more than a third of the views are marked,
+ * none is, because the error then lies elsewhere. */
 static void find_odd(saga_calibration *cal, const search *s, const double *off)
 {
     const int n_views = s->c->n_views;
     double *const sorted = s->scratch + SAGA_FEATURES_MOST;
     memcpy(sorted, off, s->pairs.n * sizeof *off);
     qsort(sorted, s->pairs.n, sizeof *sorted, saga_by_value);
-    /* Of four views one may be odd: half of the pairs have it. */
+    /* A third of the pairs is taken as fitting, because one odd view of four is
+     * in half of the pairs. */
     const double fits = sorted[s->pairs.n / 3];
     const double limit = fmax(s->pairs.within / 2.0, ODD * fits);
     int n_odd = 0, n_left = 0;
@@ -255,7 +267,7 @@ static void find_odd(saga_calibration *cal, const search *s, const double *off)
         more = most > limit;
         cal->odd[worst] = cal->odd[worst] || more;
     }
-    /* The pairs that are left have to be enough to be believed. */
+    /* Too few pairs without odd views are no evidence. */
     for (size_t i = 0; i < s->pairs.n; i++) {
         const saga_pair *const p = &s->pairs.list[i];
         n_left += !cal->odd[p->a] && !cal->odd[p->b];
@@ -281,7 +293,8 @@ static void judge(saga_calibration *cal, const search *s, saga_pinhole *cameras)
     if (n_pairs < FEW_PAIRS)
         return;
     const score now = found.score;
-    /* Fewer changes first: an equal score does not replace them. */
+    /* Simpler changes are tried first, since a later one must score better to
+     * replace them. */
     if (n_views <= SAGA_ALL_PAIRS)
         try_swaps(&found, s, cameras);
     try_forms(&found, s, cameras);
@@ -295,8 +308,8 @@ static void judge(saga_calibration *cal, const search *s, saga_pinhole *cameras)
 
 /* ----------------------------------------------------------------- exposure */
 
-/* Mean colour of a patch; false where it is cut off by the picture's border or
- * by what a picture can hold. */
+/* Sets rgb to the mean colour of a patch. Returns false if the patch is cut by
+ * the picture's border, or is too dark or too bright. */
 static bool colour_at(double rgb[3], const saga_capture *c, int v,
                       const double p[2])
 {
@@ -356,8 +369,8 @@ static bool find_exposures(saga_calibration *cal, const search *s,
     }
     pairs.train = all;
     ok = ok && saga_exposure_solve(log_of, &pairs, error);
-    /* The logarithms even out what is seen; light goes with v^2.2, and stops
-     * are log2 of it. */
+    /* saga_exposure_solve gives the logarithm that corrects the picture's
+     * values v. Light is about v^2.2, and a stop is a factor of 2. */
     for (int v = 0; ok && v < n_views; v++)
         cal->stops[v] = n_of[v] < FEW_PLACES ? (double)NAN
             : -2.2 / log(2.0) * (log_of[3 * v] + log_of[3 * v + 1] +
@@ -390,8 +403,8 @@ static bool reserve(saga_calibration *cal, size_t n, saga_error *error)
     return true;
 }
 
-/* Notes which views share how many matches; 0 of those that were compared and
- * have none. */
+/* Sets the number of matches for each pair of views, 0 if they were compared
+ * without any match. */
 static void count_shared(int *shared, const saga_pairs *pairs)
 {
     const int n = pairs->capture->n_views;

@@ -1,12 +1,13 @@
 /* SPDX-License-Identifier: MIT
  *
- * A picture in grey is made smaller step by step; in each size, corners are
- * pixels around which gradients have two directions: the smaller eigenvalue of
+ * Finds corners in a grey picture and in smaller copies of it. A corner is a
+ * pixel around which gradients have two directions, so that the smaller
+ * eigenvalue of
  *
  *     sum w (gx, gy) (gx, gy)^T
  *
- * is a maximum there (Shi and Tomasi). The best of each cell of a grid are
- * taken, so that a rich corner of the room is not all that is compared.
+ * is a maximum (Shi and Tomasi). The best corners of each cell of a grid are
+ * kept, so that a detailed part of the picture is not all that is compared.
  */
 #include "corners.h"
 
@@ -17,27 +18,31 @@
 #include <string.h>
 
 enum {
-    LARGEST = 960,       /* wider pictures are made smaller first: corners are
-                          * found to half a pixel, which is enough */
-    SMALLEST = 40,       /* the shorter side of the last size */
+    LARGEST = 960,       /* pixels of the longer side; larger pictures are
+                          * reduced first, since corners to half a pixel are
+                          * exact enough */
+    SMALLEST = 40,       /* least length of the shorter side of a copy */
     N_SIZES = 6,
-    MARGIN = 9,          /* pixels from the border to a corner */
-    GRID = 8,            /* cells a side */
-    RADIUS = 9,          /* of the patch that a direction is taken from */
-    DIRECTIONS = 36,     /* that are told apart for the strongest */
-    PLACES = 4,          /* of a description, a side */
-    TURNS = 8            /* its directions */
+    MARGIN = 9,          /* least pixels from the border to a corner */
+    GRID = 8,            /* cells per side */
+    RADIUS = 9,          /* of the patch that gives a corner's direction */
+    DIRECTIONS = 36,     /* bins of the direction histogram */
+    PLACES = 4,          /* cells per side of a descriptor */
+    TURNS = 8            /* direction bins in each cell */
 };
 
-#define SHRINK 0.70710678118654752 /* from a size to the next: 1 / sqrt(2) */
-#define PLACE_WIDTH 4.0            /* pixels of a place of a description */
-#define LEAST_CORNER 2e-5          /* squared steps of grey, 0 to 1: below
-                                    * that, corners are noise of the camera */
-#define MOST_PART 0.2f             /* no number of a description counts for
-                                    * more: highlights turn one gradient */
+#define SHRINK 0.70710678118654752 /* each copy is 1 / sqrt(2) as large */
+#define PLACE_WIDTH 4.0            /* pixels per cell of a descriptor */
+#define LEAST_CORNER 2e-5          /* least strength, in squared grey levels
+                                    * from 0 to 1; weaker corners are camera
+                                    * noise */
+#define MOST_PART 0.2f             /* limit for each number of a descriptor,
+                                    * since highlights change single
+                                    * gradients */
 #define PI 3.14159265358979324
 
-/* Grey, 0 to 1, (height, width). A pixel of it is `scale` of the picture's. */
+/* A grey image, 0 to 1, (height, width). Its pixels are `scale` pixels of the
+ * picture wide. */
 typedef struct image {
     float *at;
     int width, height;
@@ -45,10 +50,10 @@ typedef struct image {
 } image;
 
 typedef struct corner {
-    double x, y;         /* of the image; the centre of its first pixel is
-                          * (1/2, 1/2) */
+    double x, y;         /* in pixels of the image; its first pixel has its
+                          * centre at (1/2, 1/2) */
     float strength;
-    int size;            /* which image */
+    int size;            /* index of the image */
 } corner;
 
 static size_t n_pixels(const image *a)
@@ -65,8 +70,8 @@ static float pixel(const image *a, int x, int y)
 
 /* -------------------------------------------------------------------- sizes */
 
-/* Averages boxes of n x n pixels, so that the longer side is at most
- * LARGEST. */
+/* Makes a grey image from averages of boxes of n x n pixels; its longer side is
+ * at most LARGEST. */
 static bool take_grey(image *to, const uint8_t *rgb, int width, int height,
                       saga_error *error)
 {
@@ -79,7 +84,7 @@ static bool take_grey(image *to, const uint8_t *rgb, int width, int height,
     for (int y = 0; to->at && y < to->height * n; y++) {
         const uint8_t *const row = rgb + (size_t)y * (size_t)width * 3;
         float *const sum = to->at + (size_t)(y / n) * (size_t)to->width;
-        /* Luma by 0.3, 0.6, 0.1, near enough to any standard's. */
+        /* Luma weights of 0.3, 0.6, 0.1 are near enough to any standard's. */
         for (int x = 0; x < to->width * n; x++)
             sum[x / n] += (float)(3 * row[3 * x] + 6 * row[3 * x + 1] +
                                   row[3 * x + 2]) / (2550.0f * (float)(n * n));
@@ -87,11 +92,11 @@ static bool take_grey(image *to, const uint8_t *rgb, int width, int height,
     return to->at != NULL;
 }
 
-/* Five weights of a filter: of the middle, and of one and two pixels away. */
+/* A filter has five taps; these are the weights at distances 0, 1 and 2. */
 static const float bell[3] = {6.0f / 16, 4.0f / 16, 1.0f / 16};
 static const float box[3] = {0.2f, 0.2f, 0.2f};
 
-/* Filters an image along x and then along y; scratch is as large. */
+/* Filters an image along x and then along y; scratch has the image's size. */
 static void filter(image *a, const float w[3], float *scratch)
 {
     image b = {scratch, a->width, a->height, a->scale};
@@ -110,7 +115,7 @@ static void filter(image *a, const float w[3], float *scratch)
     }
 }
 
-/* Makes the next smaller image of one that is blurred. */
+/* Makes the next smaller image from a blurred one. */
 static bool shrink(image *to, const image *from, saga_error *error)
 {
     *to = (image){.width = (int)(from->width * SHRINK),
@@ -121,7 +126,7 @@ static bool shrink(image *to, const image *from, saga_error *error)
     const double step_y = (double)from->height / to->height;
     for (int y = 0; to->at && y < to->height; y++)
         for (int x = 0; x < to->width; x++) {
-            /* Between the four nearest pixels' centres. */
+            /* Bilinear between the centres of the four nearest pixels. */
             const double u = (x + 0.5) * step_x - 0.5;
             const double v = (y + 0.5) * step_y - 0.5;
             const int i = (int)floor(u), j = (int)floor(v);
@@ -137,7 +142,8 @@ static bool shrink(image *to, const image *from, saga_error *error)
 
 /* ------------------------------------------------------------------ corners */
 
-/* Fills the strength of a corner at each pixel; scratch is 3 images. */
+/* Sets the corner strength of each pixel. scratch has the size of three
+ * images. */
 static void find_strengths(float *strength, const image *a, float *scratch)
 {
     const size_t n = n_pixels(a);
@@ -163,7 +169,8 @@ static void find_strengths(float *strength, const image *a, float *scratch)
     }
 }
 
-/* Offset of the maximum of the parabola through l, c, r at -1, 0, 1. */
+/* Returns the offset of the maximum of the parabola through l, c, r at -1, 0,
+ * 1. */
 static double peak(float l, float c, float r)
 {
     const double bend = (double)l - 2.0 * (double)c + (double)r;
@@ -180,7 +187,8 @@ static bool is_largest(const image *s, int x, int y)
     return true;
 }
 
-/* Adds the corners of one image to the list, as far as there is room. */
+/* Adds the corners of one image to the list until it is full. Returns its new
+ * length. */
 static size_t add_corners(corner *list, size_t n, size_t most, const image *a,
                           const float *strength, int size)
 {
@@ -207,8 +215,8 @@ static int by_strength(const void *a, const void *b)
     return (x->strength < y->strength) - (x->strength > y->strength);
 }
 
-/* Keeps the strongest of each cell and size: what an image may have falls by
- * its area, so that each size has as many a pixel. */
+/* Keeps the strongest corners of each cell and image. The limit for an image is
+ * proportional to its area, so that all have the same density of corners. */
 static size_t spread(corner *list, size_t n, const image *images, int n_images)
 {
     size_t taken[N_SIZES][GRID * GRID] = {{0}}, most[N_SIZES];
@@ -244,7 +252,7 @@ static void gradient_at(const image *a, int x, int y, double *length,
     *angle = atan2(gy, gx);
 }
 
-/* Returns the direction of most of the gradients around a corner. */
+/* Returns the dominant direction of the gradients around a corner. */
 static double strongest_direction(const image *a, const corner *c)
 {
     double sum[DIRECTIONS] = {0.0}, length, angle;
@@ -254,12 +262,13 @@ static double strongest_direction(const image *a, const corner *c)
         for (int x = cx - RADIUS; x <= cx + RADIUS; x++) {
             const double dx = x + 0.5 - c->x, dy = y + 0.5 - c->y;
             gradient_at(a, x, y, &length, &angle);
-            /* A bell with a deviation of half the radius. */
+            /* The weight is a Gaussian with a deviation of half the radius. */
             length *= exp(-2.0 * (dx * dx + dy * dy) / (RADIUS * RADIUS));
             const int k = (int)floor((angle / (2.0 * PI) + 1.0) * DIRECTIONS);
             sum[k % DIRECTIONS] += length;
         }
-    /* Neighbours count as well, so that a direction between two has both. */
+    /* Neighbouring bins count too, so that a direction between two bins gets
+     * both. */
     double smooth[DIRECTIONS];
     for (int k = 0; k < DIRECTIONS; k++)
         smooth[k] = sum[(k + DIRECTIONS - 1) % DIRECTIONS] + 2.0 * sum[k] +
@@ -272,8 +281,8 @@ static double strongest_direction(const image *a, const corner *c)
     return (best + 0.5 + offset) / DIRECTIONS * 2.0 * PI;
 }
 
-/* Adds a gradient to the two nearest places each way and to the two nearest
- * directions, by how near they are. */
+/* Adds a gradient to the two nearest cells along each axis and to the two
+ * nearest direction bins, with bilinear weights. */
 static void add_gradient(float *at, double u, double v, double turn,
                          double length)
 {
@@ -301,14 +310,15 @@ static void describe(saga_feature *f, const image *a, const corner *c)
 {
     const double direction = strongest_direction(a, c);
     const double cosine = cos(direction), sine = sin(direction);
-    /* Half the width of all places and of one more, turned by 45 degrees. */
+    /* Half the diagonal of PLACES + 1 cells, since the grid may be turned by 45
+     * degrees. */
     const int reach = (int)(PLACE_WIDTH * (PLACES + 1) * SHRINK + 1.0);
     *f = (saga_feature){.x = c->x * a->scale, .y = c->y * a->scale};
     for (int y = (int)c->y - reach; y <= (int)c->y + reach; y++)
         for (int x = (int)c->x - reach; x <= (int)c->x + reach; x++) {
             const double dx = x + 0.5 - c->x, dy = y + 0.5 - c->y;
-            /* Along the direction, and across; the middle of the first place
-             * is 0. */
+            /* Coordinates in cells along the corner's direction and across it;
+             * the centre of the grid is at 0. */
             const double u = (cosine * dx + sine * dy) / PLACE_WIDTH;
             const double v = (cosine * dy - sine * dx) / PLACE_WIDTH;
             const double middle = (PLACES - 1) / 2.0;
@@ -328,7 +338,7 @@ static void describe(saga_feature *f, const image *a, const corner *c)
 
 /* ----------------------------------------------------------------- together */
 
-/* Tells whether a corner of an image lies on a pixel that counts. */
+/* Tells whether a corner lies on a pixel that counts. */
 static bool counts(const corner *c, const image *a, const uint8_t *mask,
                    int width, int height)
 {
@@ -347,8 +357,8 @@ bool saga_features_find(saga_features *features, const uint8_t *rgb,
     *features = (saga_features){.n = 0};
     bool ok = take_grey(&images[0], rgb, width, height, error);
     const size_t area = ok ? n_pixels(&images[0]) : 0;
-    /* Maxima of 5 x 5 pixels: at most one in nine, and images have twice the
-     * first one's area together. */
+    /* A corner is the maximum of 5 x 5 pixels, so at most one pixel in nine is
+     * one, and all images together have twice the area of the first. */
     const size_t most = area / 4 + 1;
     float *const scratch = saga_alloc(4 * area, sizeof *scratch,
                                       "the features", error);

@@ -12,7 +12,7 @@ saga_pinhole saga_pinhole_of(const saga_shot *s)
     return c;
 }
 
-/* c = a b^T of 3 x 3 matrices. */
+/* c = a b^T for 3 x 3 matrices. */
 static void times_transposed(double c[9], const double a[9], const double b[9])
 {
     for (int i = 0; i < 3; i++)
@@ -57,7 +57,8 @@ saga_epipolar saga_epipolar_between(const saga_pinhole *a,
     return s;
 }
 
-/* The distance of a pixel of camera c from the line (normal) . (ray) = 0. */
+/* Returns the distance in pixels of a point in camera c from the line (normal)
+ * . (ray) = 0. */
 static double off_line(const double normal[3], const saga_pinhole *c,
                        const double ray[3])
 {
@@ -73,14 +74,15 @@ double saga_epipolar_off(const saga_pinhole *a, const saga_pinhole *b,
     ray_of(ra, a, m->a);
     ray_of(rb, b, m->b);
     apply(turned, s->r, ra);
-    /* In b: normal = t x (R ra), E ra of the essential matrix E = [t] R. In a:
-     * E^T rb = R^T (rb x t). */
+    /* With the essential matrix E = [t] R, the line in b has the normal E ra =
+     * t x (R ra), and that in a has E^T rb = R^T (rb x t). */
     cross(normal, s->t, turned);
     cross(n, rb, s->t);
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < 3; k++)
             back[k] += s->r[3 * i + k] * n[i];
-    /* za R ra + t = zb rb: crossed with rb and with R ra. */
+    /* The depths follow from za R ra + t = zb rb by cross products with rb and
+     * with R ra. */
     double across[3], x[3], y[3];
     cross(across, turned, rb);
     cross(x, rb, s->t);
@@ -90,6 +92,6 @@ double saga_epipolar_off(const saga_pinhole *a, const saga_pinhole *b,
     *front = dot(across, across) <= least * least ||
              (dot(across, x) > 0.0 && dot(across, y) > 0.0);
     if (dot(turned, rb) <= 0.0 && dot(across, across) <= least * least)
-        *front = false; /* parallel, and one the other way */
+        *front = false; /* parallel rays in opposite directions */
     return fmax(off_line(normal, b, rb), off_line(back, a, ra));
 }

@@ -11,13 +11,14 @@
 
 #define DISPLAY_GAMMA 2.2
 
-/* Very dark places have noise, and saturated ones no light that was counted. */
+/* Tells whether a luma is usable: very dark pixels are noisy, bright ones may
+ * be saturated. */
 static bool tells(double luma)
 {
     return luma > 16.0 && luma < 240.0;
 }
 
-/* The weights of R, G, B are those of BT.709. */
+/* Returns the luma with the weights of BT.709. */
 static double luma_of(const double rgb[3])
 {
     return 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];
@@ -40,21 +41,22 @@ double saga_exposure_gain(double stops)
 
 /* ---------------------------------------------------- of patches that match */
 
-/* A view's factor is the weighted mean of what its pairs ask for, the others'
- * factors given, again and again; weights fall with what is left unexplained,
- * as the L1 norm's do, since some pairs are of different surfaces. */
+/* The factor of a view is the weighted mean of the factors that its pairs ask
+ * for while the other views' factors are fixed, computed repeatedly. Weights
+ * are inverse to the residual, which approximates the L1 norm, because some
+ * pairs show different surfaces. */
 enum {
     N_ROUNDS = 60,
-    LEAST_PAIRS = 40     /* of a view, to believe in its factor */
+    LEAST_PAIRS = 40     /* least number of pairs of a view for a factor */
 };
 
-#define UNEXPLAINED 0.01 /* whose weight is half of the best */
-#define WRONG 0.2        /* what differs by more counts as that */
+#define UNEXPLAINED 0.01 /* residual at which the weight is halved */
+#define WRONG 0.2        /* larger residuals count as this one */
 
 typedef struct solver {
     const saga_exposure_pairs *pairs;
-    int *n_of;           /* (n_views) pairs */
-    double *sum;         /* (n_views, 2) weighted sum, weights */
+    int *n_of;           /* (n_views) number of pairs */
+    double *sum;         /* (n_views, 2) weighted sum and sum of weights */
 } solver;
 
 static void count_pairs(const solver *s)
@@ -65,14 +67,14 @@ static void count_pairs(const solver *s)
     }
 }
 
-/* Does one round of the weighted means of channel k; x are the logarithms. */
+/* Updates the factors of channel k once; x are their logarithms. */
 static void improve(const solver *s, double *x, int k)
 {
     const size_t n_views = (size_t)s->pairs->n_views;
     memset(s->sum, 0, 2 * n_views * sizeof *s->sum);
     for (size_t i = 0; i < s->pairs->n; i++) {
         const saga_exposure_pair *const d = s->pairs->at + i;
-        /* The part left unexplained is 0 where a exp(x_a) = b exp(x_b). */
+        /* The residual is 0 if a exp(x_a) = b exp(x_b). */
         const double left = d->log[k] + x[3 * d->a] - x[3 * d->b];
         const double weight = 1 / (fabs(left) + UNEXPLAINED);
 
@@ -81,14 +83,14 @@ static void improve(const solver *s, double *x, int k)
         s->sum[2 * d->b] += weight * (x[3 * d->b] + left);
         s->sum[2 * d->b + 1] += weight;
     }
-    /* Half of the way, since both ends of a pair go it. */
+    /* Each view moves half of the way, since both views of a pair move. */
     for (size_t v = 0; v < n_views; v++)
         if (s->n_of[v] >= LEAST_PAIRS)
             x[3 * v] = (x[3 * v] + s->sum[2 * v] / s->sum[2 * v + 1]) / 2;
 }
 
-/* Pairs say nothing of a factor that all views have in common: the mean camera
- * has 1. */
+/* Makes the mean logarithm over training views 0, because pairs do not
+ * determine a factor that all views share. */
 static void centre(double *x, const saga_exposure_pairs *p)
 {
     double sum = 0;
@@ -179,8 +181,8 @@ double saga_exposure_error(const saga_exposure_sums sums[3])
     for (size_t k = 0; k < 3; k++) {
         const double both = (double)sums[k].made_true;
 
-        /* The sum of (f m - t)^2 is least at f = (m t) / (m m), where it is
-         * t t - (m t)^2 / (m m). */
+        /* The sum of (f m - t)^2 is least at f = (m t) / (m m), where it is t t
+         * - (m t)^2 / (m m). */
         error += (double)sums[k].true_true;
         if (sums[k].made_made > 0)
             error -= both * both / (double)sums[k].made_made;

@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: MIT
  *
- * Of a stretch of frames in which most changes, corners that move are matched
- * between neighbours: those of one camera at a moment, with those of the other
- * one at this moment and up to SAGA_MATCH_LATE frames before and after it. A
- * match counts for 1 - (e / within)^2, with its distance e from its line. What
- * counts most is how late the other one is, if it is clearly more than at
- * other shifts, and stays so without any eighth of all.
+ * Measures how late a camera is by corners that move. In the frames with most
+ * change, corners of one camera are matched with those of another at the same
+ * moment and up to SAGA_MATCH_LATE frames before and after. A match counts 1 -
+ * (e / within)^2, where e is its distance from the epipolar line. The shift
+ * with the largest count is the lateness, if that count is clearly larger than
+ * at other shifts and the shift is stable when an eighth of the data is left
+ * out.
  */
 #include "late_matches.h"
 
@@ -22,17 +23,19 @@ enum {
     MOMENTS = 6,
     STRETCH = 2 * MOST + MOMENTS,
     GROUPS = 8,
-    PATCH = 2,               /* pixels around a corner */
-    STEP = 2                 /* frames in which it has to change */
+    PATCH = 2,               /* pixels on each side of a corner */
+    STEP = 2                 /* frames over which the patch must change */
 };
 
-#define MOVES 8.0            /* levels by which a patch differs then, at least,
-                              * on the mean of its pixels */
-#define ALIKE 0.75           /* cosine of descriptions, as of points */
-#define FEW 8.0              /* that count, or nothing is told */
-#define SURE 3.0             /* deviations: of n counts, one is sqrt(n) */
-/* Of eight groups, as in lateness.c; the parabola through three counts is good
- * to a quarter of a frame, and a neighbour that is late pulls as much. */
+#define MOVES 8.0            /* least mean change of a patch, in levels */
+#define ALIKE 0.75           /* least cosine of two descriptors, as for
+                              * points */
+#define FEW 8.0              /* least sum of counts for a result */
+#define SURE 3.0             /* in standard deviations; a count of n has
+                              * sqrt(n) */
+/* The standard errors are those of eight groups, as in lateness.c. The parabola
+ * through three counts is exact to a quarter of a frame, and a late neighbour
+ * shifts the result by as much. */
 #define STANDARD_ERRORS 2.4
 #define LEAST_TOLERANCE 0.3
 #define MOST_TOLERANCE 0.5
@@ -41,18 +44,19 @@ typedef struct counts { double at[GROUPS][N_SHIFTS]; } counts;
 
 typedef struct finder {
     const saga_capture *c;
-    int first;               /* frame of the stretch */
-    saga_pairs at[STRETCH];  /* corners of all views at its frames */
+    int first;               /* first frame of the examined interval */
+    saga_pairs at[STRETCH];  /* corners of all views at these frames */
     counts *counts;          /* (n_views) */
 } finder;
 
 /* ------------------------------------------------------------------ corners */
 
-/* Finds where the stretch with most change begins. */
+/* Returns the first frame of the interval of STRETCH frames with most
+ * change. */
 static int find_stretch(const saga_capture *c)
 {
-    /* Changes of the last STRETCH steps of time, in a ring, and their sum. All
-     * are integers, so that adding and subtracting them is exact. */
+    /* The changes of the last STRETCH steps are kept in a ring, together with
+     * their sum. All are integers, so that adding and subtracting is exact. */
     double change[STRETCH] = {0.0}, sum = 0.0, most = -1.0;
     int first = 0;
     for (int k = 0; k + 1 < c->n_frames; k++) {
@@ -70,7 +74,7 @@ static int find_stretch(const saga_capture *c)
     return first;
 }
 
-/* Tells whether what is around a corner looks otherwise some frames on. */
+/* Tells whether the patch around a corner changes within STEP frames. */
 static bool moves(const saga_capture *c, int v, int frame,
                   const saga_feature *f)
 {
@@ -90,7 +94,7 @@ static bool moves(const saga_capture *c, int v, int frame,
     return sum > MOVES * 3 * (2 * PATCH + 1) * (2 * PATCH + 1);
 }
 
-/* Finds what moves, at all frames of the stretch. */
+/* Finds the moving corners in all frames of the interval. */
 static bool find_corners(finder *f, saga_error *error)
 {
     for (int k = 0; k < STRETCH; k++) {
@@ -132,8 +136,8 @@ static bool on_line(const void *user, const saga_feature *a,
     return off_line(user, x, y) <= 1.0;
 }
 
-/* Counts what view a shows at frame k of the stretch and view b `late` frames
- * after it. */
+/* Returns the weighted number of matches between view a at frame k of the
+ * interval and view b `late` frames later. */
 static double count(const finder *f, const saga_pair *p, int k, int late)
 {
     const saga_pinhole a = saga_pinhole_of(&f->c->views[p->a]);
@@ -151,7 +155,8 @@ static double count(const finder *f, const saga_pair *p, int k, int late)
     return sum;
 }
 
-/* Counts for both views of a pair; what one is late, the other is early. */
+/* Adds the counts of a pair to both of its views; if one is late, the other is
+ * early. */
 static void count_pair(finder *f, size_t i)
 {
     const saga_pair *const p = &f->at[0].list[i];
@@ -170,7 +175,7 @@ static void count_pair(finder *f, size_t i)
 
 /* ------------------------------------------------------------------ verdict */
 
-/* Sums the groups but one, and returns the shift at which most counts. */
+/* Sums all groups except one, and returns the shift with the largest sum. */
 static int sum_groups(double sum[N_SHIFTS], const counts *c, int without)
 {
     int best = 0;
@@ -183,8 +188,8 @@ static int sum_groups(double sum[N_SHIFTS], const counts *c, int without)
     return best;
 }
 
-/* Returns the peak between shifts, by the parabola through the best one and its
- * neighbours. */
+/* Returns the maximum, between shifts, of the parabola through the best shift
+ * and its neighbours. */
 static double peak(const double sum[N_SHIFTS], int best)
 {
     if (best == 0 || best == N_SHIFTS - 1)
@@ -201,7 +206,7 @@ static void judge(saga_lateness *late, const counts *c)
     for (int d = 0; d < N_SHIFTS; d++)
         if (abs(d - best) > 1)
             second = fmax(second, sum[d]);
-    /* At an end of the range the true peak may lie outside. */
+    /* At an end of the range the true maximum may lie outside. */
     if (best == 0 || best == N_SHIFTS - 1 || sum[best] < FEW ||
         sum[best] - second < SURE * sqrt(sum[best] + second))
         return;

@@ -1,18 +1,19 @@
 /* SPDX-License-Identifier: MIT
  *
- * A row has a number for each step from a picture to the next: by how much the
- * logarithm of what changes there differs from the step before. Logarithms keep
- * a close camera's motions from counting for more, and differences make what is
- * not shared as good as independent from step to step, so that the correlation
- * of n unrelated steps has a standard deviation of 1 / sqrt(n).
+ * Measures how late cameras are by when things move. The row of a camera has a
+ * number for each frame: the step in the logarithm of the change between
+ * consecutive pictures. The logarithm keeps a close camera's motions from
+ * dominating. The step makes changes that cameras do not share nearly
+ * independent over time, so that the correlation of n unrelated numbers has a
+ * standard deviation of 1 / sqrt(n).
  *
- * A row is shifted until it agrees best with the sum of the others. That is
- * told where
- *   - the correlation is more than chance makes of it,
- *   - no other shift, but for the two beside it, comes near,
- *   - and it stays where it is when an eighth of the steps is left out, or an
- *     eighth of the cameras: the spread of these results is its standard error
- *     (the jackknife of groups).
+ * A row is shifted until it agrees best with the sum of the other rows. The
+ * shift is reported if
+ *   - the correlation is higher than chance explains,
+ *   - no other shift, except the two neighbouring ones, comes near,
+ *   - and it hardly changes if an eighth of the frames, or of the cameras, is
+ *     left out: the spread of these results gives its standard error (the
+ *     jackknife with groups).
  */
 #include "lateness.h"
 
@@ -27,30 +28,32 @@ enum {
     N_SHIFTS = 2 * MOST_LATE + 1,
     FEW_FRAMES = 12,
     FEW_VIEWS = 3,
-    GROUPS = 8               /* of steps, and of cameras */
+    GROUPS = 8               /* groups of frames, and groups of cameras */
 };
 
-/* The largest of 31 correlations of unrelated rows is above this many standard
- * deviations in 0.1 % of all cases. */
+/* The largest of 31 correlations of unrelated rows exceeds this number of
+ * standard deviations in 0.1 % of all cases. */
 #define SURE_AGREEMENT 4.0
-/* A difference of two correlations has sqrt(2 / n). */
+/* The difference of two correlations has a standard deviation of sqrt(2 /
+ * n). */
 #define SURE_GAP 1.5
-/* 95 % of what 8 groups estimate lies within 2.4 standard errors (Student's
- * t with 7 degrees of freedom). A parabola is no more exact than the rest. */
+/* 95 % of the estimates from 8 groups lie within 2.4 standard errors (Student's
+ * t with 7 degrees of freedom). LEAST_TOLERANCE is for the parabola's error. */
 #define STANDARD_ERRORS 2.4
 #define LEAST_TOLERANCE 0.1
-#define MOST_TOLERANCE 0.5   /* frames; above it the next frame may be meant */
+#define MOST_TOLERANCE 0.5   /* frames; with a larger tolerance the next frame
+                              * may be the right one */
 
 typedef struct matcher {
     double *rows;            /* (n_views, n) */
-    double *sum;             /* (n) of all rows */
-    double *others;          /* (n) what a row is compared with */
-    int n_views, n, most;    /* most: shifts are -most to most */
+    double *sum;             /* (n) sum of all rows */
+    double *others;          /* (n) sum that a row is compared with */
+    int n_views, n, most;    /* shifts are -most to most */
 } matcher;
 
 /* --------------------------------------------------------------------- rows */
 
-/* Makes a row have mean 0 and variance 1; flat rows become 0. */
+/* Normalises a row to mean 0 and variance 1; a constant row becomes 0. */
 static void normalise(double *row, int n)
 {
     double mean = 0.0, variance = 0.0;
@@ -68,14 +71,14 @@ double saga_change_at(const saga_capture *c, int v, int k, size_t pixels)
     const uint8_t *const a = saga_capture_frame(c, v, k);
     const uint8_t *const b = saga_capture_frame(c, v, k + 1);
     double sum = 0.0;
-    /* The samples are R, G, B; green is the second. */
+    /* Samples are R, G, B; only green is used. */
     for (size_t i = 1; i < size; i += 3 * pixels)
         sum += abs(a[i] - b[i]);
     return sum;
 }
 
-/* Fills a view's row; a fiftieth of the mean is added to all, so that moments
- * in which nothing moves are not the only ones that count. */
+/* Fills a view's row. A fiftieth of the mean is added to each change, so that
+ * the logarithm of moments without motion does not dominate. */
 static void fill_row(double *row, const saga_capture *c, int v)
 {
     const int n = c->n_frames - 1;
@@ -84,10 +87,10 @@ static void fill_row(double *row, const saga_capture *c, int v)
         row[k] = saga_change_at(c, v, k, 5);
         mean += row[k] / n;
     }
-    /* Logarithms of what changes, in parts of the mean. */
+    /* Logarithms of the changes, relative to their mean. */
     for (int k = 0; k < n; k++)
         row[k] = mean > 0.0 ? log(row[k] / mean + 0.02) : 0.0;
-    /* From a step to the next; that leaves one number fewer. */
+    /* Differences of consecutive logarithms, which leaves one number fewer. */
     for (int k = 0; k + 1 < n; k++)
         row[k] = row[k + 1] - row[k];
     normalise(row, n - 1);
@@ -95,8 +98,8 @@ static void fill_row(double *row, const saga_capture *c, int v)
 
 /* ----------------------------------------------------------------- matching */
 
-/* Correlates a row, moved back by `late`, with the others, without the steps
- * from `out` to `end` - 1. */
+/* Returns the correlation of a row, moved back by `late`, with the others,
+ * without the steps from `out` to `end` - 1. */
 static double agreement(const matcher *m, const double *row, int late, int out,
                         int end)
 {
@@ -113,14 +116,15 @@ static double agreement(const matcher *m, const double *row, int late, int out,
         ab += x * y;
         n++;
     }
-    /* Pearson's correlation of the steps that overlap: sums of squares and
-     * products around the means of just these. */
+    /* Pearson's correlation over the overlapping steps, with the means of just
+     * these steps. */
     const double va = aa - a * a / fmax(n, 1), vb = bb - b * b / fmax(n, 1);
     return va > 1e-9 && vb > 1e-9 ? (ab - a * b / n) / sqrt(va * vb) : 0.0;
 }
 
-/* Finds the shift of the best agreement, between frames by the parabola through
- * it and its neighbours. r (N_SHIFTS), or NULL, is set to the agreements. */
+/* Returns the shift with the best agreement, refined by the parabola through it
+ * and its neighbours. r (N_SHIFTS) receives the agreements, unless it is
+ * NULL. */
 static double best_shift(const matcher *m, const double *row, int out, int end,
                          double *r)
 {
@@ -131,18 +135,19 @@ static double best_shift(const matcher *m, const double *row, int out, int end,
         r[i] = agreement(m, row, i - m->most, out, end);
         best = r[i] > r[best] ? i : best;
     }
-    /* At an end of the range there is no parabola for want of a neighbour. */
+    /* The parabola needs both neighbours, which a shift at an end of the range
+     * lacks. */
     if (best == 0 || best == 2 * m->most)
         return best - m->most;
-    /* The parabola through l, c, r at -1, 0, 1 has its peak at
-     * (l - r) / (2 (l - 2 c + r)). */
+    /* The parabola through l, c, r at -1, 0, 1 has its maximum at (l - r) / (2
+     * (l - 2 c + r)). */
     const double bend = r[best - 1] - 2.0 * r[best] + r[best + 1];
     return best - m->most +
            (bend < 0.0 ? 0.5 * (r[best - 1] - r[best + 1]) / bend : 0.0);
 }
 
-/* Sets what a view is compared with: the sum of the others, without group g of
- * n_groups of them; g < 0: of all. */
+/* Sets the sum that a view is compared with, from the other views without group
+ * g of n_groups; g < 0 leaves none out. */
 static void set_others(const matcher *m, int view, int g, int n_groups)
 {
     const double *const row = m->rows + (size_t)view * (size_t)m->n;
@@ -150,8 +155,8 @@ static void set_others(const matcher *m, int view, int g, int n_groups)
         m->others[k] = m->sum[k] - row[k];
     for (int v = 0, i = 0; g >= 0 && v < m->n_views; v++) {
         const double *const other = m->rows + (size_t)v * (size_t)m->n;
-        /* i counts the other views, so that groups differ by one view at
-         * most. */
+        /* i counts the other views, so that the sizes of groups differ by at
+         * most one view. */
         if (v == view || i++ % n_groups != g)
             continue;
         for (int k = 0; k < m->n; k++)
@@ -174,14 +179,14 @@ static double standard_error(const matcher *m, int view)
     const double *const row = m->rows + (size_t)view * (size_t)m->n;
     const int n = m->n_views - 1 < GROUPS ? m->n_views - 1 : GROUPS;
     double x[GROUPS], variance;
-    /* Steps first, an eighth of them at a time left out of the correlation. */
+    /* First an eighth of the steps at a time is left out of the correlation. */
     set_others(m, view, -1, 1);
     for (int g = 0; g < GROUPS; g++)
         x[g] = best_shift(m, row, g * m->n / GROUPS, (g + 1) * m->n / GROUPS,
                           NULL);
     variance = saga_jackknife(x, GROUPS);
-    /* Then views left out of the sum. The two are taken for independent, and
-     * their variances add up. */
+    /* Then groups of views are left out of the sum. The two errors are taken as
+     * independent, so that their variances add up. */
     for (int g = 0; g < n; g++) {
         set_others(m, view, g, n);
         x[g] = best_shift(m, row, 0, 0, NULL);
@@ -189,7 +194,8 @@ static double standard_error(const matcher *m, int view)
     return sqrt(variance + saga_jackknife(x, n));
 }
 
-/* Tells whether the best of the agreements is no chance, and alone. */
+/* Tells whether the best agreement is higher than chance explains and has no
+ * rival. */
 static bool stands_out(const matcher *m, const double *r)
 {
     double second = -1.0;
@@ -199,10 +205,9 @@ static bool stands_out(const matcher *m, const double *r)
     for (int i = 0; i <= 2 * m->most; i++)
         if (abs(i - best) > 1)
             second = fmax(second, r[i]);
-    /* The overlap is shorter by the shift. A correlation of n unrelated steps
-     * has a deviation of 1 / sqrt(n). */
+    /* The overlap is shorter by the shift. */
     const double n = m->n - abs(best - m->most);
-    /* At an end of the range the true peak may lie outside. */
+    /* At an end of the range the true maximum may lie outside. */
     return best > 0 && best < 2 * m->most &&
            r[best] * sqrt(n) >= SURE_AGREEMENT &&
            (r[best] - second) * sqrt(n / 2.0) >= SURE_GAP;
@@ -218,8 +223,8 @@ static void find_one(saga_lateness *late, const matcher *m, int view)
         return;
     const double tolerance =
         LEAST_TOLERANCE + STANDARD_ERRORS * standard_error(m, view);
-    /* Otherwise the view keeps NaN: a shift that may be the next frame's is
-     * worse than none. */
+    /* With a larger tolerance the view keeps NaN, because a wrong frame is
+     * worse than no result. */
     if (tolerance <= MOST_TOLERANCE)
         *late = (saga_lateness){.frames = shift, .tolerance = tolerance};
 }
@@ -228,17 +233,18 @@ bool saga_lateness_find(saga_lateness *late, const saga_capture *capture,
                         saga_error *error)
 {
     const saga_capture *const c = capture;
-    const int n = c->n_frames - 2; /* differences of differences */
+    const int n = c->n_frames - 2; /* the number of steps between logarithms of
+                                    * changes */
     for (int v = 0; v < c->n_views; v++)
         late[v] = (saga_lateness){.frames = NAN, .tolerance = NAN};
     if (c->n_frames < FEW_FRAMES || c->n_views < FEW_VIEWS || c->moves)
         return true;
-    /* A row needs room for one number more while it is made. */
+    /* While a row is made it has one number more. */
     double *const rows = saga_calloc((size_t)(c->n_views + 2) * (size_t)n + 1,
                                      sizeof *rows, "the motion", error);
     if (!rows)
         return false;
-    /* Shifts by up to a third of the steps, so that two thirds still
+    /* The shift is at most a third of the steps, so that two thirds still
      * overlap. */
     const matcher m = {.rows = rows, .sum = rows + (size_t)c->n_views *
                                                        (size_t)n,
@@ -247,7 +253,8 @@ bool saga_lateness_find(saga_lateness *late, const saga_capture *capture,
                        .most = n / 3 < MOST_LATE ? n / 3 : MOST_LATE};
     for (int v = 0; v < c->n_views; v++)
         fill_row(rows + (size_t)v * (size_t)n, c, v);
-    /* After the rows: the last one's number too many lies in the sum. */
+    /* The sum is cleared after the rows are made, because the last row's extra
+     * number lies in it. */
     memset(m.sum, 0, 2 * (size_t)n * sizeof *m.sum);
     for (int v = 0; v < c->n_views; v++)
         for (int k = 0; k < n; k++)
