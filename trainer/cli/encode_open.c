@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Before saga encode trains: what would stop its result from being written is
- * found, the capture is looked at and divided into segments, and the training
- * begins, or goes on from its checkpoint.
+ * Everything that saga encode does before it trains: it checks that the result
+ * can be written, divides the capture into segments, and begins the training or
+ * resumes it from its checkpoint.
  */
 #include "encode_session.h"
 
@@ -18,12 +18,12 @@
 #include <string.h>
 #include <sys/stat.h>
 
-/* Bytes that can be asked for. Networks and header take some 4,000, and with
- * less than as much again for primitives there is no picture. */
+/* The least size that can be asked for, in bytes. Networks and header take
+ * about 4,000, and primitives need at least about 2,000 to show anything. */
 enum { LEAST_SIZE = 6000 };
 
-/* Training takes long: what would stop its result from being written is found
- * now. */
+/* Checks that the result can be written, because it would be too late after a
+ * long training. */
 static int check_output(saga_encode_session *s)
 {
     struct stat info;
@@ -36,9 +36,9 @@ static int check_output(saga_encode_session *s)
     return SAGA_EXIT_OK;
 }
 
-/* A file without a checkpoint beside it is finished, and may be of another
- * capture: --resume asks to go on, not to replace it. A sweep knows its files
- * by their results. */
+/* Refuses --resume if the file exists without a checkpoint. Such a file is
+ * finished and may be from another capture, so --resume must not replace it.
+ * Files of a sweep are recognised by their results instead. */
 static int check_finished(const saga_encode_session *s)
 {
     struct stat info;
@@ -60,7 +60,7 @@ static int check_checkpoint(saga_encode_session *s)
     if (!s->checkpoint)
         return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
     snprintf(s->checkpoint, n, "%s.ckpt", s->o->output);
-    /* Unfinished parts of a checkpoint, left by a killed run, are removed. */
+    /* Partly written checkpoints of a killed run are removed. */
     saga_output_sweep(s->checkpoint);
     if (!s->o->resume && saga_path_is_file(s->checkpoint))
         return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s is left from a run "
@@ -78,14 +78,14 @@ static saga_train_options train_options(saga_encode_session *s)
     t.networks = o->networks;
     t.only = o->only;
     t.n_primitives = (uint32_t)o->primitives;
-    /* A price without a number of primitives: the warm-up finds how many suit
-     * it. Files of a sweep have their numbers. */
+    /* If lambda is given without a number of primitives, the warm-up chooses
+     * the number that suits lambda. Files of a sweep have given numbers. */
     t.free_count = o->lambda > 0 && o->primitives == 0 && !(s->part > 0);
     t.n_iterations = o->iterations;
     t.minutes = o->minutes;
     t.lambda = o->lambda;
-    /* The bytes are those of the whole file; one of --size and --bitrate is 0.
-     * */
+    /* n_bytes is the size of the whole file; either --size or --bitrate is
+     * 0. */
     t.n_bytes = (size_t)(o->size + o->bitrate / 8 * s->whole.n_frames /
                          s->whole.fps);
     t.level = o->level;
@@ -101,8 +101,8 @@ static saga_train_options train_options(saga_encode_session *s)
     return t;
 }
 
-/* Has large pictures of a still made smaller, where that is left to the preset
- * and it had no time to look at them often enough. */
+/* Reduces large pictures of a still if the user gave no scale and the preset
+ * has no time to use them often enough at full size. */
 static int choose_scale(saga_encode_session *s)
 {
     const saga_train_options t = train_options(s);
@@ -115,14 +115,16 @@ static int choose_scale(saga_encode_session *s)
     saga_cli_error(0, "encode: pictures at 1/%d of their size, for which "
                    "preset %s has time; --scale 1 takes whole ones", s->scale,
                    s->preset->name);
-    /* The capture is looked at again, as its pictures will be loaded. */
+    /* The capture is read again, with the scale at which its pictures will be
+     * loaded. */
     c = saga_encode_capture_options(s);
     return saga_capture_look(&s->whole, s->capture_name, &c, &s->error)
         ? SAGA_EXIT_OK
         : saga_cli_error(SAGA_EXIT_DATA, "encode: %s", s->error.message);
 }
 
-/* Divides the capture into segments that differ by a frame at most. */
+/* Divides the capture into segments whose numbers of frames differ by at most
+ * one. */
 static int look_at_capture(saga_encode_session *s)
 {
     const saga_capture_options c = saga_encode_capture_options(s);
@@ -142,13 +144,13 @@ static int look_at_capture(saga_encode_session *s)
     return choose_scale(s);
 }
 
-/* Sets *first to the segment that changes most: it makes the networks. */
+/* Sets *first to the segment with the most change, which makes the networks. */
 static int find_first(saga_encode_session *s, int *first)
 {
     double most = -1;
 
     *first = 0;
-    /* A single segment is the first without being looked at. */
+    /* A single segment needs no measurement. */
     for (int i = 0; i < s->n_segments && s->n_segments > 1; i++) {
         const int status = saga_encode_load(s, i);
         double change;
@@ -164,9 +166,9 @@ static int find_first(saga_encode_session *s, int *first)
     return SAGA_EXIT_OK;
 }
 
-/* Sets t->first to the segment that the checkpoint was in, and what was planned
- * for it. Where it was begun with more of them than there are now, whoever
- * reads all of it says so. */
+/* Sets t->first to the segment that the checkpoint was in, and adopts its plan.
+ * If the checkpoint has more segments than there are now, the first one is
+ * taken here; reading the whole checkpoint then reports the error. */
 static int find_stopped(saga_encode_session *s, saga_train_options *t)
 {
     t->first = saga_train_stopped_in(s->checkpoint, &s->error);
@@ -177,24 +179,24 @@ static int find_stopped(saga_encode_session *s, saga_train_options *t)
     return SAGA_EXIT_OK;
 }
 
-/* Returns a part of the most primitives of a sweep, where n are those of a file
- * alone. */
+/* Returns the number of primitives of one file of a sweep, where n is the
+ * number for a single file. */
 static uint32_t primitives_of(const saga_encode_session *s, uint32_t n)
 {
-    /* The largest of the five files has all of these, the fourth 1 /
-     * SAGA_SWEEP_STEP of them, which is n. */
+    /* s->part is the fraction of the largest file's number. That number is
+     * SAGA_SWEEP_STEP n, so the fourth of the five files has n. */
     const double most = fmin(SAGA_SWEEP_STEP * n,
                              saga_caps[s->o->level].n_prim);
 
     return (uint32_t)fmax(1, rint(s->part * most));
 }
 
-/* Decides what nobody said. What a checkpoint has stays so. */
+/* Chooses what the user left open. Values in a checkpoint are kept. */
 static void plan(saga_encode_session *s, saga_train_options *t, bool resume)
 {
     saga_plan(t, &s->why, &s->capture, s->preset);
-    /* The whole capture decides: a base's is a still of all frames, but stands
-     * in a capture that moves. */
+    /* The number of teachers follows from the whole capture. The pictures for a
+     * base look like a still, but its capture moves. */
     t->n_teachers = saga_plan_teachers(s->preset, &s->whole);
     if (s->part > 0 && (s->o->primitives || !resume)) {
         t->n_primitives = primitives_of(s, t->n_primitives);
@@ -209,8 +211,8 @@ static int adopt_networks(saga_encode_session *s, saga_train_options *t)
         : saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
 }
 
-/* Begins with the segment that the checkpoint was in, or else with the one that
- * makes the networks, or is wanted alone. */
+/* Begins or resumes the training: with the checkpoint's segment, with the
+ * segment of --only, or with the segment that makes the networks. */
 static int open_training(saga_encode_session *s)
 {
     const bool resume = s->o->resume && saga_path_is_file(s->checkpoint);
@@ -225,15 +227,17 @@ static int open_training(saga_encode_session *s)
     if (s->o->resume && !resume && !s->o->sweep)
         fprintf(stderr, "saga: encode: there is no %s: starting anew\n",
                 s->checkpoint);
-    /* Where to begin: the checkpoint or the file of networks says; else all
-     * segments are looked at, for the one that changes most. */
+    /* The first segment is given by the checkpoint or the file of networks.
+     * Otherwise all segments are loaded to find the one with the most
+     * change. */
     status = resume ? find_stopped(s, &t)
            : t.networks ? adopt_networks(s, &t) : find_first(s, &t.first);
     if (!status)
         status = saga_encode_load(s, t.networks ? t.only : t.first);
     if (status)
         return status;
-    /* After the capture is loaded, whose pixels and motion decide. */
+    /* The plan needs the loaded capture, because it depends on its pixels and
+     * motion. */
     plan(s, &t, resume);
     s->train = resume ? saga_train_resume(&s->capture, &t, &s->error)
                       : saga_train_new(&s->capture, &t, &s->error);
@@ -252,7 +256,7 @@ static int open_log(saga_encode_session *s)
     return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
 }
 
-/* Says why what was not given is as it is. */
+/* Reports the reasons for values that the user did not give. */
 static void tell_plan(const saga_encode_session *s)
 {
     if (s->why.primitives[0])
@@ -264,7 +268,7 @@ static void tell_plan(const saga_encode_session *s)
                        saga_train_n_iterations(s->train));
 }
 
-/* Tells what the loader decided, and warns of. */
+/* Reports the loader's decisions and warnings. */
 static void tell_notes(const saga_encode_session *s)
 {
     const char *line = s->capture.notes;
@@ -281,8 +285,8 @@ int saga_encode_open(saga_encode_session *s)
 {
     int status = check_output(s);
 
-    /* Cheap checks come first: a mistake is told before hours of training and
-     * not after them. */
+    /* Cheap checks come first, so that mistakes are reported before hours of
+     * training. */
     if (!status)
         status = check_checkpoint(s);
     if (!status)

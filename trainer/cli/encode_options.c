@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * The options of saga encode: defaults, and what excludes what.
+ * The defaults of saga encode's options, and the checks of combinations.
  */
 #include "encode_options.h"
 
@@ -29,14 +29,14 @@ bool saga_encode_is_part(const saga_encode_options *o)
 
 /* --- What excludes what -------------------------------------------------- */
 
-/* Returns what is wrong with the options together; NULL: nothing. */
+/* Returns what is wrong with the combination of options, or NULL. */
 static const char *contradiction(const saga_encode_options *o,
                                  const saga_ablation *ablation)
 {
     const bool sized = o->size + o->bitrate > 0 || o->sweep;
     const bool part = saga_encode_is_part(o), layers = o->layers > 1;
-    /* The first that is there is told: what is missing, two answers to one
-     * question, then what a tool cannot do. */
+    /* The first true condition is reported: missing options, then
+     * contradictions, then what a tool cannot do. */
     const struct {
         bool is_there;
         const char *says;
@@ -69,7 +69,7 @@ static const char *contradiction(const saga_encode_options *o,
     return NULL;
 }
 
-/* A report in JSON must have the names. */
+/* Checks that the names in a report can be written as JSON. */
 static int check_names(const saga_encode_options *o)
 {
     const char *const told[] = { o->output, o->capture.hold_out,

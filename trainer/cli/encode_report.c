@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * The report of saga encode: of a file it made, of a part, or of networks.
+ * Writes the report of saga encode about a file, a part of a file, or networks.
  */
 #include "encode_session.h"
 
@@ -13,7 +13,8 @@
 #include <math.h>
 #include <stdio.h>
 
-/* dB that held-out views may be below the others before that is told. */
+/* Difference in dB between training and held-out PSNR from which the report
+ * warns. */
 #define MOST_GAP 3.0
 
 /* --- Pieces -------------------------------------------------------------- */
@@ -38,8 +39,8 @@ static json_t *layer_of(size_t nbytes, const saga_quality *q)
     return o;
 }
 
-/* Bytes and quality of the file behind each layer, the last included, which
- * text tells as the file. */
+/* Lists bytes and quality of the file cut after each layer. The last entry is
+ * the whole file, which the text reports separately. */
 static json_t *layers_of(const saga_encode_session *s)
 {
     json_t *const list = json_array();
@@ -86,7 +87,8 @@ static json_t *tools_of(const saga_train_report *r)
     return all;
 }
 
-/* Null where nothing was decided: a capture of one segment. */
+/* Reports the base, or null if the capture has only one segment and needs no
+ * decision. */
 static json_t *base_of(const saga_train_report *r)
 {
     const saga_train_base *const b = &r->base;
@@ -115,8 +117,8 @@ static json_t *bits_of(const double bits[SAGA_N_SYMS])
     return o;
 }
 
-/* Puts in what the symbols cost: by their code lengths, and as the range coder
- * spends it (cost.h), which is what is in the file. */
+/* Adds the cost of the symbols: by their code lengths, and as the range coder
+ * spends it in the file (cost.h). */
 static void put_bits(json_t *o, const saga_encode_sizes *z)
 {
     double length[SAGA_N_COMPONENTS], spent[SAGA_N_COMPONENTS];
@@ -158,9 +160,9 @@ static json_t *kind_of(const saga_train_kind *k)
     return o;
 }
 
-/* Puts in what the sources of the entropy model are worth: bytes of the
- * residuals with constants and with networks, as estimated when some were left
- * out. */
+/* Adds how much the sources of the entropy model save: the bytes of the
+ * residuals with constants and with networks, as estimated with each source
+ * left out. */
 static void put_entropy(json_t *report, const saga_train_entropy *e)
 {
     static const struct { const char *key, *name; } kinds[SAGA_N_KINDS] = {
@@ -184,7 +186,7 @@ static void put_entropy(json_t *report, const saga_train_entropy *e)
     saga_put(report, "/kinds", rows);
 }
 
-/* Says who decided on the price of bits. */
+/* Returns who chose lambda, as text. */
 static const char *reason_of_lambda(const saga_encode_session *s)
 {
     return s->wanted ? ", which makes the size"
@@ -226,8 +228,9 @@ static json_t *report_networks(const saga_encode_session *s)
     return o;
 }
 
-/* The report of a part leaves out what took the bits, and what the sources are
- * worth: they are also of the segment that made the networks. */
+/* Reports a part of a file. The cost of symbols and the worth of sources are
+ * left out, because the training's numbers include the segment that made the
+ * networks. */
 static json_t *report_part(const saga_encode_session *s)
 {
     const int k = s->o->only;
@@ -243,7 +246,7 @@ static json_t *report_part(const saga_encode_session *s)
     return o;
 }
 
-/* Puts in what is of the capture. */
+/* Adds what the report says about the capture. */
 static void put_capture(json_t *o, const saga_encode_session *s)
 {
     const saga_train_report *const r = saga_train_report_of(s->train);
@@ -260,7 +263,7 @@ static void put_capture(json_t *o, const saga_encode_session *s)
     saga_put_real(o, "changing_pixels", r->changing);
 }
 
-/* Puts in what is of the file. */
+/* Adds what the report says about the file. */
 static void put_file(json_t *o, const saga_encode_session *s)
 {
     const saga_train_report *const r = saga_train_report_of(s->train);
@@ -313,8 +316,8 @@ json_t *saga_encode_report(const saga_encode_session *s)
 
 /* --- As text ------------------------------------------------------------- */
 
-/* A line with the PSNRs of training and held-out pictures, where there are any;
- * `what` has 28 characters. */
+/* A line with the PSNRs of training and held-out pictures, as far as there are
+ * any. `what` must have 28 characters. */
 #define QUALITY(when, what, path) \
     { when, NULL, "  " what }, \
     { when "&" path ".n_training", NULL, \
@@ -323,7 +326,7 @@ json_t *saga_encode_report(const saga_encode_session *s)
       "  {" path ".held_out:%6.2f} dB" }, \
     { when, NULL, "\n" }
 
-/* The part that files and parts of them have in common. */
+/* The heading that whole files and parts share. */
 #define DECODED \
     { "", NULL, "  mean PSNR of {psnr.n_training} + {psnr.n_held_out} " \
       "pictures  training  held out\n" }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * saga encode trains a segment after the other, tells how it goes, and writes
- * what comes out.
+ * saga encode trains one segment after the other, reports progress, and writes
+ * the result.
  */
 #include "encode_session.h"
 
@@ -13,7 +13,7 @@
 #include <stdio.h>
 #include <string.h>
 
-/* The part that a file may be off the size that was asked for. */
+/* Largest relative deviation from the requested size without a warning. */
 #define MOST_OFF 0.05
 
 /* --- Training ------------------------------------------------------------ */
@@ -33,7 +33,7 @@ static int train_segment(saga_encode_session *s)
                   : SAGA_EXIT_OK;
 }
 
-/* Says whether there is a base, and why, when that is decided. */
+/* Reports whether there is a base and why, as soon as that is decided. */
 static void tell_base(const saga_encode_session *s)
 {
     const saga_train_base *const b = &saga_train_report_of(s->train)->base;
@@ -57,8 +57,8 @@ static void tell_base(const saga_encode_session *s)
                        "pictures tell what does");
 }
 
-/* Tells whether something is to be trained next, and what. A file of networks
- * has the base too. */
+/* Sets *next to what is trained next, and returns false if training ends. A
+ * file of networks also needs the base. */
 static bool goes_on(const saga_encode_session *s, int *next)
 {
     *next = saga_train_upcoming(s->train);
@@ -69,7 +69,7 @@ int saga_encode_train(saga_encode_session *s)
 {
     int status = train_segment(s), next;
 
-    /* Since the first segment is done it is known whether there is a base. */
+    /* After the first segment it is decided whether there is a base. */
     if (!status && !s->o->networks)
         tell_base(s);
     while (!status && goes_on(s, &next)) {
@@ -85,8 +85,8 @@ int saga_encode_train(saga_encode_session *s)
 
 /* --- Writing ------------------------------------------------------------- */
 
-/* Steering has its limits: a file has networks, and primitives a finest step.
- */
+/* Warns if the size was missed. It cannot always be met, because the networks
+ * have a size of their own and the primitives' step has a lower limit. */
 static void tell_size(const saga_encode_session *s, size_t n)
 {
     const double off = (double)n / (double)s->wanted - 1;
@@ -98,8 +98,8 @@ static void tell_size(const saga_encode_session *s, size_t n)
                        off > 0 ? "fewer" : "more");
 }
 
-/* Takes the only segment out of a file that it is in, without a base with the
- * first. */
+/* Cuts the segment of --only out of the file in memory, which may also hold the
+ * segment that made the networks. */
 static bool take_out(saga_bytes *out, saga_encode_session *s)
 {
     const int first = saga_train_first(s->train);
@@ -109,8 +109,8 @@ static bool take_out(saga_bytes *out, saga_encode_session *s)
 
     part.bytes = saga_train_bytes(s->train, &n);
     part.nbytes = n;
-    /* The file in memory holds this segment and, without a base, the one that
-     * made the networks, in order of time. */
+    /* Without a base, the file in memory holds this segment and the one that
+     * made the networks, ordered by time. */
     part.first = only > first && !saga_encode_has_base(s)
         ? saga_encode_frames(s, first) : 0;
     part.end = part.first + saga_encode_frames(s, only);
@@ -142,10 +142,10 @@ static bool write_part(saga_encode_session *s)
     return ok;
 }
 
-/* A file of networks has a writer of its own. */
 static bool write_networks(saga_encode_session *s)
 {
-    /* The part that is open is given up: the writer below has its own. */
+    /* The open output is abandoned, because saga_train_save_networks opens its
+     * own. */
     saga_output_close(&s->out, false, &s->error);
     return saga_train_save_networks(s->train, s->o->output, &s->error);
 }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * What all stages of saga encode stand on: the capture, loaded a segment at a
- * time, and the line that tells how it goes.
+ * Functions that all stages of saga encode share: they load the capture one
+ * segment at a time and show progress.
  */
 #include "encode_session.h"
 
@@ -34,8 +34,8 @@ void saga_encode_complain(saga_encode_session *s)
     saga_cli_error(0, "encode: no checkpoint: %s", complaint);
 }
 
-/* Shows one line: stage, iteration, PSNR, bits; the meter adds the time left.
- */
+/* Shows stage, iteration, PSNR and bits in one line, to which the meter adds
+ * the time left. */
 bool saga_encode_training(void *user, const saga_train_progress *p)
 {
     saga_encode_session *const s = user;
@@ -102,14 +102,15 @@ bool saga_encode_has_base(const saga_encode_session *s)
     return saga_train_report_of(s->train)->base.n_prim > 0;
 }
 
-/* Loads the pictures of a segment in the place of those that were there. */
+/* Loads the pictures of a segment, which replace those of the previous one. */
 static int open_segment(saga_encode_session *s, int segment)
 {
     saga_capture_options c = saga_encode_capture_options(s);
 
     c.first_frame = s->whole.first_frame + saga_encode_begin(s, segment);
     c.end_frame = s->whole.first_frame + saga_encode_begin(s, segment + 1);
-    /* First of all, so that two segments are never in memory together. */
+    /* The previous pictures are freed first, so that two segments are never in
+     * memory together. */
     saga_capture_free(&s->capture);
     s->meter = (saga_meter){ .quiet = s->o->quiet };
     if (saga_capture_load(&s->capture, s->capture_name, &c, &s->error)) {
@@ -117,8 +118,8 @@ static int open_segment(saga_encode_session *s, int segment)
         return SAGA_EXIT_OK;
     }
     saga_meter_end(&s->meter);
-    /* Loading also fails where saga_encode_loading() has it stop, which is no
-     * fault of the capture. */
+    /* Loading also fails if saga_encode_loading() stopped it, which is no fault
+     * of the capture. */
     if (*s->signal && saga_path_is_file(s->checkpoint))
         return saga_encode_stopped(s);
     if (*s->signal)
@@ -127,15 +128,15 @@ static int open_segment(saga_encode_session *s, int segment)
     return saga_cli_error(SAGA_EXIT_DATA, "encode: %s", s->error.message);
 }
 
-/* Makes the pictures of what stands still: all segments are looked at. */
+/* Makes the pictures of what stands still, for which all segments are read. */
 static int open_base(saga_encode_session *s)
 {
     saga_still still = { .n = 0 };
     int status = SAGA_EXIT_OK;
     bool ok = true;
 
-    /* open_segment tells its own failures, as status; what fails of `still` is
-     * told below, as ok. */
+    /* open_segment reports its own failures and returns a status. Failures of
+     * saga_still_add are reported below. */
     for (int i = 0; !status && ok && i < s->n_segments; i++) {
         status = open_segment(s, i);
         ok = status || saga_still_add(&still, &s->capture,

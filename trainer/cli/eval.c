@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * saga eval measures how good a file is, on the pictures that the integer
- * decoder makes of it; and by the same measures what another codec made.
+ * saga eval measures the quality of a file by the integer decoder's pictures,
+ * and with the same metrics the pictures that another codec decoded.
  */
 #include "eval_cli.h"
 
@@ -21,11 +21,12 @@
 
 typedef saga_eval_request options;
 
-/* This holds what is open and what came out. */
+/* Everything that is open, and the results. */
 typedef struct {
     const options *o;
     const char *file_name, *capture_name;
-    bool is_folder;          /* file_name is one: no film, but pictures */
+    bool is_folder;          /* file_name is a folder of pictures instead of a
+                              * .saga file */
     saga_capture pictures;
     saga_bytes bytes;
     saga_film film;
@@ -43,13 +44,14 @@ static bool is_part(const options *o)
 
 /* --- The report ---------------------------------------------------------- */
 
-/* The median of one frame is that frame, and nothing changes. */
+/* Tells whether motion can be measured. With one frame the temporal median is
+ * that frame. */
 static bool has_motion(const saga_eval *e)
 {
     return e->n_frames > 1;
 }
 
-/* Tells whether a metric has something to say of this capture. */
+/* Tells whether a metric applies to this capture and these options. */
 static bool is_shown(const session *s, const saga_metric_row *m)
 {
     switch (m->need) {
@@ -60,7 +62,7 @@ static bool is_shown(const session *s, const saga_metric_row *m)
     }
 }
 
-/* Puts a score in, with what its rows of the tables begin with. */
+/* Adds a score, and the columns with which its rows of the tables begin. */
 static void put_score(json_t *o, const saga_score *score, const char *row,
                       bool held_out)
 {
@@ -92,7 +94,8 @@ static json_t *view_of(const saga_eval_view *v)
     return o;
 }
 
-/* Puts a set's mean in, and among the rows if it is of anything. */
+/* Adds the mean over a set of views, and a row for it if the set is not
+ * empty. */
 static void put_mean(json_t *o, json_t *rows, const char *key,
                      const saga_score *score, int n)
 {
@@ -141,7 +144,7 @@ static json_t *times_of(const saga_film *film)
         "n_views", (json_int_t)t->n_views);
 }
 
-/* A still has no rate. */
+/* Adds bytes and decoding times. A still has no bit rate. */
 static void put_file(json_t *o, const session *s)
 {
     const saga_info *const i = &s->film.info;
@@ -158,7 +161,7 @@ static void put_file(json_t *o, const session *s)
 
 /* --- The protocol -------------------------------------------------------- */
 
-/* Says which cameras, at which size. */
+/* Lists the cameras and the sizes of their pictures. */
 static json_t *cameras_of(const saga_eval *e)
 {
     json_t *const list = json_array();
@@ -180,7 +183,8 @@ static bool is_one_size(const saga_eval *e)
     return same;
 }
 
-/* Says what each metric is, in JSON also of those that are not shown. */
+/* Adds how each metric is defined. JSON also has the metrics that the text does
+ * not show. */
 static void put_metrics(json_t *o, const session *s)
 {
     json_t *const list = json_array();
@@ -248,8 +252,8 @@ static json_t *report_of(const session *s)
 
 enum { WIDEST = 800 };
 
-/* The columns of a table: the line of their names, and that of a view's values,
- * which is a dash where a metric has nothing to say. */
+/* The columns of a table: a line with their names, and a format for a row of
+ * values, which shows a dash for a metric without a value. */
 typedef struct {
     char head[WIDEST], row[WIDEST];
 } columns;
@@ -261,8 +265,8 @@ static columns columns_of(const session *s, int table)
     const saga_metric_row *m;
 
     for (int i = 0; (m = saga_metric_at(i)); i++) {
-        /* Per cents are the only unit in the table; all else is in the
-         * protocol. */
+        /* Only percentages show their unit in the table; the protocol has the
+         * other units. */
         const bool share = !strcmp(m->unit, "%");
         const bool shown = is_shown(s, m);
 
@@ -319,7 +323,7 @@ static const saga_line protocol_text[] = {
 
 enum { MOST_LINES = 32 };
 
-/* Lines of two tables come behind each other. */
+/* Appends lines and returns the new number of lines. */
 static int append(saga_line *to, int n, const saga_line *lines, int more)
 {
     assert(n + more <= MOST_LINES);
@@ -368,16 +372,17 @@ static int open_file(session *s)
     return SAGA_EXIT_OK;
 }
 
-/* Returns the end of the capture's frames; 0: its own. */
+/* Returns the end of the wanted frames, or 0 for the end of the capture. */
 static int last_frame(const session *s)
 {
     const options *const o = s->o;
 
-    /* --only counts frames of the file, of which number 0 is the first of
-     * --frames. */
+    /* --only counts frames of the file, whose frame 0 is frame --frames A of
+     * the capture. */
     if (o->only.b)
         return o->capture.frames.a + o->only.b;
-    /* "A:" goes on to the end of the file; a folder has none of its own. */
+    /* "A:" means up to the end of the file. A folder of pictures has no such
+     * end. */
     if (o->only.a && !o->capture.frames.b && !s->is_folder)
         return o->capture.frames.a + (int)s->film.info.n_frames;
     return o->capture.frames.b;
@@ -397,8 +402,8 @@ static int open_capture(session *s, saga_capture *to, const char *name)
     c.progress_user = &meter;
     ok = saga_capture_load(to, name, &c, &s->error);
     saga_meter_end(&meter);
-    /* A reference that is there and not understood is a fault of the data, a
-     * wrong name one of the command line. */
+    /* A wrong name is an error of the command line; a reference that exists but
+     * cannot be read is an error of the data. */
     return ok ? SAGA_EXIT_OK
               : give_up(s, there ? SAGA_EXIT_DATA : SAGA_EXIT_USAGE);
 }
@@ -447,7 +452,8 @@ static int judge(session *s)
             status = give_up(s, saga_path_is_file(weights) ? SAGA_EXIT_DATA
                                                            : SAGA_EXIT_USAGE);
     }
-    /* Last, since loading takes long: by now all else is known to be good. */
+    /* The capture is loaded last because that takes long, and all other inputs
+     * are then known to be good. */
     if (!status)
         status = open_capture(s, &s->capture, s->capture_name);
     return status ? status : compare(s);

@@ -30,7 +30,7 @@ typedef struct {
     const options *o;
     saga_film film;
     saga_film_colours colours;
-    bool unwritten;          /* the error is of what was to be written */
+    bool unwritten;          /* the error is about an output */
     saga_error error;
 } session;
 
@@ -42,14 +42,14 @@ static bool make_cloud(saga_cloud *cloud, session *s, uint32_t frame)
                            &s->error);
 }
 
-/* Keeps in mind that it was an output that failed. */
+/* Notes in s whether an output failed, which decides on the exit status. */
 static bool written(session *s, bool ok)
 {
     s->unwritten = s->unwritten || !ok;
     return ok;
 }
 
-/* Says how far the fitted colours are off, where any are. */
+/* Reports the error of the fitted colours, if any were fitted. */
 static void tell_colours(const session *s)
 {
     if (s->colours.rms > 0.0)
@@ -118,7 +118,8 @@ static bool write_folder(session *s, const char *path, const char *pattern)
          written(s, rename(folder, path) == 0 || saga_fail_errno(
              &s->error, path, "remove it or choose another name",
              "is in the way"));
-    /* The lock goes first: saga_output_sweep removes what nobody has locked. */
+    /* The lock is released first, because saga_output_sweep removes only what
+     * is not locked. */
     close(lock);
     if (!ok)
         (void)saga_output_sweep(path);

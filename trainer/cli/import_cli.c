@@ -27,14 +27,15 @@
 #include <string.h>
 #include <unistd.h>
 
-/* A ring of cameras looks at the splats from outside: N_RINGS heights of
- * N_ROUND each. */
+/* By default N_RINGS rings of N_ROUND cameras look at the splats from
+ * outside. */
 enum { N_RINGS = 3, N_ROUND = 8, SIDE = 400, MOST_FILES = 65535 };
 
 #define FIELD_OF_VIEW 45.0
-#define DISTANCE 2.5             /* radii of the scene */
+#define DISTANCE 2.5             /* from the centre, in radii of the scene */
 
-/* Prices follow from what error the splats' own pictures may have: 40 dB. */
+/* Lambda is chosen for this mean squared error between the file's and the
+ * splats' pictures, which is 40 dB. */
 #define WANTED_MSE 1e-4
 
 typedef struct {
@@ -50,7 +51,7 @@ typedef struct {
     const char *splats;      /* a file, or a folder of a sequence */
     char **path;             /* (n_files) */
     int n_files;
-    saga_cloud first;        /* of the first file */
+    saga_cloud first;        /* splats of the first file */
     saga_shot *shot;
     int n_shots;
     saga_capture capture;
@@ -166,8 +167,9 @@ static bool ring(session *s)
     if (!saga_cloud_extent(centre, &radius, &s->first, &s->error) ||
         !alloc_shots(s, N_RINGS * N_ROUND))
         return false;
-    /* Rings at -15, 15 and 45 degrees above the middle; each is turned by half
-     * a step against the one below. More height is less y. */
+    /* The rings are 15 degrees below the centre, 15 and 45 degrees above it.
+     * Each is turned by half a step relative to the one below. Higher means
+     * smaller y. */
     for (int i = 0; i < s->n_shots; i++) {
         saga_path_camera c = { .fov = FIELD_OF_VIEW };
         const double lift = (i / N_ROUND - 0.5) * M_PI / 6;
@@ -179,8 +181,8 @@ static bool ring(session *s)
         c.centre[2] = centre[2] + DISTANCE * radius * cos(lift) * sin(turn);
         (void)saga_look_at(c.rotation, c.centre, centre, up);
         saga_path_shot(&s->shot[i], &c, w, h);
-        /* The sphere of four fifths of the opacity is 1.5 to 3.5 radii ahead;
-         * splats beyond it have some room. */
+        /* The sphere with four fifths of the opacity is 1.5 to 3.5 radii away;
+         * the depth range has room for splats outside it. */
         s->shot[i].near_depth = 0.8 * radius;
         s->shot[i].far_depth = 4.5 * radius;
     }
@@ -201,8 +203,9 @@ static bool path_cameras(session *s)
                     SAGA_MAX_CAMERAS);
     for (int i = 0; i < s->n_shots && ok; i++) {
         const saga_path_camera *const c = &path.camera[i];
-        /* --size goes before all; else a camera with a lens has that one's
-         * size, and one with a field of view the path's. */
+        /* --size takes precedence. Without it, a camera with a lens has the
+         * lens's size, and a camera with a field of view has the path's
+         * size. */
         const int width = c->fov > 0.0 ? path.width : c->lens.width;
         const int height = c->fov > 0.0 ? path.height : c->lens.height;
 
@@ -243,7 +246,7 @@ static bool rig_cameras(session *s)
     return ok;
 }
 
-/* Knows what saga_path_read takes: JSON, COLMAP's images. */
+/* Tells whether saga_path_read can read a file: JSON, or COLMAP's images. */
 static bool is_path(const char *name)
 {
     return saga_has_suffix(name, ".json") ||
@@ -281,7 +284,8 @@ static double pixels_of(const saga_capture *c)
     return n;
 }
 
-/* A still begins with its own splats, a sequence is learned anew. */
+/* Sets the training's options. A still starts from its own splats; a sequence
+ * is learned from nothing. */
 static bool set_options(saga_train_options *o, session *s)
 {
     const options *const from = s->o;
@@ -296,16 +300,16 @@ static bool set_options(saga_train_options *o, session *s)
     o->seed = (uint64_t)from->seed;
     o->progress = progress;
     o->progress_user = s;
-    /* A sequence takes its price from the error after the warm-up. A still has
-     * no warm-up to take it from. */
+    /* A sequence gets its lambda from the error after the warm-up. A still has
+     * no warm-up, so its lambda follows from WANTED_MSE. */
     o->lambda = from->lambda > 0.0 ? from->lambda
               : still ? saga_policy_lambda(WANTED_MSE, pixels_of(&s->capture),
                                            o->n_primitives) : 0.0;
     o->n_iterations = n ? n : o->n_iterations;
     if (!still)
         return true;
-    /* The given splats take the place of the warm-up, which must have one
-     * iteration all the same. */
+    /* The given splats replace the warm-up, which must nevertheless have one
+     * iteration. */
     o->n_warm = 1;
     o->n_render = n ? n : 1500;
     if (!saga_cloud_params(&s->given, &s->first, s->shot, s->n_shots,
@@ -376,8 +380,8 @@ static int import(session *s)
     int status = SAGA_EXIT_USAGE;
     bool ok;
 
-    /* The name is taken first: that it cannot be written is to be known before
-     * the training. */
+    /* The output is opened before the training, so that an unwritable name is
+     * reported early. */
     if (saga_output_open_alone(&s->out, s->o->out, &s->error)) {
         status = SAGA_EXIT_DATA;
         ok = list_files(s) &&
@@ -397,7 +401,7 @@ static int import(session *s)
     return status;
 }
 
-/* Tells that a path is not there, if so. */
+/* Reports a path that cannot be read. Returns whether that is so. */
 static bool cannot_read(const char *path)
 {
     if (access(path, R_OK) == 0)
