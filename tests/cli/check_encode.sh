@@ -53,7 +53,7 @@ leaves() {
 
 "$saga" synth cap --size 64x36 --cameras 4 --hold-out 1 --frames 4 \
     --points 300 --depth-every 0 >out 2>err || complain "synth: $(cat err)"
-small=(--primitives 150 --iterations 120 --moving)
+small=(--primitives 150 --iterations 120 --moving --ablate no-teachers)
 
 # ---- good
 expect 0 cap -o whole.saga "${small[@]}"
@@ -173,7 +173,7 @@ print(next(int(p) for p, doing in re.findall(rb"(\d+) %  (\w+-?\w*)", text)
 PYTHON
 set -m
 $stoppable "$saga" encode cap -o s.saga --primitives 150 --iterations 3000 \
-    --log s.csv >out 2>err </dev/null &
+    --ablate no-teachers --log s.csv >out 2>err </dev/null &
 pid=$!
 while kill -0 $pid 2>/dev/null && ! grep -q '^1500,' s.csv 2>/dev/null; do
     sleep 0.01
@@ -186,7 +186,7 @@ wait $pid
 says 'a checkpoint of `saga encode`'
 says '`saga view` shows it'
 percent=$(python3 percent.py "$saga" encode cap -o s.saga --primitives 150 \
-    --iterations 3000 --resume)
+    --iterations 3000 --ablate no-teachers --resume)
 [ "${percent:-0}" -ge 30 ] || complain "a resumed run begins at $percent %"
 rm -f s.saga s.csv percent.py
 for ((i = 0; i < 20; i++)); do
@@ -385,7 +385,7 @@ for row, line in zip(rows, lines):
         assert float(row[key]) == line[key], (key, row, line)
 assert float(rows[6]["bits"]) == 0 < float(rows[7]["bits"])
 ' 2>>bad || complain "JSON lines: $(head -n 2 l.jsonl)"
-# Teachers come first for a still, but in the preset fast.
+# Teachers come first, but in the preset fast.
 still=(-o t.saga --frames 0:1 --primitives 60 --iterations 40 --log t.csv)
 expect 0 cap "${still[@]}"
 [ "$(sed -n 2p t.csv | cut -d, -f2)" = teachers ] ||

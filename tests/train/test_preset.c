@@ -90,13 +90,28 @@ TEST(plan_should_be_short_when_it_is_of_a_still)
 }
 
 /* Of 160 iterations 96 are a warm-up's and 64 take 2.5 times as long, which are
- * 256 of a quarter of a second. Two teachers take half of that on top, by
- * --minutes as in what `saga check` says. */
+ * 256 of a quarter of a second. Two teachers take half of that on top, or a
+ * fifth where things may move, by --minutes as in what `saga check` says. */
 TEST(minutes_should_pay_for_teachers)
 {
-    assert_true(fabs(saga_plan_timed(64, 0.25, 0) - 160) < 1e-9);
-    assert_true(fabs(saga_plan_timed(96, 0.25, 2) - 160) < 1e-9);
-    assert_true(saga_plan_time_with(2) == 1.5);
+    const saga_capture still = { .n_frames = 1 }, moving = { .n_frames = 2 };
+
+    assert_true(fabs(saga_plan_timed(64, 0.25, 0, &still) - 160) < 1e-9);
+    assert_true(fabs(saga_plan_timed(96, 0.25, 2, &still) - 160) < 1e-9);
+    assert_true(fabs(saga_plan_timed(76.8, 0.25, 2, &moving) - 160) < 1e-9);
+    assert_true(saga_plan_time_with(2, &still) == 1.5);
+    assert_true(fabs(saga_plan_time_with(2, &moving) - 1.2) < 1e-9);
+}
+
+/* A camera that moves has no neighbours at the same moment. */
+TEST(moving_cameras_should_have_no_teachers)
+{
+    const saga_preset *const best = saga_preset_called("best");
+    saga_capture c = { .n_frames = 24 };
+
+    assert_int_equal(saga_plan_teachers(best, &c), 2);
+    c.moves = true;
+    assert_int_equal(saga_plan_teachers(best, &c), 0);
 }
 
 /* Whole pictures are taken where 30 visits to each fit into the minutes of the

@@ -78,7 +78,7 @@ static void forecast(saga_forecast *f, const saga_capture *c,
     f->n_iterations = o.n_iterations;
     /* The plan is for one segment; minutes and bytes are for all segments. */
     f->n_teachers = teachers_of(c, preset);
-    f->minutes = f->n_segments * saga_plan_time_with(f->n_teachers) *
+    f->minutes = f->n_segments * saga_plan_time_with(f->n_teachers, c) *
                  saga_plan_minutes(f->n_primitives, f->n_iterations, pixels);
     saga_plan_nbytes(&least, &most, (double)f->n_segments * f->n_primitives,
                      (double)f->n_segments * f->n_iterations,

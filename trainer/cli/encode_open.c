@@ -195,8 +195,6 @@ static uint32_t primitives_of(const saga_encode_session *s, uint32_t n)
 static void plan(saga_encode_session *s, saga_train_options *t, bool resume)
 {
     saga_plan(t, &s->why, &s->capture, s->preset);
-    /* The number of teachers follows from the whole capture. The pictures for a
-     * base look like a still, but its capture moves. */
     t->n_teachers = saga_plan_teachers(s->preset, &s->whole);
     if (s->part > 0 && (s->o->primitives || !resume)) {
         t->n_primitives = primitives_of(s, t->n_primitives);

@@ -20,6 +20,7 @@ typedef struct saga_novel {
     saga_shot *shot;      /* (n_shots) cameras, without pictures */
     double *nearest;      /* (n_shots) nearest depth, world units */
     int n_shots;
+    double part;          /* of all pictures, those from these cameras */
     int n_teachers;       /* so far */
     saga_splat_params teacher[SAGA_NOVEL_MOST_TEACHERS]; /* with arrays of their
                                                           * own */
@@ -48,7 +49,7 @@ void saga_novel_walk(saga_novel *novel, uint32_t most_primitives,
                      saga_checkpoint *checkpoint, saga_error *error);
 
 /* Returns picture number `draw` of an endless sequence. With pictures->novel,
- * three in ten are from its cameras, at random; the others are those of
+ * its part of them is from its cameras, at random; the others are those of
  * saga_pictures_pick, in their order. */
 saga_sample saga_novel_pick(const saga_pictures *pictures, saga_rng rng,
                             uint64_t draw);

@@ -19,8 +19,8 @@ static const saga_preset presets[] = {
     { .name = "balanced", .primitives = 1, .iterations = 20000, .visits = 25,
       .still_visits = 25, .teachers = 2, .better = "best",
       .plus = "as fast, but pictures of a still capture keep their size; 1.4 "
-              "times the primitives, 2.5 times the visits; for a still capture "
-              "two teachers if cameras are far apart; the default" },
+              "times the primitives, 2.5 times the visits; two teachers if "
+              "cameras are far apart; the default" },
     { .name = "best", .primitives = 1.4, .iterations = 60000, .visits = 75,
       .still_visits = 75, .teachers = 2,
       .plus = "as balanced, with 1.4 times the primitives and 3 times the "

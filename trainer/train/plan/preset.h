@@ -22,8 +22,8 @@ typedef struct saga_preset {
     int still_visits;            /* least visits to each picture of a still,
                                   * which override still_minutes */
     int teachers;                /* teachers, where cameras are far apart
-                                  * (rig/novel.h); two of them take some 50 %
-                                  * more time */
+                                  * (rig/novel.h); two of them take some 20 %
+                                  * more time, for a still 50 % */
     const char *plus;            /* for the help: its advantage over the
                                   * previous preset */
     const char *better;          /* name of the preset to try if the result is

@@ -34,7 +34,7 @@ bool saga_plan_may_teach(const saga_train_options *o, const saga_ablation *a,
 int saga_plan_lesson(int n_warm);
 
 /* Returns the time of a training with teachers, over that without. */
-double saga_plan_time_with(int n_teachers);
+double saga_plan_time_with(int n_teachers, const saga_capture *capture);
 
 /* An iteration of the rendering stage takes the time of this many of the
  * warm-up. */
@@ -42,7 +42,8 @@ double saga_plan_time_with(int n_teachers);
 
 /* Returns the iterations, those of teachers not counted, of a training that
  * takes some seconds, if an iteration of the warm-up takes `warm` seconds. */
-double saga_plan_timed(double seconds, double warm, int n_teachers);
+double saga_plan_timed(double seconds, double warm, int n_teachers,
+                       const saga_capture *capture);
 
 /* Returns the number of primitives that suits o->lambda, if the number is free
  * and is decided before the next iteration of the warm-up; otherwise 0. mse is

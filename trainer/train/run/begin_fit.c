@@ -130,6 +130,7 @@ bool saga_train_begin_fit(saga_train *t, saga_error *error)
     saga_train_settle_price(t);
     o.price = t->policy.price;
     t->fitting = true;
+    saga_train_end_teaching(t);
     if (!propose(t, error))
         return false;
     t->fit = saga_fit_new(&t->scene, &t->pictures, &o, error);

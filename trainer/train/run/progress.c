@@ -70,7 +70,8 @@ bool saga_train_spend_minutes(saga_train *t, saga_error *error)
      * trainings of the file. */
     t->o.n_warm = 0;
     t->o.n_iterations = (int)fmin(
-        fmax(saga_plan_timed(60 * t->o.minutes / n_turns, warm, t->n_teachers),
+        fmax(saga_plan_timed(60 * t->o.minutes / n_turns, warm, t->n_teachers,
+                             t->capture),
              LEAST_TIMED), MOST_TIMED);
     saga_options_derive(&t->o);
     t->flat_options.n_iterations = t->o.n_warm;

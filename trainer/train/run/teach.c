@@ -2,7 +2,8 @@
  *
  * Teachers are warm-ups from other seeds, each with a share of the iterations.
  * They are trained before the warm-up of a segment if its cameras are far apart
- * (rig/novel.h), and freed when the segment ends.
+ * (rig/novel.h), and freed when the segment ends. A still needs their pictures
+ * until its rendering ends. In a moving scene only the warm-up sees them.
  */
 #include "train_state.h"
 
@@ -15,7 +16,8 @@ enum { STREAM_TEACHER = 600 };
 bool saga_train_place_teachers(saga_train *t, saga_error *error)
 {
     t->n_teachers = 0;
-    if (!saga_plan_may_teach(&t->o, &t->ablation, &t->pictures))
+    if (saga_train_in_base(t) ||
+        !saga_plan_may_teach(&t->o, &t->ablation, &t->pictures))
         return true;
     if (!saga_novel_init(&t->novel, &t->pictures, error))
         return false;
@@ -85,6 +87,15 @@ bool saga_train_end_lesson(saga_train *t, saga_error *error)
     /* The mean error starts again with the next set. */
     t->recent_mse = 0;
     return ok && saga_train_begin_warm(t, error);
+}
+
+void saga_train_end_teaching(saga_train *t)
+{
+    /* The model of a moving scene is better than its teachers by now: with
+     * three of their pictures in ten, views between the cameras lose 0.7 dB in
+     * the rendering (docs/lab/teachers.md). */
+    if (t->capture->n_frames > 1)
+        t->pictures.novel = NULL;
 }
 
 void saga_train_save_warm(saga_train *t, saga_checkpoint *c)

@@ -145,6 +145,9 @@ bool saga_train_begin_warm(saga_train *t, saga_error *error);
 /* Is called before each iteration. If a teacher is finished, keeps it and
  * begins the next teacher or the warm-up. */
 bool saga_train_end_lesson(saga_train *t, saga_error *error);
+/* Is called before the rendering. In a moving scene no picture is from the
+ * teachers any more. */
+void saga_train_end_teaching(saga_train *t);
 /* Save and restore the teachers and t->flat. */
 void saga_train_save_warm(saga_train *t, saga_checkpoint *c);
 bool saga_train_load_warm(saga_train *t, saga_checkpoint *c,
