@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * saga info tells what a file says of itself, and where its bytes are.
+ * saga info reports what the header of a file says, and how its bytes are
+ * divided.
  */
 #include "bytes_table.h"
 #include "checkpoint.h"
@@ -25,16 +26,16 @@ typedef struct {
     bool json;
 } options;
 
-/* A file that is told of, and all that is known of it. */
+/* A file, and everything that the report needs to know about it. */
 typedef struct {
     const char *name;
     const uint8_t *bytes;
     size_t nbytes;
     saga_info info;
     saga_layout layout;
-    double seconds;         /* of the whole file; 0 if its rate is 0 */
-    double unit, centre[3]; /* of the capture's length */
-    double metres;          /* in that; 0: unknown */
+    double seconds;         /* duration of the file; 0 if its rate is 0 */
+    double unit, centre[3]; /* in the capture's unit of length */
+    double metres;          /* metres per unit of the capture; 0: unknown */
 } subject;
 
 #define ROW(word, bit, name, key) { SAGA_TOOL_##word, name, key },
@@ -57,8 +58,8 @@ static double rate_of(uint64_t nbytes, double seconds)
     return seconds > 0.0 ? 8.0 * (double)nbytes / seconds : 0.0;
 }
 
-/* Sets what the file calls camera i, as UTF-8 whatever wrote it; "" where it
- * does not say. */
+/* Sets the name of camera i, made valid UTF-8 whatever the file holds; "" if
+ * the file has none. */
 static void naming_of(saga_naming *naming, const subject *s, uint32_t i)
 {
     saga_naming told;
@@ -71,7 +72,7 @@ static void naming_of(saga_naming *naming, const subject *s, uint32_t i)
                    strlen(told.name));
 }
 
-/* Returns a coordinate of the file in metres. */
+/* Converts a coordinate in box units to the capture's unit of length. */
 static double metres(const subject *s, int axis, int32_t units)
 {
     return s->centre[axis] + s->unit * units;
@@ -79,13 +80,14 @@ static double metres(const subject *s, int axis, int32_t units)
 
 /* --- The report ---------------------------------------------------------- */
 
-/* Numbers have 64 bits; none of ours reaches 2^63. */
+/* Adds an integer. JSON's integers are signed and have 64 bits; no number here
+ * reaches 2^63. */
 static void put(json_t *o, const char *key, uint64_t v)
 {
     saga_put_int(o, key, (json_int_t)v);
 }
 
-/* A still has no rate. */
+/* Adds the bit rate; a still has none. */
 static void put_rate(json_t *o, const subject *s, uint64_t nbytes,
                      uint32_t n_frames)
 {
@@ -110,7 +112,8 @@ static void put_header(json_t *o, const subject *s)
     saga_put_flag(o, "/still", i->n_frames == 1);
 }
 
-/* In text, tools stand in one line with commas between. */
+/* Returns which tools the file uses. `line` receives their names for the text,
+ * with commas between them. */
 static json_t *tools_of(const saga_info *info, json_t *line)
 {
     json_t *const o = json_object();
@@ -465,7 +468,7 @@ static int damage(const subject *s)
 
     if (!l->damage[0])
         return SAGA_EXIT_OK;
-    /* Where both go to one place, the complaint stands behind the report. */
+    /* If both streams go to the same place, the message follows the report. */
     fflush(stdout);
     return saga_cli_error(SAGA_EXIT_DATA, "%s: %s; %" PRIu32 " of %" PRIu32
                           " segments damaged: copy the file again, or encode "
@@ -486,7 +489,7 @@ static int tell(const options *o, const char *name, const saga_bytes *file)
     if (!saga_layout_read(&s.layout, name, file->data, file->nbytes, &error))
         return saga_cli_error(SAGA_EXIT_DATA, "%s", error.message);
     status = saga_cli_tell(report_of(&s), &how, SAGA_LINES(text));
-    /* A damaged file is told as far as it goes, then that it is damaged. */
+    /* A damaged file is reported as far as it can be read, then the damage. */
     if (!status)
         status = damage(&s);
     saga_layout_free(&s.layout);

@@ -53,7 +53,8 @@ void saga_put_flag(json_t *object, const char *key, bool value)
     saga_put(object, key, json_boolean(value));
 }
 
-/* JSON that is told has to be UTF-8; text has the bytes as they are. */
+/* Adds a string. It may be invalid UTF-8, which the text prints as it is;
+ * text_of() refuses it for JSON. */
 void saga_put_text(json_t *object, const char *key, const char *value)
 {
     saga_put(object, key, value ? json_string_nocheck(value) : json_null());
@@ -82,7 +83,8 @@ void saga_drop_asides(json_t *report)
             saga_drop_asides(value);
 }
 
-/* Returns o as text, or NULL with the reason in *error; frees o. */
+/* Returns o as text, or NULL with the reason in *error. Frees o; the caller
+ * frees the text. */
 static char *text_of(json_t *o, size_t precision, const char *file,
                      saga_error *error)
 {
@@ -91,7 +93,7 @@ static char *text_of(json_t *o, size_t precision, const char *file,
     saga_drop_asides(o);
     text = json_dumps(o, JSON_INDENT(2) | JSON_REAL_PRECISION(precision));
     json_decref(o);
-    if (saga_json_starved()) /* keys may be missing */
+    if (saga_json_starved()) /* keys may be missing then */
         saga_no_memory(0, file, error);
     else if (!saga_utf8_is(file))
         saga_fail(error, file, "rename it to UTF-8", "cannot be named in JSON");

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * saga is the program of the desktop. One file per subcommand; this one finds
- * the subcommand and helps those who do not know it.
+ * saga is the desktop program. Each subcommand has a file of its own; this file
+ * finds the subcommand and prints the general help.
  */
 #include "cli.h"
 #include "commands.h"
@@ -113,7 +113,8 @@ static int help(const char *name)
     return SAGA_EXIT_OK;
 }
 
-/* Output that could not be written is a failure: the disk may be full. */
+/* Returns the exit status after checking that standard output could be written;
+ * the disk may be full. */
 static int flushed(int status)
 {
     if ((fflush(stdout) || ferror(stdout)) && status == SAGA_EXIT_OK)
@@ -144,18 +145,19 @@ static int run(int argc, char **argv)
     return c ? c->run(argc - 1, argv + 1) : unknown(name);
 }
 
-/* libgomp's threads, which load, make and judge pictures, spin while they wait
- * for the next, which takes cores from all else, and have 8 MiB of stack each.
- * It reads its environment before main: so once more, with another one. Where
- * that cannot be done nothing is lost but time and memory. */
+/* Starts the program again with another environment for libgomp, which reads it
+ * before main. By default its threads spin while they wait, which takes cores
+ * from everything else, and have stacks of 8 MiB. If the restart fails, only
+ * time and memory are lost. */
 static void tame_threads(char **argv)
 {
 #ifdef _OPENMP
     char stack[32];
 
     snprintf(stack, sizeof stack, "%zuB", SAGA_STACK_NBYTES);
-    /* Once it is set the program goes on, so it starts over only once. What the
-     * user set stays. Where execv comes back, it has failed. */
+    /* The variable also marks the restarted program, so that it starts over
+     * only once. A value that the user set is kept. execv returns only if it
+     * failed. */
     if (!getenv("OMP_WAIT_POLICY") &&
         setenv("OMP_WAIT_POLICY", "passive", 1) == 0 &&
         setenv("OMP_STACKSIZE", stack, 0) == 0)

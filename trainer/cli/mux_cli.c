@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * saga mux gives a file its sound, or takes it away. Nothing is decoded.
+ * saga mux adds sound to a file, replaces it or removes it. Nothing is decoded.
  */
 #include "alloc.h"
 #include "child.h"
@@ -23,7 +23,7 @@ typedef struct {
     double start;           /* seconds */
 } options;
 
-/* Reads all that a child writes. */
+/* Reads everything that a child process writes. */
 static bool read_child(saga_bytes *to, saga_child *child, saga_error *error)
 {
     size_t capacity = 0;
@@ -43,7 +43,7 @@ static bool read_child(saga_bytes *to, saga_child *child, saga_error *error)
     return true;
 }
 
-/* Has ffmpeg code the sound of a file of any kind, a video's as well. */
+/* Lets ffmpeg encode the sound of a file, which may be a video. */
 static bool code_sound(saga_bytes *to, const char *path, saga_error *error)
 {
     char *const name = saga_child_path(path, error);
@@ -67,18 +67,18 @@ static bool code_sound(saga_bytes *to, const char *path, saga_error *error)
                      "ffmpeg finds no sound: %s", child.tail);
 }
 
-/* Reads an Ogg stream of Opus as it is, and has anything else coded. */
+/* Reads an Ogg stream of Opus unchanged; ffmpeg encodes any other sound. */
 static bool read_sound(saga_bytes *to, const char *path, saga_error *error)
 {
-    uint8_t begin[512];      /* more than a page's header and its first packet's
-                              * name */
+    uint8_t begin[512];      /* enough for the header of the first page and the
+                              * beginning of its packet */
     FILE *const file = fopen(path, "rb");
     const size_t n = file ? fread(begin, 1, sizeof begin, file) : 0;
 
     if (file)
         (void)fclose(file);
-    /* A file that cannot be opened gets its error here too. A video, which may
-     * be large, is left to ffmpeg. */
+    /* If the file cannot be opened, saga_read_file reports it. A video may be
+     * large, so it is not read here. */
     return !file || saga_is_ogg_opus(begin, n) ? saga_read_file(to, path, error)
                                                : code_sound(to, path, error);
 }
@@ -111,7 +111,8 @@ static int mux(const options *o, const char *name, const saga_bytes *film,
 
 static int check_options(const options *o)
 {
-    /* A start is counted in 31 bits of 1/48000 of a second. */
+    /* A start is stored in samples of 1/48000 s as a 32-bit integer; twelve
+     * hours fit. */
     static const double most = 43200.0;
 
     if (!o->out || !o->audio)

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * saga help presets: what --preset decides, from the table of preset.c.
+ * saga help presets prints what --preset decides, from the table in preset.c.
  */
 #include "presets_cli.h"
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * saga render makes pictures of a file, from its rig, from elsewhere or on a
- * path through it.
+ * saga render makes pictures of a file: from its rig, from another place, or
+ * along a path.
  */
 #include "cli.h"
 
@@ -27,26 +27,27 @@ enum { MAX_ORBIT = 100000 };
 
 typedef struct {
     bool given;
-    double at[3];           /* the capture's units */
+    double at[3];           /* in the capture's units */
 } point;
 
 typedef struct {
     const char *out, *path, *camera;
     point eye, look_at;
     int orbit, threads;
-    double time;            /* seconds; < 0: not given */
-    double stereo;          /* metres, or the capture's units */
+    double time;            /* seconds; < 0 if not given */
+    double stereo;          /* in metres, or in the capture's units if metres
+                             * are unknown */
     bool depth, alpha, quiet;
     saga_cli_pair frame, frames, size;
 } options;
 
-/* This holds the pictures to be made, and with what. */
+/* The pictures that are wanted, and what is needed to make them. */
 typedef struct {
     const options *o;
     saga_film film;
     saga_orbit orbit;
     saga_path path;
-    saga_film_writer video; /* of .mp4 */
+    saga_film_writer video; /* used for .mp4 */
     saga_camera camera;
     saga_sight sight;
     int first, n;           /* pictures first .. first + n - 1 */
@@ -61,7 +62,7 @@ static int mistake(const char *what)
                           "explains", what);
 }
 
-/* Allows at most one of the ways to say when. */
+/* Checks the options' combination: at most one may set the time. */
 static int check_options(const options *o)
 {
     const int times = (o->time >= 0.0) + (o->frame.b > 0) +
@@ -96,7 +97,8 @@ static int plan(session *s)
     return SAGA_EXIT_OK;
 }
 
-/* Returns the time that a path gives its picture i, within the file. */
+/* Returns the frame at which picture i of a path is taken, limited to the
+ * file's frames. */
 static double path_time(const session *s, int i)
 {
     const double last = s->film.info.n_frames - 1.0;
@@ -106,8 +108,8 @@ static double path_time(const session *s, int i)
     return frame < 0.0 ? 0.0 : frame > last ? last : frame;
 }
 
-/* Sets the time of picture i as a fraction of frames. An orbit or path for
- * which no time is given goes once through the file. */
+/* Sets the time of picture i as a fraction of frames. Without a given time, an
+ * orbit or a path runs once through the file. */
 static void time_of(uint32_t *num, uint32_t *den, const session *s, int i)
 {
     const options *const o = s->o;
@@ -121,12 +123,14 @@ static void time_of(uint32_t *num, uint32_t *den, const session *s, int i)
     } else if (o->time >= 0.0) {
         const double frames = o->time * info->fps_num / info->fps_den;
 
-        /* As fine as a segment's time, where 32 bits hold it. */
+        /* Segment time has steps of 1/65536 frame, which are kept if 32 bits
+         * suffice. */
         *den = frames < 65535.0 ? 65536 : 1;
         *num = frames * *den < 4294967295.0
             ? (uint32_t)(frames * *den + 0.5) : UINT32_MAX;
     } else if (s->path.clock != SAGA_PATH_TIMELESS && !o->frames.b) {
-        /* In 2^16ths here, too, where the frames fit in the other 16 bits. */
+        /* As above: steps of 1/65536 frame if the frame number fits into 16
+         * bits. */
         *den = info->n_frames < 65536 ? 65536 : 1;
         *num = (uint32_t)(path_time(s, i) * *den + 0.5);
     } else if ((o->orbit || o->path) && !o->frames.b) {
@@ -177,7 +181,7 @@ static bool write_one(session *s, const saga_camera *c, int number)
     return ok;
 }
 
-/* Sets the camera of picture i; *c has the lens. */
+/* Sets the camera of picture i; *c must hold the default lens. */
 static bool camera_of(saga_camera *c, session *s, int i)
 {
     const saga_metric *const metric = &s->film.metric;
@@ -185,8 +189,8 @@ static bool camera_of(saga_camera *c, session *s, int i)
 
     if (s->o->path) {
         const saga_path_camera *const own = &s->path.camera[i];
-        /* A lens keeps the size of its own picture unless --size says
-         * otherwise, or a film, whose pictures are all of one size. */
+        /* A lens keeps the size of its own picture, unless --size sets it or a
+         * film does, whose pictures have one size. */
         const bool given = own->fov > 0.0 || s->o->size.a ||
                            is_video(s->o->out);
         saga_shot shot;
@@ -204,7 +208,7 @@ static bool camera_of(saga_camera *c, session *s, int i)
     return ok;
 }
 
-/* Returns 0, or the exit status. */
+/* Makes picture i. Returns 0 or the exit status. */
 static int make_one(session *s, int i)
 {
     saga_camera c = s->camera;
@@ -234,8 +238,8 @@ static int make_all(session *s)
     return status;
 }
 
-/* Turns the camera to what --look-at says, from where it stands or from --eye;
- * up is the rig's. */
+/* Turns the camera towards --look-at, from its own place or from --eye. The up
+ * direction is the rig's. */
 static bool turn(session *s)
 {
     const options *const o = s->o;
@@ -254,7 +258,7 @@ static bool turn(session *s)
         return saga_fail(&s->error, "--look-at", "give another point",
                          "the camera stands there, or looks straight up or "
                          "down");
-    /* The translation that puts the camera at eye: -R eye. */
+    /* The translation -R eye puts the camera at the eye. */
     for (int i = 0; i < 3; i++) {
         shot.translation[i] = 0.0;
         for (int k = 0; k < 3; k++)
@@ -264,7 +268,7 @@ static bool turn(session *s)
                                metric->unit * s->camera.near_plane, &s->error);
 }
 
-/* Whether pictures pass as time does, from that of the first, in seconds. */
+/* Tells whether time passes at the file's speed, from *from seconds on. */
 static bool runs_at_speed(double *from, const session *s, double fps)
 {
     const saga_info *const info = &s->film.info;
@@ -278,14 +282,15 @@ static bool runs_at_speed(double *from, const session *s, double fps)
         seconds = num / (double)den / rate;
         if (i == 0)
             *from = seconds;
-        /* Nobody hears half a frame. */
+        /* A deviation of half a frame is inaudible. */
         if (fabs(seconds - *from - i / fps) > 0.5 / rate)
             return false;
     }
     return true;
 }
 
-/* Finds the sound that goes with the pictures, if there is any. */
+/* Returns the sound that fits the pictures; its file is NULL if there is
+ * none. */
 static saga_film_sound sound_of(const session *s, double fps)
 {
     const saga_film *const film = &s->film;
@@ -311,7 +316,8 @@ static bool open_video(session *s)
         ? (double)info->fps_num / info->fps_den : 25.0;
     saga_film_plan film;
 
-    /* The path goes before the file; 25 is for a file without a rate. */
+    /* The path's rate takes precedence over the file's; 25 is used if a file
+     * has none. */
     if (s->path.fps > 0.0)
         fps = s->path.fps;
     film.width = s->camera.width * saga_sight_eyes(&s->sight);
@@ -322,14 +328,16 @@ static bool open_video(session *s)
     return saga_film_writer_open(&s->video, s->o->out, &film, &s->error);
 }
 
-/* Finds the camera that has a name, or else that number, in the rig. */
+/* Sets *index to the camera with a name, or otherwise with that number in the
+ * rig. */
 static bool find_camera(uint32_t *index, session *s, const char *name)
 {
     const uint32_t n = s->film.info.n_cameras;
     char *end;
     const unsigned long number = strtoul(name, &end, 10);
 
-    /* Names go before numbers: a camera may be called 3 and be another. */
+    /* Names take precedence, because a camera named 3 may have another
+     * number. */
     for (*index = 0; *index < n; ++*index) {
         saga_naming naming;
 
@@ -343,7 +351,7 @@ static bool find_camera(uint32_t *index, session *s, const char *name)
                      "has no camera %s in its rig of %" PRIu32, name, n);
 }
 
-/* Returns the pixels of the largest picture. */
+/* Returns the number of pixels in the largest picture. */
 static size_t most_pixels(const session *s)
 {
     size_t most = (size_t)s->camera.width * s->camera.height;
@@ -357,8 +365,8 @@ static size_t most_pixels(const session *s)
     return most;
 }
 
-/* Sets what is to be seen. A distance in metres becomes one of the capture's
- * units where the file knows how they compare. */
+/* Sets what is drawn. A distance between the eyes in metres is converted to the
+ * capture's units if the file knows their length. */
 static void find_sight(session *s)
 {
     const options *const o = s->o;
@@ -372,7 +380,7 @@ static void find_sight(session *s)
     s->sight.base = metres > 0.0 ? o->stereo / metres : o->stereo;
 }
 
-/* Gets the rig's camera and the path; memory for a picture. */
+/* Finds the camera, the orbit and the sizes, and allocates a picture. */
 static bool prepare(session *s)
 {
     const options *const o = s->o;
@@ -394,7 +402,7 @@ static bool prepare(session *s)
         saga_camera_resize(&s->camera, o->size.a, o->size.b);
     else if (s->path.width)
         saga_camera_resize(&s->camera, s->path.width, s->path.height);
-    /* Kind and eyes say how much memory a picture takes. */
+    /* The kind of picture and the number of eyes determine its memory. */
     find_sight(s);
     return saga_sight_alloc(&s->sight, most_pixels(s), &s->error);
 }
@@ -407,7 +415,8 @@ static int render(session *s, const char *name, const saga_bytes *bytes)
                        s->o->threads, &s->error) && prepare(s))
         status = !is_video(s->o->out) || open_video(s) ? make_all(s)
                                                        : SAGA_EXIT_USAGE;
-    /* Also after a failure: ffmpeg has to end and its part of a file to go. */
+    /* This also happens after a failure, to end ffmpeg and remove its
+     * unfinished file. */
     if (!saga_film_writer_close(&s->video, !status, &s->error) && !status)
         status = SAGA_EXIT_USAGE;
     if (status)
@@ -459,7 +468,7 @@ static bool read_point(void *to, const char *text,
     for (int i = 0; i < 3; i++) {
         const size_t n = strcspn(text, ",");
 
-        /* A comma stands behind the first two numbers alone. */
+        /* Only the first two numbers are followed by a comma. */
         if (n >= sizeof part || (text[n] == ',') != (i < 2))
             return false;
         memcpy(part, text, n);
@@ -472,7 +481,7 @@ static bool read_point(void *to, const char *text,
     return true;
 }
 
-/* Reads a time of day, not before the start. */
+/* Reads a time in seconds, at least 0. */
 static bool read_time(void *to, const char *text,
                       const saga_cli_option *option)
 {

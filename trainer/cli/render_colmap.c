@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * A path can be the images of a COLMAP model, whose cameras have lenses and
- * sizes of their own.
+ * Reads a path from the images of a COLMAP model, whose cameras have their own
+ * lenses and sizes.
  */
 #include "render_path.h"
 
@@ -20,8 +20,8 @@ static int by_name(const void *a, const void *b)
     return strcmp(x->name, y->name);
 }
 
-/* A lens that distorts becomes the pinhole that a capture's pictures would be
- * made for. */
+/* Sets a path's lens. A distorting lens becomes the pinhole to which a
+ * capture's pictures would be undistorted. */
 static bool take_lens(saga_path_lens *lens, const saga_colmap_camera *camera,
                       const char *folder, saga_error *error)
 {

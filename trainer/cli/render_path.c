@@ -11,14 +11,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* A key camera's numbers are in this order. */
+/* The order of the numbers of a key camera. */
 enum { SECONDS, FRAME, FOV, EYE, TARGET = EYE + 3, UP = TARGET + 3,
        KEY_LENGTH = UP + 3 };
 
 typedef double key_row[KEY_LENGTH];
 
 typedef struct {
-    const char *name;        /* of the file */
+    const char *name;        /* name of the file */
     saga_path *path;
     saga_error *error;
 } reader;
@@ -53,8 +53,8 @@ bool saga_look_at(double rotation[9], const double eye[3],
         forward[i] = target[i] - eye[i];
     if (!normalise(forward))
         return false;
-    /* y is down, so right = forward x up and down = forward x right. Where up
-     * is along forward there is no right. */
+    /* y is down, so right = forward x up and down = forward x right. If up is
+     * parallel to forward, there is no right. */
     cross(right, forward, up);
     if (!normalise(right))
         return false;
@@ -62,15 +62,16 @@ bool saga_look_at(double rotation[9], const double eye[3],
     return true;
 }
 
-/* The lens at another size: all that was seen stays in it. */
+/* Adapts a lens to another size of picture, so that everything that it saw
+ * stays visible. */
 static void scale_lens(saga_shot *shot, const saga_path_lens *lens)
 {
     const double sx = (double)shot->width / lens->width;
     const double sy = (double)shot->height / lens->height;
     const double scale = fmin(sx, sy);
 
-    /* The smaller factor leaves nothing out; the principal point keeps its
-     * offset from the middle, scaled. */
+    /* The smaller factor cuts nothing off. The principal point keeps its scaled
+     * offset from the centre. */
     shot->fx = scale * lens->fx;
     shot->fy = scale * lens->fy;
     shot->cx = 0.5 * shot->width + scale * (lens->cx - 0.5 * lens->width);
@@ -82,8 +83,8 @@ void saga_path_shot(saga_shot *shot, const saga_path_camera *camera, int width,
 {
     *shot = (saga_shot){ .name = "path", .width = width, .height = height };
     if (camera->fov > 0.0) {
-        /* Half of the height is f tan(fov / 2); pi / 360 makes radians of half
-         * a degree. */
+        /* Half of the height is f tan(fov / 2); pi / 360 converts half of the
+         * degrees to radians. */
         shot->fx = 0.5 * height / tan(camera->fov * pi / 360.0);
         shot->fy = shot->fx;
         shot->cx = 0.5 * width;
@@ -92,7 +93,6 @@ void saga_path_shot(saga_shot *shot, const saga_path_camera *camera, int width,
         scale_lens(shot, &camera->lens);
     }
     memcpy(shot->rotation, camera->rotation, sizeof shot->rotation);
-    /* The translation is -R centre. */
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < 3; k++)
             shot->translation[i] -= shot->rotation[3 * i + k] *
@@ -114,7 +114,7 @@ static bool number_of(double *v, const json_t *value)
     return json_is_number(value) && isfinite(*v);
 }
 
-/* Takes n numbers of an array of n. */
+/* Reads an array of exactly n numbers. */
 static bool numbers_of(double *v, const json_t *array, size_t n)
 {
     bool ok = json_is_array(array) && json_array_size(array) == n;
@@ -140,7 +140,7 @@ static bool make_room(const reader *r, double n)
     return r->path->camera != NULL;
 }
 
-/* A value that is not said stays 0; a size must be one. */
+/* Reads rate and size. A missing value stays 0; a size must be valid. */
 static bool read_frame(const reader *r, const json_t *fps, const json_t *width,
                        const json_t *height)
 {
@@ -164,7 +164,7 @@ static bool read_key(const reader *r, double *row, const json_t *key, size_t i)
     static const struct {
         const char *name;
         int at;
-        size_t n;            /* 1: a number, else an array of n */
+        size_t n;            /* 1: a number; otherwise an array of n */
     } parts[] = {
         { "seconds", SECONDS, 1 }, { "frame", FRAME, 1 }, { "fov", FOV, 1 },
         { "eye", EYE, 3 }, { "target", TARGET, 3 }, { "up", UP, 3 }
@@ -189,8 +189,8 @@ static int by_seconds(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* Returns the slope of number c at key i: towards its neighbours, at an end
- * that of the last stretch. */
+/* Returns the slope of number c at key i, from the keys before and after it. At
+ * an end the slope of the only adjacent interval is used. */
 static double slope(const key_row *key, int n, int i, int c)
 {
     const int a = i > 0 ? i - 1 : 0, b = i + 1 < n ? i + 1 : n - 1;
@@ -199,19 +199,20 @@ static double slope(const key_row *key, int n, int i, int c)
     return span > 0.0 ? (key[b][c] - key[a][c]) / span : 0.0;
 }
 
-/* Computes the row at a time between the first key and the last. */
+/* Interpolates a row at a time between the first and the last key. */
 static void row_at(double *row, const key_row *key, int n, double seconds)
 {
     int i = 0;
     double span, x;
 
-    /* The stretch from key i to the next; the last one has no end. */
+    /* The interval from key i to the next key; the last interval has no upper
+     * limit. */
     while (i + 2 < n && key[i + 1][SECONDS] <= seconds)
         i++;
     span = n > 1 ? key[i + 1][SECONDS] - key[i][SECONDS] : 0.0;
     x = span > 0.0 ? (seconds - key[i][SECONDS]) / span : 0.0;
-    /* Hermite's cubic in x, 0..1 over the stretch: a and b are its values at
-     * the ends, m and e its slopes there, per stretch. */
+    /* Hermite's cubic in x, which runs from 0 to 1 over the interval: a and b
+     * are the values at its ends, m and e the slopes there per interval. */
     for (int c = 0; c < KEY_LENGTH; c++) {
         const double a = key[i][c], b = key[n > 1 ? i + 1 : i][c];
         const double m = span * slope(key, n, i, c);
@@ -230,7 +231,7 @@ static bool play_keys(const reader *r, const key_row *key, int n)
 
     p->fps = fps;
     p->clock = SAGA_PATH_FRAMES;
-    /* The small amount lets a last key count whose time is rounded down. */
+    /* The small term keeps the last key if its time was rounded down. */
     if (!make_room(r, floor((key[n - 1][SECONDS] - start) * fps + 1e-6) + 1.0))
         return false;
     for (int i = 0; i < p->n; i++) {
@@ -267,7 +268,7 @@ static bool read_keys(const reader *r, const json_t *root)
     for (size_t i = 0; ok && i < n; i++)
         ok = read_key(r, key[i], json_array_get(keys, i), i);
     if (ok) {
-        /* Keys may stand in any order of time. */
+        /* The file may list keys in any order. */
         qsort(key, n, sizeof *key, by_seconds);
         ok = play_keys(r, (const key_row *)key, (int)n);
     }
@@ -277,11 +278,12 @@ static bool read_keys(const reader *r, const json_t *root)
 
 /* --- nerfstudio ---------------------------------------------------------- */
 
-/* m is 3x4 of camera to world, y up, z backwards. */
+/* Sets the pose from m, a 3 x 4 camera-to-world matrix with y up and z
+ * backwards. */
 static bool read_pose(saga_path_camera *c, const double *m)
 {
-    /* Columns are the axes of the camera: right, up, back. Ours are rows:
-     * right, down, forward. */
+    /* Columns of m are the axes right, up and back. Rows of a rotation here are
+     * right, down and forward. */
     for (int i = 0; i < 3; i++) {
         double axis[3] = { m[i], m[4 + i], m[8 + i] };
         const double sign = i ? -1.0 : 1.0;
@@ -370,7 +372,7 @@ static bool read_json(saga_path *path, const char *name, saga_error *error)
     return ok;
 }
 
-/* Reads COLMAP's files, of which name[0..n) is the folder. */
+/* Reads COLMAP's files in the folder name[0..n). */
 static bool read_beside(saga_path *path, const char *name, size_t n,
                         saga_error *error)
 {
@@ -380,7 +382,7 @@ static bool read_beside(saga_path *path, const char *name, size_t n,
     if (!folder)
         return false;
     memcpy(folder, name, n);
-    /* A name without a folder is in this one. */
+    /* A name without a folder is in the current folder. */
     strcpy(folder + n, n ? "" : ".");
     ok = saga_path_read_colmap(path, folder, saga_has_suffix(name, ".bin"),
                                error);

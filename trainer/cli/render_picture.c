@@ -11,7 +11,8 @@
 
 static const char what[] = "the picture";
 
-/* A camera may stand that far from the cube's middle, box units (saga.h). */
+/* Largest distance of a camera from the cube's middle on each axis, in box
+ * units (saga.h). */
 #define MOST_CENTRE 536870912.0
 
 int saga_sight_eyes(const saga_sight *s)
@@ -24,7 +25,8 @@ static size_t pixel_nbytes(const saga_sight *s)
     return s->kind == SAGA_SIGHT_COLOUR ? 3 : sizeof(float);
 }
 
-/* The colours of one eye are the picture. */
+/* Tells whether an eye is drawn directly into the picture, which needs no
+ * conversion for the colours of one eye. */
 static bool is_drawn_in_place(const saga_sight *s)
 {
     return s->kind == SAGA_SIGHT_COLOUR && saga_sight_eyes(s) == 1;
@@ -51,11 +53,11 @@ void saga_sight_free(saga_sight *s)
 
 /* --- Drawing ------------------------------------------------------------- */
 
-/* Moves a camera along its own axis to the right, the capture's units. */
+/* Moves a camera to its right by a distance in the capture's units. */
 static bool step_aside(saga_camera *c, const saga_film *film, double aside,
                        saga_error *error)
 {
-    /* The first row of the rotation, in Q30, is the right of the camera. */
+    /* The first row of the rotation, in Q30, is the camera's right. */
     for (int i = 0; i < 3; i++) {
         const double at = c->centre[i] + rint(
             aside / film->metric.unit * ldexp(c->rotation_q30[i], -30));
@@ -69,14 +71,14 @@ static bool step_aside(saga_camera *c, const saga_film *film, double aside,
     return true;
 }
 
-/* Makes values of what was drawn. */
+/* Converts drawn depths or opacities to floats. */
 static void take_values(float *to, const saga_sight *s, size_t first, size_t n,
                         double unit)
 {
     const saga_depth *const d = (const saga_depth *)s->eye + first;
 
-    /* A depth is sum / weight; where the weight is 0 there is nothing, and 0
-     * says so. */
+    /* A depth is sum / weight. A weight of 0 means that the pixel shows
+     * nothing, which is depth 0. */
     for (size_t i = 0; i < n; i++)
         to[i] = s->kind == SAGA_SIGHT_ALPHA
             ? (float)(d[i].weight_q16 / 65536.0)
@@ -84,7 +86,7 @@ static void take_values(float *to, const saga_sight *s, size_t first, size_t n,
             ? (float)(unit * ((double)d[i].sum_q16 / d[i].weight_q16)) : 0.0f;
 }
 
-/* Puts what was drawn for an eye into its place. */
+/* Copies what was drawn for an eye to its place in the picture. */
 static void place(const saga_sight *s, const saga_camera *c, int eye,
                   double unit)
 {
@@ -138,7 +140,8 @@ static bool write_grey(const saga_sight *s, const char *name, int width,
 
     if (!grey)
         return false;
-    /* PNG has depths in thousandths; what 16 bits do not hold is 65535. */
+    /* PNG stores depths in thousandths; larger ones than 16 bits hold become
+     * 65535. */
     for (size_t i = 0; i < n; i++)
         grey[i] = (uint16_t)fmin(rint(scale * (double)value[i]), 65535.0);
     ok = saga_png_write_grey(name, width, height, grey, error);

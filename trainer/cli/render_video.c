@@ -8,7 +8,7 @@
 
 enum { MOST_ARGUMENTS = 64 };
 
-/* A list of arguments in the making, which ends with NULL. */
+/* A list of arguments under construction, which ends with NULL. */
 typedef struct {
     const char *argv[MOST_ARGUMENTS];
     int n;
@@ -21,14 +21,14 @@ static void add(arguments *a, const char *const *more)
     a->argv[a->n] = NULL;
 }
 
-/* The arguments of ffmpeg that are formatted from a plan. */
+/* Arguments for ffmpeg that are formatted from a plan. */
 typedef struct {
     char size[32], rate[32], seconds[32], shift[64], name[FILENAME_MAX],
          sound[FILENAME_MAX + 96];
 } words;
 
-/* Writes how the sound moves in time: its first seconds are left out, or
- * silence comes before it. */
+/* Writes the filter that shifts the sound: it cuts its beginning off, or delays
+ * it with silence. */
 static void write_shift(char *to, size_t n, double start)
 {
     if (start < 0.0)
@@ -46,7 +46,7 @@ static void write_words(words *w, const saga_film_plan *plan, const char *out)
     (void)snprintf(w->rate, sizeof w->rate, "%.6f", plan->fps);
     (void)snprintf(w->seconds, sizeof w->seconds, "%.6f",
                    plan->n_pictures / plan->fps);
-    /* Without "file:", a name might look like an option or an address. */
+    /* "file:" keeps a name from being taken for an option or a URL. */
     (void)snprintf(w->name, sizeof w->name, "file:%s", out);
     (void)snprintf(w->sound, sizeof w->sound,
                    "subfile,,start,%" PRIu64 ",end,%" PRIu64 ",,:file:%s",
@@ -59,7 +59,7 @@ bool saga_film_writer_open(saga_film_writer *w, const char *path,
                            const saga_film_plan *plan, saga_error *error)
 {
     words say;
-    /* Chroma of half size wants even sides. */
+    /* Chroma of half size needs even sides, so pictures are padded. */
     static const char even_bt709[] = "scale=out_color_matrix=bt709:"
                                      "out_range=tv,"
                                      "pad=ceil(iw/2)*2:ceil(ih/2)*2";
@@ -96,7 +96,7 @@ bool saga_film_writer_open(saga_film_writer *w, const char *path,
     return false;
 }
 
-/* Waits for ffmpeg; passes on what it complains of. */
+/* Waits for ffmpeg and reports its error if it failed. */
 static bool end(saga_film_writer *w, bool kill_it, saga_error *error)
 {
     return saga_child_end(&w->ffmpeg, kill_it) == 0 ||
