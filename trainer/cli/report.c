@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * saga report makes one page of results of `saga eval`: curves, bytes, times,
- * pictures. The page is report.html with the results, and the pictures they
- * name, put into it; it loads nothing else.
+ * saga report makes a page from results of `saga eval`: curves, bytes, times
+ * and pictures. The results and the pictures that they name are put into
+ * report.html, so that the page loads nothing else.
  */
 #include "alloc.h"
 #include "base64.h"
@@ -36,7 +36,7 @@ typedef struct {
 
 static const char marker[] = "id=\"data\">null<";
 
-/* A series is called as its file, without folder and .json. */
+/* Names a series by its file, without folder and .json. */
 static void name_series(char name[SERIES_NBYTES], const char *path)
 {
     const char *const slash = strrchr(path, '/');
@@ -48,8 +48,9 @@ static void name_series(char name[SERIES_NBYTES], const char *path)
 
 /* --- Pictures ------------------------------------------------------------ */
 
-/* Returns the beginning of a picture's address, by what is in it: a PNG that
- * eval wrote, or the JPEG that somebody made of it; NULL: neither. */
+/* Returns the beginning of a picture's data URL, by its contents: PNG, as eval
+ * writes, or JPEG, to which a user may have converted it. Returns NULL for
+ * anything else. */
 static const char *address_of(const saga_bytes *b)
 {
     if (b->nbytes > 8 && !memcmp(b->data, "\x89PNG\r\n\x1a\n", 8))
@@ -58,9 +59,9 @@ static const char *address_of(const saga_bytes *b)
         ? "data:image/jpeg;base64," : NULL;
 }
 
-/* Reads a picture that a file of results names. A page is made to be given
- * away, and results may be another's: nothing gets into it but pictures that
- * lie with them. *text is NULL where one is left out, and told. */
+/* Reads a picture that a file of results names. Results may come from somebody
+ * else and pages are passed on, so only pictures that lie beside the results
+ * are included. For any other picture *text is NULL, which is reported. */
 static bool read_picture(session *s, char **text, const char *path,
                          const char *results)
 {
@@ -92,7 +93,7 @@ static bool read_picture(session *s, char **text, const char *path,
     return ok;
 }
 
-/* Adds a view's picture to the list, as part of the page. */
+/* Adds a view's picture to the list as a data URL. */
 static bool add_picture(session *s, json_t *list, const json_t *result,
                         const json_t *view, const saga_results *of)
 {
@@ -132,8 +133,8 @@ static json_t *json_metrics(void)
     return list;
 }
 
-/* Puts all of one file in: its results, their pictures, and its BD-rates
- * against the first. */
+/* Adds a file to the page: its results, their pictures, and its BD-rates
+ * against the first file. */
 static bool add_series(session *s, json_t *page, const saga_results *r)
 {
     json_t *const results = json_array();
@@ -154,7 +155,8 @@ static bool add_series(session *s, json_t *page, const saga_results *r)
     saga_json_append_item(json_object_get(page, "series"),
                           json_pack("{ssso}", "name", name, "results",
                                     results));
-    /* The first file is the anchor. One result against one is no curve. */
+    /* The first file is the reference for BD-rates. Two single results are not
+     * curves. */
     if (r != &s->results[0] && (r->n > 1 || s->results[0].n > 1))
         saga_json_append_item(json_object_get(page, "bd"),
                               json_pack("{ssso}", "name", name, "bd",
@@ -178,8 +180,8 @@ static json_t *json_page(session *s)
 
 /* --- The page ------------------------------------------------------------ */
 
-/* Writes JSON for the inside of a script element, which "</script>" in a name
- * would end. */
+/* Writes JSON inside a script element. "<" is escaped, because "</script>" in a
+ * name would end the element. */
 static void put_json(FILE *f, const char *text)
 {
     for (const char *p = text; *p; p++)
@@ -195,7 +197,7 @@ static void put_page(FILE *f, const char *json)
     const char *const text = (const char *)page->bytes;
     const char *at = text;
 
-    /* The page is compiled in and has the marker, so this ends. */
+    /* The page is compiled in and has the marker, so the loop ends. */
     while (strncmp(at, marker, sizeof marker - 1) != 0)
         at++;
     at += strlen("id=\"data\">");

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Reports are printed as text by tables of lines; json_cli.h says what a line
- * may hold.
+ * Prints a report as text by a table of lines, whose syntax json_cli.h
+ * explains.
  */
 #include "json_cli.h"
 
@@ -9,10 +9,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* The longest of a path, a conversion, a unit. */
+/* Longest path, conversion or unit. */
 enum { LONGEST = 96 };
 
-/* Where a line is told: of what item of a list or an object. */
+/* The item of a list or an object for which a line is printed. */
 typedef struct {
     const json_t *top, *item;
     size_t number;
@@ -21,14 +21,15 @@ typedef struct {
 
 /* --- Values -------------------------------------------------------------- */
 
-/* Returns a member or an item; NULL: there is none. */
+/* Returns a member of an object or an item of a list, or NULL if there is
+ * none. */
 static const json_t *member(const json_t *of, const char *name)
 {
     return json_is_array(of) ? json_array_get(of, (size_t)atoi(name))
                              : json_object_get(of, name);
 }
 
-/* Follows a path of n characters. *parent and key are of its last step. */
+/* Follows a path of n characters. Sets *parent and key for its last step. */
 static const json_t *follow(const json_t **parent, char key[LONGEST],
                             const place *at, const char *path, size_t n)
 {
@@ -94,7 +95,7 @@ static bool all_hold(const char *conditions, const place *at)
 
 /* --- Lines --------------------------------------------------------------- */
 
-/* A value in braces: PATH*FACTOR:CONVERSION:UNIT. */
+/* A field in braces: PATH*FACTOR:CONVERSION:UNIT. */
 typedef struct {
     size_t n_path;
     double factor;
@@ -120,7 +121,7 @@ static field parse(const char *text, size_t n)
     return f;
 }
 
-/* Prints a text as wide as a format would have a number. */
+/* Prints a text with the width that a format gives a number. */
 static void print_aligned(const char *text, const char *format)
 {
     const char *const width = format + strcspn(format, "-.0123456789");
@@ -133,7 +134,7 @@ static void print_integer(json_int_t v, const char *format)
     const size_t n = strlen(format);
     char longer[LONGEST + 2];
 
-    /* jansson's integers are long long: %7d becomes %7lld. */
+    /* jansson's integers are long long, so %7d becomes %7lld. */
     snprintf(longer, sizeof longer, "%.*sll%s", (int)(n ? n - 1 : 0), format,
              n ? format + n - 1 : "d");
     printf(n ? longer : "%lld", v);
@@ -156,7 +157,8 @@ static void print_value(const json_t *v, const json_t *parent,
     } else if (json_is_number(v)) {
         printf("%g", f->factor * json_number_value(v));
     } else {
-        /* JSON has no number for it: infinite where an aside says so. */
+        /* JSON has no infinity. If the value is infinite, the aside "/KEY" has
+         * its text. */
         snprintf(aside, sizeof aside, "/%s", key);
         text = json_string_value(member(parent, aside));
         print_aligned(text ? text : "-", f->format);
@@ -166,7 +168,6 @@ static void print_value(const json_t *v, const json_t *parent,
     fputs(f->unit, stdout);
 }
 
-/* Prints what stands in braces. */
 static void print_field(const char *text, size_t n, const place *at)
 {
     const field f = parse(text, n);
@@ -212,7 +213,7 @@ static void print_pieces(const saga_line *lines, int n, const place *at)
         print_piece(&lines[i], at);
 }
 
-/* Prints n pieces for each of the items that all of them are about. */
+/* Prints n pieces for each item of the list or object that they name. */
 static void print_each(const saga_line *lines, int n, place at)
 {
     const json_t *parent;
@@ -229,7 +230,7 @@ static void print_each(const saga_line *lines, int n, place at)
         at.number = i;
         print_pieces(lines, n, &at);
     }
-    /* jansson looks at an object through a pointer that is not const. */
+    /* jansson iterates over objects through non-const pointers only. */
     json_object_foreach((json_t *)of, name, value) {
         at.item = value;
         at.key = name;
@@ -238,7 +239,8 @@ static void print_each(const saga_line *lines, int n, place at)
     }
 }
 
-/* Counts the pieces from the first on that are about the same items. */
+/* Returns the number of pieces, from the first, that are about the same
+ * items. */
 static int together(const saga_line *lines, int n)
 {
     int i = 1;

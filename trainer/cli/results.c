@@ -51,7 +51,7 @@ static bool add(saga_results *r, json_t *o, saga_error *error)
     return true;
 }
 
-/* Adds a value of the file: a result, or a list of them. */
+/* Adds one value from the file: a result or a list of results. */
 static bool add_value(saga_results *r, json_t *value, saga_error *error)
 {
     if (!json_is_array(value))
@@ -79,8 +79,8 @@ bool saga_results_load(saga_results *r, const char *path, saga_error *error)
     ok = true;
     at = skip_blanks((const char *)bytes.data);
     saga_json_watch();
-    /* Values may follow each other without a comma, as `>>curve.json` puts
-     * them; jansson tells where each ends. */
+    /* Values may follow each other without a comma, as `>>curve.json` writes
+     * them; jansson reports where each ends. */
     while (ok && at < bytes.nbytes) {
         const char *const text = (const char *)bytes.data + at;
         json_error_t why;
@@ -94,7 +94,7 @@ bool saga_results_load(saga_results *r, const char *path, saga_error *error)
                            "is no JSON: %s", why.text);
         else
             ok = add_value(r, o, error);
-        /* add() holds on to what it took. */
+        /* add() keeps a reference of its own. */
         json_decref(o);
         at += o ? (size_t)why.position : 0;
         at += skip_blanks((const char *)bytes.data + at);
@@ -122,7 +122,8 @@ double saga_result_value(const json_t *result, const char *set,
 
     if (strcmp(set, "all") != 0)
         return number(json_object_get(result, set), metric);
-    /* One view without a number makes the mean NaN: none is of fewer views. */
+    /* If a view has no number, the mean is NaN, so that no mean is over fewer
+     * views. */
     for (size_t i = 0; i < n; i++)
         sum += number(json_array_get(views, i), metric);
     return sum / (double)n;
@@ -150,7 +151,8 @@ static void fill(saga_bd_curve *curve, const saga_results *r, const char *set,
                  const saga_metric_row *metric)
 {
     curve->n = r->n;
-    /* BD-rate wants more to be better, so LPIPS changes its sign. */
+    /* BD-rate needs a metric for which more is better, so LPIPS changes its
+     * sign. */
     for (int i = 0; i < r->n; i++)
         curve->point[i] = (saga_bd_point){
             saga_result_nbytes(r->result[i]),
@@ -158,7 +160,8 @@ static void fill(saga_bd_curve *curve, const saga_results *r, const char *set,
         };
 }
 
-/* Compares two curves by a metric; NULL: it was not measured in both. */
+/* Returns the BD-rate of two curves for a metric, or NULL if one of them lacks
+ * the metric. */
 static json_t *bd_of(const saga_results *anchor, const saga_results *test,
                      const char *set, const saga_metric_row *metric)
 {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * saga cut takes frames out of a file, and saga join puts files one after the
- * other. Nothing is trained or decoded.
+ * saga cut copies some of a file's frames, and saga join concatenates files.
+ * Nothing is trained or decoded.
  */
 #include "cli.h"
 #include "commands.h"
@@ -20,7 +20,7 @@ enum { MOST_PARTS = SAGA_CLI_MOST_ARGUMENTS };
 
 typedef struct {
     const char *out;
-    int n_layers;           /* of cut; 0: all */
+    int n_layers;           /* for cut; 0: all layers */
 } options;
 
 
@@ -31,7 +31,7 @@ static bool has_sound(const uint8_t *bytes, size_t n)
     return saga_find_sound(&sound, bytes, n) == SAGA_OK;
 }
 
-/* Reports if a part has sound but the whole file has none. */
+/* Warns if a part has sound but the whole file has none. */
 static void tell_sound(const uint8_t *bytes, size_t n,
                        const saga_splice_part *part, int n_parts)
 {
@@ -65,7 +65,7 @@ static int write_splice(const char *command, const char *path,
     return status;
 }
 
-/* Reads the files part[].name, splices and frees them. */
+/* Reads the files part[].name, splices them, and frees them. */
 static int splice_files(const char *command, const char *path,
                         saga_splice_part *part, int n_parts)
 {
@@ -76,7 +76,7 @@ static int splice_files(const char *command, const char *path,
     if (!path)
         return saga_cli_error(SAGA_EXIT_USAGE, "%s: -o OUT is missing; `saga "
                               "help %s` explains", command, command);
-    /* All files stay in memory: the parts point into them. */
+    /* All files stay in memory, because the parts point into them. */
     for (int i = 0; i < n_parts && !status; i++) {
         if (!saga_read_file(&file[i], part[i].name, &error))
             status = saga_cli_error(SAGA_EXIT_USAGE, "%s: %s", command,

@@ -18,7 +18,7 @@
 typedef struct {
     char *file, *path;       /* N.saga and N.json in the folder */
     saga_results loaded;     /* one result */
-    bool beaten;             /* another is as good, and no larger */
+    bool beaten;             /* another file is as good and no larger */
 } point;
 
 typedef struct {
@@ -88,7 +88,7 @@ static const json_t *encode_of(const point *p)
     return json_object_get(result_of(p), "encode");
 }
 
-/* Reads a point from the result of its file, new or left from before. */
+/* Reads the result of a file, made now or by an earlier run. */
 static int read_point(session *s, point *p)
 {
     if (!saga_results_load(&p->loaded, p->path, &s->error))
@@ -105,11 +105,12 @@ static int make_point(session *s, int i)
     point *const p = &s->at[i];
     int status;
 
-    /* The result is written last of all, so a file that has one is finished. */
+    /* The result is written last, so a file with a result is finished. */
     if (saga_path_is_file(p->path))
         return read_point(s, p);
     saga_cli_error(0, "encode: file %d of %d", i + 1, SAGA_SWEEP_N);
-    /* Parts of the most primitives: 1/9, 0.19, 1/3, 0.58 and 1. */
+    /* The fractions of the largest number of primitives are 1/9, 0.19, 1/3,
+     * 0.58 and 1. */
     status = s->s->make(s->s->user, p->file, p->path,
                         pow(SAGA_SWEEP_STEP, i + 1 - SAGA_SWEEP_N));
     return status ? status : read_point(s, p);
@@ -122,7 +123,8 @@ static double quality(const point *p)
     return saga_result_value(result_of(p), "all", "psnr");
 }
 
-/* Returns whether a is as good as b and no larger; of two alike, the first. */
+/* Tells whether a is as good as b and no larger. Of two equal files, the first
+ * beats the second. */
 static bool beats(const point *a, const point *b)
 {
     const double smaller = saga_result_nbytes(result_of(b)) -
@@ -166,7 +168,7 @@ static const saga_line text[] = {
       "it\n" }
 };
 
-/* Returns what text tells of all files, beaten or not. */
+/* Returns the rows that the text shows for all files, including beaten ones. */
 static json_t *points_of(const session *s, const char *path)
 {
     json_t *const o = json_object(), *const list = json_array();

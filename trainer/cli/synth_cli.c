@@ -15,7 +15,8 @@
 
 typedef struct {
     const char *scene;
-    /* The scene's default: a size of 0, numbers below 0, an fps of NaN. */
+    /* Values that mean the scene's default: a size of 0, numbers below 0, an
+     * fps of NaN. */
     saga_cli_pair size;
     int cameras, hold_out, frames, samples, depth_every, points, seed, threads;
     double fps;

@@ -3,10 +3,11 @@
 
 #include <math.h>
 
-/* dB that what moves has to be above a still picture, to be better than one. */
+/* Moving pixels count as better than a still picture only if their PSNR is
+ * higher by this, in dB. */
 #define ABOVE_STILL 1.0
 
-/* Fewer pixels than this part are noise, if they change. */
+/* Changes in a smaller fraction of the pixels count as noise. */
 #define LEAST_SHARE 1e-4
 
 void saga_put_verdict(json_t *report, const saga_verdict *v,
@@ -24,7 +25,7 @@ void saga_put_verdict(json_t *report, const saga_verdict *v,
     saga_put_real(o, "moving", moving);
     saga_put_real(o, "moving_as_still", as_still);
     saga_put_real(o, "moving_share", saga_change_share(&v->file));
-    /* The words. */
+    /* What the text says. */
     saga_put_flag(o, "/shown", shown);
     if (shown && !isnan(rest))
         saga_put_text(o, "/still_word", saga_verdict_word(rest));
@@ -51,7 +52,8 @@ void saga_put_shutter(json_t *report, const saga_shutter_found *found,
         saga_put_real(o, "standard_error", found[i].spread);
         saga_put_flag(o, "shows", found[i].shows);
         saga_put_real(o, "/off", fabs(found[i].readout));
-        /* A tenth is what is told at least: +-0.0 would claim too much. */
+        /* Results are shown to a tenth, so a spread below that is shown as
+         * 0.1. */
         saga_put_real(o, "/spread", fmax(found[i].spread, 0.1));
         saga_put_text(o, "/side", found[i].readout > 0 ? "behind"
                                                        : "ahead of");

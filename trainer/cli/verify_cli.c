@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * saga verify tells how exact the integer decoder is on a file: its stages and
- * a picture beside the same formulas in double.
+ * saga verify measures how exact the integer decoder is for a file. It compares
+ * each stage, and a picture, with the same formulas computed in double.
  */
 #include "cli.h"
 #include "commands.h"
@@ -25,7 +25,7 @@ typedef struct {
     saga_film film;
     saga_verify_view view;
     saga_verify result;
-    uint32_t number;         /* the capture's, of the camera */
+    uint32_t number;         /* number of the camera in the capture */
     saga_error error;
 } session;
 
@@ -39,8 +39,8 @@ static json_t *error_of(const saga_verify_error *e, double step)
     saga_put_real(o, "max", e->max);
     saga_put_real(o, "rms", e->rms);
     saga_put_real(o, "psnr", e->psnr);
-    /* In steps of the integers' format: rounded where there are many, left out
-     * where they would not fit in the column. */
+    /* The error in steps of the integer format. It is rounded if it is large,
+     * and left out if it does not fit into the column. */
     if (step > 0.0 && e->rms < 100 * step)
         saga_put_real(o, "/steps", e->rms / step);
     else if (step > 0.0 && e->rms < 1e5 * step)
@@ -115,7 +115,7 @@ static json_t *report_of(const session *s)
     saga_put_int(o, "/n_pixels", (json_int_t)v->n_pixels);
     saga_put_int(o, "/n_samples", 3 * (json_int_t)v->n_pixels);
     saga_put(o, "rows", rows_of(v));
-    /* All in float64: from the first stage on. */
+    /* The row for everything in double, from the first stage. */
     saga_put(o, "/all", json_incref(json_object_get(pictures,
                                                     saga_verify_stage[0])));
     saga_put(o, "pictures_from", pictures);
@@ -124,7 +124,7 @@ static json_t *report_of(const session *s)
 
 /* --- As text ------------------------------------------------------------- */
 
-/* Four columns of a row; what can tell nothing has a dash. */
+/* Four columns of a row; a dash stands for an unknown value. */
 #define ERROR(of) \
     { "/n&" of ".n", "rows", " {" of ".max:%8.2g} {" of ".rms:%8.2g}" }, \
     { "/n&!" of ".n", "rows", "        -        -" }, \

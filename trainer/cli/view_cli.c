@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
  * saga view shows a file in the browser. It serves the page of ports/web, which
- * this program carries, and the file beside it. Of a training's checkpoint it
- * shows what could be packed of it by now.
+ * this program contains, and the file. For the checkpoint of a training it
+ * shows the file that packing its state gives.
  */
 #include "cli.h"
 
@@ -25,26 +25,28 @@
 #include <string.h>
 
 enum {
-    USUAL_PORT = 8470,       /* if it is free */
+    USUAL_PORT = 8470,       /* used if it is free */
     USUAL_SECONDS = 30,
-    MAX_PICTURES = 4         /* of which the page is told the CRC */
+    MAX_PICTURES = 4         /* number of pictures whose CRC is given to the
+                              * page */
 };
 
-/* index.html has this where the page looks for what it shows. */
+/* The text in index.html that is replaced by the page's data. */
 static const char placeholder[] = "{ \"src\": null, \"pictures\": [] }";
 
 typedef struct {
     int port;                /* 0: not given */
-    int seconds;             /* of decoding a segment */
+    int seconds;             /* limit for decoding a segment */
 } options;
 
-/* All that is served. */
+/* Everything that is served. */
 typedef struct {
     saga_http http;
-    saga_http_file *file;    /* (n_files): the program's, then the user's */
+    saga_http_file *file;    /* (n_files): the program's files, then the
+                              * user's */
     int n_files;
-    char *path;              /* of the user's */
-    char *index;             /* index.html, filled in */
+    char *path;              /* path of the user's file */
+    char *index;             /* index.html with the page's data */
     saga_bytes bytes;
     saga_error error;
 } session;
@@ -68,15 +70,15 @@ static void catch_signals(void)
 
 /* --- The user's file ----------------------------------------------------- */
 
-/* Returns "film/NAME", NAME as in an address: all but letters, digits and . - _
- * as %XX. */
+/* Returns "film/NAME". In NAME everything except letters, digits and . - _ is
+ * written as %XX. The caller frees it. */
 static char *path_of(const char *name, saga_error *error)
 {
     static const char plain[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRST"
                                 "UVWXYZ0123456789.-_";
     const char *const slash = strrchr(name, '/');
     const char *p = slash ? slash + 1 : name;
-    /* "film/" with its 0, and three characters for each at most. */
+    /* "film/" and its NUL take 6 bytes, each character at most three. */
     const size_t nbytes = 6 + 3 * strlen(p);
     char *const path = saga_alloc(nbytes, 1, name, error);
     char *to = path;
@@ -90,8 +92,8 @@ static char *path_of(const char *name, saga_error *error)
     return path;
 }
 
-/* Adds { "camera": i, "frame": 0, "crc": "..." } of the first cameras'
- * pictures; false where one cannot be drawn. */
+/* Adds { "camera": i, "frame": 0, "crc": "..." } for the pictures of the first
+ * cameras. Returns false if one cannot be drawn. */
 static bool add_pictures(json_t *list, saga_film *film, saga_error *error)
 {
     bool ok = true;
@@ -105,7 +107,8 @@ static bool add_pictures(json_t *list, saga_film *film, saga_error *error)
         size_t n = 0;
 
         ok = saga_film_rig(film, i, &c, &number, error);
-        /* The page draws the same and tells whether its CRC is this one. */
+        /* The page draws the same picture and reports whether its CRC
+         * agrees. */
         if (ok) {
             n = (size_t)3 * c.width * c.height;
             rgb = saga_alloc(n, 1, film->name, error);
@@ -121,7 +124,7 @@ static bool add_pictures(json_t *list, saga_film *film, saga_error *error)
     return ok;
 }
 
-/* Returns what the page carries of the file, as text; free() frees it. */
+/* Returns the page's data about the file, as text that the caller frees. */
 static char *describe(session *s, const options *opt, const char *name)
 {
     json_t *list, *o;
@@ -173,7 +176,7 @@ static const saga_view_file *find_file(const char *name)
     return NULL;
 }
 
-/* Makes index.html with `text` in its place. */
+/* Makes index.html with `text` instead of the placeholder. */
 static bool fill_in(session *s, const char *text)
 {
     const saga_view_file *const page = find_file("index.html");
@@ -182,7 +185,7 @@ static bool fill_in(session *s, const char *text)
     size_t at = 0;
 
     while (memcmp(start + at, placeholder, gap) != 0)
-        at++; /* the tests see to it that it is there */
+        at++; /* the tests check that the placeholder exists */
     s->index = saga_alloc(page->nbytes + n, 1, "index.html", &s->error);
     if (!s->index)
         return false;
@@ -196,10 +199,11 @@ static bool fill_in(session *s, const char *text)
     return true;
 }
 
-/* Lists the page at "", its parts beside it, the user's file in film/. */
+/* Lists the files to serve: the page at "", its parts beside it, and the user's
+ * file in film/. */
 static bool list_files(session *s, const char *text)
 {
-    /* Two more than the program carries: the page filled in, and the film. */
+    /* Two more than the program contains: the completed page, and the film. */
     s->n_files = saga_n_view_files + 2;
     s->file = saga_calloc((size_t)s->n_files, sizeof *s->file, "the page",
                           &s->error);
@@ -220,7 +224,8 @@ static bool list_files(session *s, const char *text)
 
 /* --- Together ------------------------------------------------------------ */
 
-/* Opens on the port that was given, or on the usual one or any other. */
+/* Opens the server on the given port. Without one it tries the usual port, then
+ * any free one. */
 static bool open_server(session *s, int port)
 {
     saga_error busy = { "" };
@@ -235,7 +240,8 @@ static int serve(session *s, int port)
 {
     if (!open_server(s, port))
         return SAGA_EXIT_USAGE;
-    /* Not earlier: a file that takes long to look at is left at once. */
+    /* Signals are caught only now, so that Ctrl-C still ends the program at
+     * once while a file is examined. */
     catch_signals();
     printf("http://127.0.0.1:%d/\n", s->http.port);
     if (fflush(stdout) == 0) {
@@ -246,7 +252,7 @@ static int serve(session *s, int port)
     return SAGA_EXIT_OK;
 }
 
-/* Puts what was packed of a checkpoint in its place. */
+/* Replaces a checkpoint by the file that was packed from it. */
 static bool unfold(session *s, const char *name)
 {
     uint8_t *packed;

@@ -16,25 +16,28 @@
 #include <unistd.h>
 
 enum {
-    MAX_CLIENTS = 32,        /* browsers open some six, and keep spare ones */
+    MAX_CLIENTS = 32,        /* browsers open about six, and keep spare
+                              * connections */
     REQUEST_NBYTES = 8192,
-    HEAD_NBYTES = 512,       /* of an answer */
-    PATIENCE_MS = 500,       /* between looks at *stop */
-    SEND_MS = 10000,         /* until a browser that takes nothing is left */
-    LEAVE_MS = 2000          /* until one that goes on sending is */
+    HEAD_NBYTES = 512,       /* size of an answer's head */
+    PATIENCE_MS = 500,       /* longest time until *stop is read again */
+    SEND_MS = 10000,         /* until a browser that receives nothing is
+                              * dropped */
+    LEAVE_MS = 2000          /* until a browser that keeps sending is dropped */
 };
 
-/* A client asks, is answered, and then is listened to until it has hung up: to
- * close before that would throw away what it has not taken yet. */
+/* A client asks, gets its answer, and is then read from until it closes the
+ * connection. Closing earlier could discard parts of the answer that it has not
+ * received. */
 typedef enum { ASKING, ANSWERED, LEAVING } client_state;
 
 typedef struct {
-    int fd;                  /* -1: none */
+    int fd;                  /* -1: no client */
     client_state state;
-    int64_t since;           /* milliseconds: when it last did something */
-    size_t n;                /* bytes of the request so far */
+    int64_t since;           /* milliseconds: time of its last action */
+    size_t n;                /* bytes received of the request */
     char request[REQUEST_NBYTES + 1];
-    char head[HEAD_NBYTES];  /* of the answer */
+    char head[HEAD_NBYTES];  /* head of the answer */
     size_t n_head, n_body, sent;
     const uint8_t *body;     /* (n_body) */
 } client;
@@ -48,7 +51,7 @@ static bool is_method(const client *c, const char *method)
     return !strncmp(c->request, method, n) && c->request[n] == ' ';
 }
 
-/* Sets a text as the answer; of HEAD, what comes before it. */
+/* Answers with a status as text; a HEAD request gets only the head. */
 static void refuse(client *c, const char *status)
 {
     const bool body = !is_method(c, "HEAD");
@@ -63,7 +66,7 @@ static void refuse(client *c, const char *status)
     c->n_head = (size_t)n;
 }
 
-/* Sets the part [first, end) of a file as the answer; end = 0: all of it. */
+/* Answers with the bytes [first, end) of a file; end = 0 means all of it. */
 static void give(client *c, const saga_http_file *file, size_t first,
                  size_t end)
 {
@@ -87,14 +90,15 @@ static void give(client *c, const saga_http_file *file, size_t first,
 
 /* --- Requests ------------------------------------------------------------ */
 
-/* Finds the value of a header line of a request, up to its \r; NULL: not
- * there. */
+/* Returns the value of a header line in a request, which ends at \r, or
+ * NULL. */
 static const char *header(const char *request, const char *name)
 {
     const size_t n = strlen(name);
     const char *line = strstr(request, "\r\n");
 
-    /* A header begins behind each line end, the request line's included. */
+    /* A header line begins after each line end, including that of the request
+     * line. */
     for (; line; line = strstr(line, "\r\n")) {
         line += 2;
         if (!strncasecmp(line, name, n) && line[n] == ':')
@@ -103,7 +107,8 @@ static const char *header(const char *request, const char *name)
     return NULL;
 }
 
-/* Takes a number of digits at *p, which moves behind them; saturated. */
+/* Reads digits at *p, which moves past them; a large number is limited to
+ * SIZE_MAX. */
 static bool take_number(size_t *v, const char **p)
 {
     const char *const start = *p;
@@ -116,8 +121,8 @@ static bool take_number(size_t *v, const char **p)
 
 typedef enum { RANGE_NONE, RANGE_PART, RANGE_OUTSIDE } range_kind;
 
-/* Parses "bytes=A-B", "bytes=A-" or "bytes=-N" of a file of `nbytes`; what is
- * not understood may be ignored (RFC 9110, 14.2). */
+/* Parses "bytes=A-B", "bytes=A-" or "bytes=-N" for a file of `nbytes`. Ranges
+ * in other forms are ignored, which RFC 9110, 14.2 allows. */
 static range_kind parse_range(size_t *first, size_t *end, const char *p,
                               size_t nbytes)
 {
@@ -137,7 +142,8 @@ static range_kind parse_range(size_t *first, size_t *end, const char *p,
     }
     if (*p != '\r' || (from && last < *first))
         return RANGE_NONE;
-    /* "-N" is the last N bytes; "-0" asks for none, which is outside. */
+    /* "-N" means the last N bytes. "-0" means no bytes, which cannot be
+     * satisfied. */
     if (!from) {
         *first = last < nbytes ? nbytes - last : 0;
         last = last ? SIZE_MAX : 0;
@@ -156,8 +162,8 @@ static const saga_http_file *find_file(const saga_http *http, const char *path,
     return NULL;
 }
 
-/* Tells whether the browser was told to come to this machine; it leaves the
- * usual port, 80, out. */
+/* Tells whether the request's Host is this machine. Browsers omit the port if
+ * it is 80. */
 static bool is_host_ours(const saga_http *http, const char *request)
 {
     const char *const host = header(request, "Host");
@@ -166,8 +172,8 @@ static bool is_host_ours(const saga_http *http, const char *request)
     char port[16];
 
     snprintf(port, sizeof port, ":%d", http->port);
-    /* A foreign page may have its own name resolve to 127.0.0.1, and could then
-     * read what is served here; its requests have that name as Host. */
+    /* A foreign page may let its own name resolve to 127.0.0.1 to read what is
+     * served here. Its requests then have that name as Host. */
     for (int i = 0; host && i < 2; i++) {
         const size_t m = strlen(names[i]);
 
@@ -181,7 +187,7 @@ static bool is_host_ours(const saga_http *http, const char *request)
     return false;
 }
 
-/* Sets the answer to a request that is complete, its first line "METHOD /PATH
+/* Sets the answer to a complete request, whose first line must be "METHOD /PATH
  * HTTP/1.x". */
 static void answer(const saga_http *http, client *c)
 {
@@ -195,8 +201,7 @@ static void answer(const saga_http *http, client *c)
         refuse(c, "405 Method Not Allowed");
         return;
     }
-    /* "GET /PATH HTTP/1.x": a path that reaches to the end of the line has no
-     * version behind it. */
+    /* If the path reaches to the end of the line, the version is missing. */
     path = space + 2;
     if (space[1] != '/' || path + strcspn(path, " \r") >= end_of_line) {
         refuse(c, "400 Bad Request");
@@ -211,7 +216,7 @@ static void answer(const saga_http *http, client *c)
         refuse(c, "404 Not Found");
         return;
     }
-    /* A range is of GET alone (RFC 9110, 14.2). */
+    /* Only GET has ranges (RFC 9110, 14.2). */
     range = is_method(c, "GET") ? header(c->request, "Range") : NULL;
     switch (parse_range(&first, &end, range, file->nbytes)) {
     case RANGE_NONE: give(c, file, 0, 0); break;
@@ -234,8 +239,8 @@ static void hang_up(client *c)
     c->fd = -1;
 }
 
-/* Gives a connection a place that is free, or that of the client which did
- * nothing for longest. */
+/* Gives a connection a free place, or the place of the client that was inactive
+ * longest. */
 static void greet(client *clients, int fd)
 {
     client *c = clients;
@@ -250,7 +255,7 @@ static void greet(client *clients, int fd)
     c->n = c->n_head = c->n_body = c->sent = 0;
 }
 
-/* Takes what came; sets the answer once the request is whole. */
+/* Receives a part of a request; answers once the request is complete. */
 static void listen_to(const saga_http *http, client *c)
 {
     const ssize_t n = recv(c->fd, c->request + c->n, REQUEST_NBYTES - c->n,
@@ -274,10 +279,10 @@ static void listen_to(const saga_http *http, client *c)
     c->state = ANSWERED;
 }
 
-/* Sends as much of the answer as the connection takes at once. */
+/* Sends as much of the answer as the connection accepts without blocking. */
 static void send_more(client *c)
 {
-    /* sent counts head and body as one. */
+    /* `sent` counts the head and the body together. */
     const bool head = c->sent < c->n_head;
     const size_t at = head ? c->sent : c->sent - c->n_head;
     const void *const from = head ? (const void *)(c->head + at)
@@ -294,14 +299,14 @@ static void send_more(client *c)
     c->since = now_ms();
     c->sent += (size_t)n;
     if (c->sent == c->n_head + c->n_body) {
-        /* Our half is closed: the client sees the end and may still take it
-         * all. */
+        /* Only the sending side is closed: the client sees the end and can
+         * still receive everything. */
         shutdown(c->fd, SHUT_WR);
         c->state = LEAVING;
     }
 }
 
-/* Throws away what still comes, until the client hangs up. */
+/* Discards what the client still sends, until it closes the connection. */
 static void see_off(client *c)
 {
     const ssize_t n = recv(c->fd, c->request, REQUEST_NBYTES, MSG_DONTWAIT);
@@ -319,15 +324,15 @@ static void serve_client(const saga_http *http, client *c, bool ready)
         send_more(c);
     else if (ready)
         see_off(c);
-    /* One that has not asked yet may wait: browsers keep spare connections, and
-     * greet() takes the oldest one's place. */
+    /* A client that has not asked yet may wait, because browsers keep spare
+     * connections; greet() reuses the oldest place if all are taken. */
     if (c->fd >= 0 && c->state != ASKING &&
         now_ms() - c->since > (c->state == ANSWERED ? SEND_MS : LEAVE_MS))
         hang_up(c);
 }
 
-/* Waits a little for connections and for what goes through them. No client is
- * waited for: each gets what it takes at once. */
+/* Waits up to PATIENCE_MS for events and handles them. No client blocks
+ * another, since each receives what it accepts at once. */
 static void turn(const saga_http *http, client *clients)
 {
     struct pollfd look[MAX_CLIENTS + 1];
@@ -340,9 +345,10 @@ static void turn(const saga_http *http, client *clients)
         };
     look[MAX_CLIENTS] = (struct pollfd){ .fd = http->listener,
                                          .events = POLLIN };
-    /* poll() passes over places without a client, whose fd is -1. */
+    /* poll() skips places without a client, whose fd is -1. */
     n = poll(look, MAX_CLIENTS + 1, PATIENCE_MS);
-    /* All clients, also those without news: their time may be up. */
+    /* Clients without events are visited too, because they may have timed
+     * out. */
     for (int i = 0; n >= 0 && i < MAX_CLIENTS; i++)
         if (clients[i].fd >= 0)
             serve_client(http, &clients[i], look[i].revents != 0);
@@ -363,18 +369,18 @@ bool saga_http_open(saga_http *http, int port, saga_error *error)
     char name[32];
 
     snprintf(name, sizeof name, "127.0.0.1:%d", port);
-    /* Nobody but this machine can connect. */
+    /* Only this machine can connect. */
     at.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     http->listener = socket(AF_INET, SOCK_STREAM, 0);
     if (http->listener >= 0 &&
         !setsockopt(http->listener, SOL_SOCKET, SO_REUSEADDR, &yes,
                     sizeof yes) &&
-        /* A client may have gone by the time it is accepted. */
+        /* accept() must not block if the client has gone meanwhile. */
         !fcntl(http->listener, F_SETFL, O_NONBLOCK) &&
         !bind(http->listener, (struct sockaddr *)&at, sizeof at) &&
         !listen(http->listener, MAX_CLIENTS) &&
         !getsockname(http->listener, (struct sockaddr *)&at, &n)) {
-        /* The system has chosen a port where 0 was asked for. */
+        /* If 0 was asked for, the system has chosen a port. */
         http->port = ntohs(at.sin_port);
         return true;
     }
