@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * A C program as a user of the library writes it: the header, the library,
- * static memory. Prints the CRC of a file's first moment in its first camera.
+ * This program uses the library as a user's C program would: with the header,
+ * the library and static memory. It prints the CRC of the picture that a file's
+ * first camera sees at its first time.
  *
  *     use_from_c FILE.saga
  */

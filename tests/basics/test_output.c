@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Output that appears whole or not at all, beside what else may be there:
- * devices, pipes, links, permissions, files of the user's, parts of runs that
- * were killed, other writers.
+ * Output files appear when they are complete or not at all. The tests put other
+ * things in their way: devices, pipes, links, permissions, the user's own
+ * files, remains of killed runs, and other writers.
  */
 #include "file.h"
 #include "output.h"

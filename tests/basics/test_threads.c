@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Work that several threads do: every part once, by threads with numbers of
- * their own, whatever the number of threads; little work by one; work in work.
+ * Loops over several threads: every part runs exactly once, on threads with
+ * distinct numbers, for any number of threads. Little work runs on one thread,
+ * and loops may be nested.
  */
 #include <stdatomic.h>
 

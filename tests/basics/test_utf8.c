@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * UTF-8 against table 3-7 of the Unicode Standard, byte ranges written out;
- * names that are none keep apart and are cut behind a character; JSON that
- * lacks a value is noticed.
+ * The check of UTF-8 is compared with table 3-7 of the Unicode Standard, whose
+ * byte ranges are written out here. Names that are not UTF-8 stay distinct, and
+ * are cut after a whole character. A missing value in JSON is noticed.
  */
 #include "json_memory.h"
 #include "notes.h"

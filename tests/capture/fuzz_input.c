@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: MIT
  *
- * Fuzzing of the readers of captures: the first byte of an input is the kind,
- * the rest the file. With libFuzzer, beside what test_input_damage links:
+ * This program fuzzes the readers of captures. The first byte of an input
+ * selects the kind of file; the rest is the file. With libFuzzer, and what
+ * test_input_damage links:
  *     clang -fsanitize=fuzzer,address,undefined ... fuzz_input.c
- * Without: -DSAGA_FUZZ_MAIN makes a program of it that plays such files, or
- * writes one of each kind to begin with:
+ * Without libFuzzer, -DSAGA_FUZZ_MAIN makes a program that plays such inputs,
+ * or writes one of each kind to begin with:
  *     fuzz_input FILE...
  *     fuzz_input --seeds DIR
  */

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * Calibrations in TOML beside videos. The built-in room, written as caliscope,
- * Anipose, Pose2Sim and FreeMoCap have it, must be loaded as it was; the lens
- * is compared with OpenCV's formula; names must find their videos.
+ * Videos with calibrations in TOML. The built-in room, written in the formats
+ * of caliscope, Anipose, Pose2Sim and FreeMoCap, must be loaded with the same
+ * cameras and pixels. The lens is compared with OpenCV's formula, and the names
+ * in the calibration must find their videos.
  */
 #include "load.h"
 #include "scene_layouts.h"

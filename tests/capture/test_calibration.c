@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: MIT
  *
- * Whether cameras fit their pictures: corners and matches against pictures that
- * were moved by a known amount, agreement against two pinholes, mistakes of
- * poses against matrices spoiled by hand; and each mistake planted in the
- * built-in room, which is to be named, while the room as it is fits.
+ * The check whether cameras fit their pictures. Corners and matches are
+ * compared with pictures that were moved by a known amount, agreement with two
+ * pinholes, and recognised mistakes with matrices changed by hand. Each mistake
+ * is also planted in the built-in room and must be named; the unchanged room
+ * must fit.
  */
 #include "calibration.h"
 #include "matches.h"

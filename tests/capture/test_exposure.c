@@ -1,4 +1,8 @@
-/* SPDX-License-Identifier: MIT */
+/* SPDX-License-Identifier: MIT
+ *
+ * Exposures of cameras, estimated from pairs of colours that are made here with
+ * known factors for each camera and channel, must be those factors.
+ */
 #include "exposure.h"
 #include "testing.h"
 

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * Real input, where ../shared/data has it: studio (Neu3D with COLMAP's model
- * and true depth) against the figures of its README, person4 (nerfstudio with
- * lenses) against its own frames as ffmpeg gives them and OpenCV's formula.
+ * Real captures, if ../shared/data has them. studio (Neu3D with a COLMAP model
+ * and true depth) is compared with the numbers in its README; person4
+ * (nerfstudio with lens distortion) with its own frames as ffmpeg decodes them,
+ * and with OpenCV's formula.
  */
 #include "capture_files.h"
 #include "testing.h"

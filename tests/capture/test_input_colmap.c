@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * COLMAP's model: one made up here, written as text and as bytes, must be read
- * as what was made up; which of its points a capture keeps, and its cameras
- * where there is no poses_bounds.npy.
+ * A COLMAP model made up here is written as text and as binary files, and must
+ * be read back. The tests also check which of its points a capture keeps, and
+ * its cameras if there is no poses_bounds.npy.
  */
 #include "capture_files.h"
 #include "colmap.h"

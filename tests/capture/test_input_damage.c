@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * Damaged files of every kind that a capture has: the readers take or refuse
- * them, with a message, and never crash. SAGA_TEST_COUNT damaged files of each
- * kind (300), from SAGA_TEST_SEED on. fuzz_input.c is the same with libFuzzer.
+ * Damaged files of every kind that a capture may have. The readers must accept
+ * them, or refuse them with a message, and never crash. SAGA_TEST_COUNT (300)
+ * files of each kind are damaged, beginning with the number SAGA_TEST_SEED.
+ * fuzz_input.c does the same with libFuzzer.
  */
 #include "gen_input.h"
 #include "testing.h"

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Arrays, points and pictures from files whose bytes are put together here,
- * by the formats' descriptions and not by the libraries that read them; and
- * the same files cut short, wrong or lying about their sizes.
+ * Arrays, points and pictures are read from files whose bytes are put together
+ * here from the descriptions of the formats, not by the libraries that read
+ * them. The same files are also cut short, made invalid, or given wrong sizes.
  */
 #include "capture_files.h"
 #include "npy.h"

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * One scene in the layouts of pictures: the built-in room, written as COLMAP
- * and Blender have it, must be loaded from there as it was; so must stills of
- * every format. What is missing is left out, what is wrong refused.
+ * The built-in room, written in the layouts of COLMAP and Blender and as stills
+ * of every format, must be loaded with the same cameras and pixels. Missing
+ * pictures are left out, invalid files refused.
  */
 #include "scene_layouts.h"
 #include "testing.h"

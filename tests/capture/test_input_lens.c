@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Lenses and sizes at loading: OpenCV's distortion against values worked out
- * by hand, pictures made through a lens against the same pattern seen by a
- * pinhole, area averages and scaled intrinsics.
+ * Lenses and sizes at loading. OpenCV's distortion is compared with values
+ * computed by hand, pictures made through a lens with the same pattern seen by
+ * a pinhole; area averages and scaled intrinsics are checked, too.
  */
 #include "capture_files.h"
 #include "picture.h"

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Masks: which pixels count, wherever a capture says it; what does not count
- * looks as where it does; and cameras that are late by a part of a frame.
+ * Masks: the tests check which pixels count, for every place in a capture that
+ * can say so, and that the value of other pixels has no effect on those that
+ * count. They also check cameras that are late by a fraction of a frame.
  */
 #include "capture_files.h"
 #include "picture.h"

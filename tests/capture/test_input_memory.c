@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * Loading where memory ends: every allocation of ours, of libpng, of
- * libjpeg-turbo, of jansson, of OpenEXR and of libc fails once. Small captures
- * of each format; ffprobe and ffmpeg are stand-ins that give what the real ones
- * would, a hundred times faster.
+ * Loading when memory runs out. Each allocation made by us, libpng,
+ * libjpeg-turbo, jansson, OpenEXR and libc fails once, for a small capture of
+ * each format. Stand-ins for ffprobe and ffmpeg give the output of the real
+ * programs a hundred times faster.
  */
 #include "alloc.h"
 #include "capture_files.h"

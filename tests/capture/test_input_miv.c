@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * Depth of MPEG's immersive video: a wall and a sphere, whose codes are worked
- * out here, come back as points that lie on them, with the texture's colour;
- * of a pinhole, a sphere all round and an orthographic view, which only gives
- * points.
+ * Depth maps of MPEG immersive video. A wall and a sphere, whose depth codes
+ * are computed here, must come back as points on them with the texture's
+ * colour. Cameras are a pinhole, a full equirectangular view, and an
+ * orthographic view, which gives points but no pictures.
  */
 #include "capture_files.h"
 #include "testing.h"

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Arrays from .npz files that are put together here, by ZIP's description:
- * stored and deflated; and the same file cut at every byte and wrong in every
- * byte.
+ * Arrays in .npz files, which are put together here from the description of
+ * ZIP, stored and deflated. The same file is also cut at every byte and changed
+ * in every byte.
  */
 #include "capture_files.h"
 #include "npz.h"

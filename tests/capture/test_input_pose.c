@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Poses: points whose pixels can be worked out by hand, through each
- * convention of files; poses that are none; and the cameras of the built-in
- * scene against its points, its true depth and its pictures.
+ * Poses: points whose pixels can be computed by hand are projected by each
+ * convention of files. Invalid poses are refused. The cameras of the built-in
+ * scene are compared with its points, its true depth and its pictures.
  */
 #include "capture_files.h"
 #include "picture.h"

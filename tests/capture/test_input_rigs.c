@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * One scene in the layouts of many cameras: the built-in room, written as
- * nerfstudio and Neu3D have videos, as Panoptic Sports and MPEG's immersive
- * video have it, must be loaded from there as it was.
+ * The built-in room, written in the layouts with many cameras (nerfstudio and
+ * Neu3D with videos, Panoptic Sports, MPEG immersive video), must be loaded
+ * with the same cameras and pixels.
  */
 #include "scene_layouts.h"
 #include "testing.h"

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Captures from strangers: what would make ffmpeg read other files, programs
- * wait for ever, or training go on with numbers that mean nothing, is refused
- * with a message that helps.
+ * Captures from strangers. Input that would make ffmpeg read other files, make
+ * a program wait for ever, or let training continue with meaningless numbers,
+ * is refused with a helpful message.
  */
 #include "capture_files.h"
 #include "child.h"

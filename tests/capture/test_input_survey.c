@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * The survey of a capture: what is wrong with one is planted in the built-in
- * room, and is to be found with its size; and in the room as it is, nothing.
+ * The survey of a capture. Faults of known size are planted in the built-in
+ * room; each must be found with its size, and nothing must be found in the
+ * unchanged room.
  */
 #include "order.h"
 #include "pose.h"

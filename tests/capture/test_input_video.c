@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Video through ffmpeg: frames made here, stored without loss, must come back
- * in order, in number and in colour; cameras that do not fit together and
- * files that cannot be decoded are refused.
+ * Video through ffmpeg. Frames made here and stored without loss must come back
+ * in the right order, number and colour. Cameras that do not fit together, and
+ * files that cannot be decoded, are refused.
  */
 #include "capture_files.h"
 #include "load.h"

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * How late a camera is, planted in both built-in scenes in whole frames and
- * found by matches of what moves: what is told is right within what is told of
- * it, nothing is told of cameras that are on time, and in the room most is.
+ * Late cameras, estimated from matches of moving things. Cameras of both
+ * built-in scenes are delayed by whole frames. Each reported delay must be
+ * right within the reported tolerance, none may be reported for cameras that
+ * are on time, and in the room most delays must be found.
  */
 #include "capture_files.h"
 #include "late_matches.h"

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * How late a camera is, planted in films of both built-in scenes: what is told
- * is right within what is told of it, and of cameras that share no motion with
- * the others nothing is.
+ * Late cameras, estimated from films of both built-in scenes with known delays.
+ * Each reported delay must be right within the reported tolerance. No delay may
+ * be reported for a camera that shares no motion with the others.
  */
 #include "lateness.h"
 #include "synth_capture.h"

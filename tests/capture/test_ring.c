@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The built-in scenes: the room keeps its bytes; the ring is where arithmetic
- * says that it is.
+ * The built-in scenes. The room must keep its bytes; the objects of the ring
+ * must be where a computation by hand puts them.
  */
 #include "capture_files.h"
 #include "pose.h"

@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * The quantiser in the loop: it runs the traversal, so whatever its entropy
- * parameters come from (hyperprior, parent, groups, bank), what it chose
- * passes the encoder and comes back from the bytes, and no value lies farther
- * from its target than half a step.
+ * The quantiser in closed loop. Whatever sources its entropy parameters have
+ * (hyperprior, parent, groups, bank), its symbols pass the encoder and come
+ * back from the bytes, and every value lies within half a step of its target.
  */
 #include "encode.h"
 #include "gen_stream.h"

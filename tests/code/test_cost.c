@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * The cost counter: symbols by hand; chunks of random streams, whose bytes are
- * what was spent; streams whose symbols follow their distributions, where code
- * lengths say the same.
+ * The counter of bits is compared with symbols counted by hand; with the bytes
+ * of chunks of random streams; and with the expected code length of symbols
+ * drawn from their distributions.
  */
 #include "cost.h"
 #include "encode.h"

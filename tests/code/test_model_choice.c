@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Which adaptive model codes which symbol: what the traversal asks for against
- * sections 8 and 10 of docs/bitstream.md, taken from the finished symbols.
+ * The tests check which adaptive model codes which symbol: the models that the
+ * traversal uses are compared with sections 8 and 10 of docs/bitstream.md,
+ * applied to the finished symbols.
  */
 #include "container.h"
 #include "encode.h"

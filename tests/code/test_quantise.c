@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Networks from reals to symbols to the decoder's integers and back: layers of
- * random sizes and ranges take the place of those of random models, and the
+ * Networks go from reals to symbols, to the decoder's integers, and back.
+ * Layers of random sizes and ranges replace those of random models, and the
  * encoder's traversal dequantises them.
  */
 #include "cost.h"

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * The memory bank against an implementation in double, written from the
- * paper's equations; and what memory_bank.h promises on every input. Bounds
- * are derived beside their names.
+ * The memory bank is compared with an implementation in double, written from
+ * the paper's equations, and its output with the promises of memory_bank.h for
+ * every input. The bounds are derived next to their names.
  */
 #include "gen_scene.h"
 #include "memory_bank.h"

@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: MIT
  *
- * Who reads the bank when, and what is written: a second implementation of
- * arithmetic.md's section "Memory", from the tables of the page, follows the
- * decoding of streams in which the bank is the only source, and predicts
- * every mu and every scale. Layers are plain 64-bit sums here; the bank's
- * operators are common/'s, which test_memory.c compares with double.
+ * The tests check which block reads the bank at which time, and what is written
+ * to it. A second implementation of the section "Memory" of docs/arithmetic.md,
+ * written from the tables of that page, follows the decoding of streams whose
+ * only source is the bank, and predicts every mu and every scale. Its layers
+ * are plain 64-bit sums. It uses the bank's operators of common/, which
+ * test_bank.c compares with double.
  */
 #include "encode.h"
 #include "fx.h"

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Elementary functions against libm, and the properties fx_math.h promises.
- * Bounds are derived, then rounded up a little: each is within a tenth of what
- * is measured.
+ * Elementary functions are compared with libm and with the properties that
+ * fx_math.h promises. The bounds are derived and rounded up a little; each is
+ * within a tenth of the measured error.
  */
 #include "fx_math.h"
 #include "testing.h"

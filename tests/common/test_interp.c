@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Neighbours of a position: every candidate's distance as docs/arithmetic.md
- * has it, all of them sorted and the first ones taken, against interp.c, which
- * stops looking at a candidate once it is too far.
+ * The neighbours of a position. interp.c, which drops a candidate as soon as it
+ * is too far away, is compared with all candidates' distances by
+ * docs/arithmetic.md, fully sorted.
  */
 #include "fx.h"
 #include "fx_math.h"

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Dense layers against a straightforward reference in int64, with random rows
- * and with the largest rows that are valid. Buffers have their exact size, so
- * that the sanitizers see every read and write past an end.
+ * Dense layers are compared with a straightforward reference in int64, with
+ * random rows and with the largest valid rows. Buffers have their exact size,
+ * so that the sanitizers see every read and write past an end.
  */
 #include "mlp.h"
 #include "mlp_pairs.h"

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The inputs of networks: every value of every format in every input format,
- * one at a time against fx_requant16, between canaries.
+ * The inputs of networks: every value of every format is converted to every
+ * input format and compared with fx_requant16, with canaries around the output.
  */
 #include "fx.h"
 #include "nets.h"

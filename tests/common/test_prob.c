@@ -1,17 +1,18 @@
 /* SPDX-License-Identifier: MIT
  *
- * The range coder alone: what trainer/code/range_enc writes, decoder/range_dec
- * reads, to the last byte; adaptive models never lose a symbol; the length is
- * what the integer frequencies say.
+ * The range coder alone. decoder/range_dec must read what
+ * trainer/code/range_enc wrote, to the last byte; adaptive models must never
+ * lose a symbol; and the length must follow from the integer frequencies.
  *
- * What the end of a chunk guarantees, and nothing more:
+ * The guarantees at the end of a chunk are exactly these:
  * - A decoder that has read all symbols of a chunk of n bytes stands at n + 3.
- * - A chunk from which bytes were cut off never gives the same symbols and a
- *   successful finish. (It may give other symbols and a successful finish:
- *   chunks have CRCs for that.)
- * - A chunk with bytes behind its end is refused, zeros too, although they are
- *   what the decoder would have read anyway: a chunk has one length.
- * - A code that no encoder can have meant is refused.
+ * - A chunk from which bytes were cut off never gives the same symbols together
+ *   with a successful finish. (It may give other symbols and a successful
+ *   finish, which the chunk's CRC then catches.)
+ * - A chunk with bytes after its end is refused, because a chunk has one
+ * length.
+ *   This holds even for zeros, which the decoder reads after the end anyway.
+ * - A code that no encoder can have written is refused.
  */
 #include "gen_stream.h"
 #include "prob.h"

@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: MIT
  *
- * The static distributions: every row is one, and coding with it costs hardly
- * more than the entropy. Lengths are computed in double, without a coder. And
- * docs/arithmetic.md, which has a checksum of each table of the norm. SAGA_ROOT
- * is the repository's folder; "." without it.
+ * The static distributions. Every row must be a distribution, and coding with
+ * it must take hardly more than the entropy; code lengths are computed in
+ * double, without a coder. The checksums that docs/arithmetic.md gives for the
+ * tables are compared, too. SAGA_ROOT is the repository's folder, by default
+ * ".".
  */
 #include "fx_math.h"
 #include "prob.h"

@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: MIT
  *
- * Primitives at a time against double, with the bounds that follow from the
- * roundings of the norm:
+ * Primitives at a time are compared with double. The bounds follow from the
+ * roundings that docs/arithmetic.md prescribes:
  *
  *     age          0.51 LSB of Q16
  *     position     1/2 + 10.5 support / 2^20 box units: three roundings of
- *                  Q20, of which the first two grow by |age| <= 4 each; and
- *                  what it moves in the age's error
+ *                  Q20, of which the first two are multiplied by |age| <= 4
+ *                  each; and the motion within the error of the age
  *     quaternion   one rounding of its slope and one of the common shift
- *     q0           1.31 LSB of Q20 of softplus2, 128 more where the opacity is
+ *     q0           1.31 LSB of Q20 from softplus2, 128 more if the opacity is
  *                  rounded to Q12 first; the fade: u to 0.51 LSB of Q16 and
  *                  log2(e) to 0.4 LSB of Q20
  */

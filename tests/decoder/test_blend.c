@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * A splat into a tile: the plain loops against the norm, pixel by pixel, and
- * their twins in vectors against them, with canaries around the tile.
+ * Blending of a splat into a tile. The plain loops are compared with the
+ * integer reference pixel by pixel, the vector loops with the plain ones, with
+ * canaries around the tile.
  */
 #include "blend.h"
 #include "every_cpu.h"

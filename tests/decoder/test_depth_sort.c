@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * The order of drawing against the C library's qsort by (depth, index).
+ * The drawing order is compared with the C library's qsort by (depth, index).
  */
 #include "depth_sort.h"
 #include "gen_scene.h"

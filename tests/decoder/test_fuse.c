@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * A stream without Fuse against one whose Fuse networks are exact identities:
- * everything the decoder makes of both is the same. And what is left of a
- * network that does not exist: three bytes of the header that nobody reads.
+ * A stream without Fuse must decode to the same as a stream whose Fuse networks
+ * are exact identities. The three header bytes of a network that does not exist
+ * must have no effect.
  */
 #include "gen_stream.h"
 #include "plan.h"

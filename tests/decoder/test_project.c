@@ -1,20 +1,21 @@
 /* SPDX-License-Identifier: MIT
  *
- * Projection against double: the factor of the conic, q inside the cut, the
- * mean; the rules that drop a splat, exactly; the limits of a camera; boxes
- * against every pixel of small pictures.
+ * Projection is compared with double: the factor of the conic, q inside the
+ * cut, and the mean. The rules that drop a splat must hold exactly. The limits
+ * of a camera are checked, and boxes are compared with every pixel of small
+ * pictures.
  *
- * Bounds. The arithmetic from T on adds at most 2 LSB of Q28 to a factor. T
- * itself is off by up to
+ * Bounds: the arithmetic after T adds at most 2 LSB of Q28 to a factor. T
+ * itself is wrong by up to
  *
  *     delta = sigma (2^-17 / f + 2^-25) px,
  *
- * sigma being the largest axis seen from the side, in px, f the shorter focal
- * length: the slope of the Jacobian is rounded to 2^-16 px, x, y and z to 27
- * bits, T to 30 bits of its largest entry. What that does to a factor follows
- * by differentiation (factor_bound). In a point it is nothing, in the splats
- * of pictures some 100 LSB, in needles of 1:10^4 all of the error; q, which is
- * what counts, is within 7e-4 all the same.
+ * where sigma is the largest axis seen from the side, in px, and f the shorter
+ * focal length: the slope of the Jacobian is rounded to 2^-16 px, x, y and z to
+ * 27 bits, and T to 30 bits of its largest entry. The effect on a factor
+ * follows by differentiation (factor_bound). It is nothing for a point, about
+ * 100 LSB for usual splats, and the whole error for needles of 1:10^4. Even
+ * then q, on which the picture depends, is within 7e-4.
  */
 #include "gen_hard.h"
 #include "project.h"

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * Blending. A single splat on black, drawn with 16 bits, shows the weight of
- * every pixel: against double, which pixels it touches; against the formula of
- * the norm, how much. Scenes are compared with the norm pixel by pixel.
+ * Blending in a whole picture. A single splat on black, drawn with 16 bits,
+ * shows its weight at every pixel: the touched pixels are compared with double,
+ * the weights with the formula of docs/arithmetic.md. Scenes are compared with
+ * the integer reference pixel by pixel.
  */
 #include "model.h"
 #include "raster_scene.h"

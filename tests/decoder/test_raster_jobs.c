@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Pictures of a scene are the same over everything that must not show: tiles,
- * lists, scratch, budgets, division among threads. Nothing is written but
- * pixels of the job, and a job that is none is refused.
+ * The picture of a scene must not depend on tiles, lists, scratch, budgets or
+ * the division among threads. A job must write nothing except its own pixels,
+ * and an invalid job is refused.
  */
 #include "raster_scene.h"
 

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Runs of primitives to splats: the twin in vectors against animate.c and
- * project.c, bit by bit, over primitives and cameras of every kind, with
- * canaries behind the splats.
+ * Runs of primitives become splats. The vector code is compared bit by bit with
+ * animate.c and project.c, over primitives and cameras of every kind, with
+ * canaries after the splats.
  */
 #include "animate.h"
 #include "every_cpu.h"

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * The sources that an entropy model keeps: those that foretell, by
- * construction or because they learned to, and no others. And that coding what
- * was coded changes nothing, run by run or all at once. The float rows of
- * costs are held against the costs in double.
+ * The entropy model must keep the sources that predict, because they were built
+ * to or have learned to, and no others. Coding again what was coded must change
+ * nothing, in runs or as a whole. The float rows of costs are compared with
+ * costs in double.
  */
 #include "adam.h"
 #include "rate_bits.h"

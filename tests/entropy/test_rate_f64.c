@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * The differentiable rate in double: a residual's cost against the coder's
- * integer frequencies and against differences; gradients of a scene's bits
- * against central differences, for values, contexts and networks.
+ * The differentiable rate in double. A residual's cost is compared with the
+ * coder's integer frequencies, its derivative with differences. Gradients of a
+ * scene's bits with respect to values, contexts and networks are compared with
+ * central differences.
  */
 #include "cost.h"
 #include "rate_bits.h"

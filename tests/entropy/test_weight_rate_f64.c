@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * The rate of networks' parameters: gradients against central differences, bits
- * against the code length of common/prob.h's integers. The rounding of layers:
- * inputs for which its result, or a bound of its error, can be derived.
+ * The rate of networks' parameters. Gradients are compared with central
+ * differences, bits with the code length by the integers of common/prob.h. The
+ * rounding of layers is tested on inputs for which its result, or a bound of
+ * its error, can be derived.
  */
 #include "cost.h"
 #include "quantise.h"

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Splats on their way to other programs and back: a film's cloud against the
- * decoder's integers, harmonics against what makes them a basis.
- * test_cloud_files.c has the files.
+ * Splats on their way to other programs and back. The cloud of a film is
+ * compared with the decoder's integers; spherical harmonics are checked to be
+ * an orthonormal basis. test_cloud_files.c tests the files.
  */
 #include "cloud_capture.h"
 #include "file.h"

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * glTF files made by hand: packed and integer attributes, and what is refused.
+ * glTF files made by hand: packed and integer attributes, and files that must
+ * be refused.
  */
 #include "cloud_files.h"
 #include "gen_cloud.h"

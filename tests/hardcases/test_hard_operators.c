@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * Hard cases of what mixes features: the softmax over neighbours and that over
- * the slots of the bank, where logits are equal or as far apart as they can be,
- * and slots that are parallel, opposite or zero. README.md here has the table.
+ * Hard cases of the operators that mix features: the softmax over neighbours
+ * and the softmax over the bank's slots, with logits that are equal or as far
+ * apart as possible, and slots that are parallel, opposite or zero. README.md
+ * in this folder has the table.
  */
 #include "gen_scene.h"
 #include "interp.h"

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * Hard cases of the picture: primitives and cameras at the ends of what the
- * format can say, each in a file of its own that is encoded, decoded and drawn.
- * What must come out is a formula or an invariant told at each test, and the
- * picture in double. README.md here has the table.
+ * Hard cases of the picture: primitives and cameras at the limits of the
+ * format, each in a file of its own that is encoded, decoded and drawn. Each
+ * test compares the picture with a formula or invariant, which it states, and
+ * with the picture in double. README.md in this folder has the table.
  */
 #include "gen_scene.h"
 #include "given_view.h"

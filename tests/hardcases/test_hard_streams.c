@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Hard cases of the decoding: streams whose symbols are all zero or all at
- * their limits, networks of which every layer saturates, the deepest tree. Each
- * is drawn, beside double. README.md here has the table.
+ * Hard cases of decoding: streams whose symbols are all zero or all at their
+ * limits, networks of which every layer saturates, and the deepest tree. Each
+ * is drawn and compared with double. README.md in this folder has the table.
  */
 #include "gen_scene.h"
 #include "given_view.h"

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * Hard cases of the training: captures of the built-in room, changed in memory
- * to what a loader may hand over but no camera ever filmed. Each is trained to
- * a file, which fails where a loss or a gradient is not finite, and the file is
- * decoded. README.md here has the table.
+ * Hard cases of training: captures of the built-in room, changed in memory to
+ * something that a loader may deliver but no camera ever filmed. Each is
+ * trained to a file, which fails if a loss or a gradient is not finite, and the
+ * file is decoded. README.md in this folder has the table.
  */
 #include "capture.h"
 #include "saga.h"

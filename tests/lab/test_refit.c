@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: MIT
  *
- * A trained file taken apart: its values put together again with its own
- * networks give its bytes; fitted anew they decode, lie where they did to half
- * a step, and cost what constants cost where everything is off. A source that
- * says what the features are is found. The order-0 coder against sums by hand.
+ * A trained file is taken apart. Put together again with its own networks, its
+ * values must give its bytes. With refitted networks they must decode to within
+ * half a step, and with all sources off cost the code length of constant
+ * parameters. A source that contains the features must be found useful. The
+ * order-0 coder is compared with sums computed by hand.
  */
 #include "capture.h"
 #include "encode.h"

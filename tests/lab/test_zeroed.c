@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Files taken apart and put together again: unchanged, byte for byte; with
- * zero features, with everything else where it was. On random streams with
- * every context there is. SAGA_TEST_SEED is the first seed.
+ * Files are taken apart and put together again: unchanged, they must have the
+ * same bytes; with zero features, all other values must stay. The streams are
+ * random and have every context. SAGA_TEST_SEED is the first seed.
  */
 #include "encode.h"
 #include "gen_stream.h"

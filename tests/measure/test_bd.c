@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Bjontegaard's delta of curves whose answer is known: by a constant factor, on
- * a parabola, and where the two splines must part; and what is refused.
+ * The BD-rate is tested on curves whose result is known: with a constant factor
+ * between them, on a parabola, and at a point where the two splines must
+ * differ. Invalid curves are refused.
  */
 #include "bd.h"
 #include "testing.h"

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The temporal median picture and PSNR on changing pixels: a sequence made by
- * hand, and medians by sorting.
+ * The temporal median picture and the PSNR of changing pixels are tested on a
+ * sequence made by hand, medians also by sorting.
  */
 #include "change.h"
 #include "testing.h"

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Convolution and pooling against their definitions, and LPIPS against the
- * reference values that came with the weights, where ../shared/data has them.
+ * Convolution and pooling are compared with their definitions, and LPIPS with
+ * the reference values that came with the weights, if ../shared/data has them.
  */
 #include "conv.h"
 #include "file.h"

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * PSNR, SSIM and MS-SSIM against their definitions and known values.
+ * PSNR, SSIM and MS-SSIM are compared with their definitions and with known
+ * values.
  */
 #include "score.h"
 #include "ref_ssim.h"

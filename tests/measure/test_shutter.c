@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * A wave runs through the picture. A camera that takes each row from a moment
- * of its own must be told from one that is late as a whole, and both from what
- * a film has wrong.
+ * The estimate of a rolling shutter is tested on pictures of a moving wave. A
+ * camera that takes its rows one after the other must be distinguished from one
+ * that is late as a whole, and both from other faults of a film.
  */
 #include "shutter.h"
 #include "testing.h"

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The still part of a capture that comes in parts.
+ * The measurement of the still part of a capture whose pictures arrive in
+ * parts.
  */
 #include "still.h"
 #include "testing.h"

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * The verdict parts what stands still from what moves.
+ * The verdict must separate things that stand still from things that move.
  */
 #include "testing.h"
 #include "verdict.h"

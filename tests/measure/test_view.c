@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Watching a file: cameras from metres to integers and back, pictures of the
- * vectors through trainer/measure/view, the camera path, the montage.
+ * Watching a file: cameras are converted from metres to integers and back,
+ * pictures of the vectors are drawn through trainer/measure/view; the camera
+ * path and the montage of pictures are tested, too.
  */
 #include "change.h"
 #include "evaluate.h"

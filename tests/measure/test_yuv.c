@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Luma and chroma against BT.709's own figures; WS-PSNR and IV-PSNR against
- * their definitions, written here pixel by pixel.
+ * Luma and chroma are compared with BT.709's own numbers, WS-PSNR and IV-PSNR
+ * with their definitions, which are written out here pixel by pixel.
  */
 #include "testing.h"
 #include "yuv.h"

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Adam in the axes of each block: against Adam itself, against the axes that a
- * known covariance has, and in a narrow valley that lies across the
- * coordinates.
+ * Adam along the principal axes of each block is compared with plain Adam and
+ * with the axes of a known covariance, and must be faster in a narrow valley
+ * that lies across the coordinates.
  */
 #include "block_adam.h"
 #include "rng.h"

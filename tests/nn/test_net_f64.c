@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Networks in double: a naive evaluation, and finite differences of weights,
- * biases and inputs; the embedding against sine and cosine.
+ * Networks in double are compared with a naive evaluation, their gradients with
+ * finite differences of weights, biases and inputs, the embedding with sine and
+ * cosine.
  */
 #include "embedding.h"
 #include "net.h"

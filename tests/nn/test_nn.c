@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Parts of the trainer's networks in float: Adam against steps by hand, random
- * numbers, the same bits for any number of threads.
+ * Parts of the trainer's networks in float: Adam against steps computed by
+ * hand, random numbers, and the same bits for any number of threads.
  */
 #include "adam.h"
 #include "embedding.h"

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Masked anchors on a line, whose features are known functions of where they
- * are: what is recovered of them follows.
+ * Masked anchors lie on a line and have features that are known functions of
+ * their position, so that the recovered features can be derived.
  */
 #include "mask.h"
 #include "recover.h"

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: MIT
  *
- * Files that are not valid, given to what takes files apart for the tests and
- * for the scripts in tools/: refused with a message wherever the decoder, which
- * is written apart from it, refuses them, and never a crash. The vectors, and
- * streams damaged by number: SAGA_TEST_SEED is the first, SAGA_TEST_COUNT how
- * many.
+ * Invalid files for ref_file, which takes files apart for tests and
+ * experiments. It was written independently of the decoder and must refuse
+ * every file that the decoder refuses, with a message and without a crash. The
+ * inputs are the vectors and damaged streams; SAGA_TEST_SEED is the number of
+ * the first, SAGA_TEST_COUNT their number.
  */
 #include "gen_mutate.h"
 #include "gen_zeroed.h"

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * The integer decoder beside the reference in double: all good vectors, whose
- * networks are random and hard, and the demo's file, which was trained. The
- * reference says itself where the decoder's pixels are not the norm's.
+ * The integer decoder is compared with the reference in double, on all good
+ * vectors, whose networks are random and hard, and on the demo's file, which
+ * was trained. The reference itself fails if the decoder's pixels differ from
+ * the integer reference.
  */
 #include "file.h"
 #include "testing.h"

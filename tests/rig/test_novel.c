@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Pictures that nobody took: where their cameras stand, in which order they
- * come, what they show, and that a warm-up learns from them.
+ * Novel views, which nobody filmed: where their cameras stand, in which order
+ * they come, what they show, and that a warm-up learns from them.
  */
 #include "camera.h"
 #include "flat.h"

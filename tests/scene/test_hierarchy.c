@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Scenes built from flat primitives: limits, budgets and order, checked
- * against the real traversal (a coder that looks the scene up), and through
- * bytes (encoder, then decoder and recorder); then hard inputs.
+ * Scenes built from flat primitives. Limits, budgets and order are checked with
+ * the real traversal (a coder that looks symbols up in the scene), and through
+ * bytes (encoder, then decoder and recorder). Hard inputs follow.
  */
 #include "encode.h"
 #include "fx.h"

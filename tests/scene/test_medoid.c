@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * How a leaf is divided (medoid.h) and a budget shared (budget.h), on random
- * inputs: invariants, and what small cases come to by trying everything.
+ * The division of a leaf (medoid.h) and of a budget (budget.h) on random
+ * inputs: invariants hold, and small cases are compared with the best of all
+ * possibilities.
  */
 #include "budget.h"
 #include "medoid.h"

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Gradients of the scene's float twin against central differences, in double.
- * The loss is a fixed random combination of
- * every attribute, seen from two cameras, so each output counts.
+ * Gradients of the scene's float twin are compared with central differences, in
+ * double. The loss is a fixed random combination of every attribute, seen from
+ * two cameras, so that each output counts.
  */
 #include "rng.h"
 #include "testing.h"

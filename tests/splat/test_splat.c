@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * The rasteriser in float: against the norm by the book in double, for any
- * number of threads, and on hard cases.
+ * The rasteriser in float is compared with a direct implementation of the
+ * definitions in double (support/ref_splats.h), for any number of threads and
+ * on hard cases.
  */
 #include "ref_splats.h"
 #include "splat_scene.h"

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Finite differences of the whole chain (animate, project, raster) in double,
- * for every tensor. The cut and the floor are moved out of the way: in place,
- * a pixel that crosses one jumps.
+ * Gradients of the whole chain (animate, project, raster) are compared with
+ * finite differences in double, for every tensor. The cut and the floor are
+ * moved out of the way, because the loss jumps if a pixel crosses one.
  */
 #include "splat_scene.h"
 #include "testing.h"

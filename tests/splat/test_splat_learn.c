@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * It learns: 500 moving primitives, drawn from several cameras at several
- * times, are the target; 500 others, still at first, are fitted to them by
- * Adam. Views not trained on judge the result.
+ * The rasteriser can be learned through. 500 moving primitives, drawn from
+ * several cameras at several times, are the target; 500 others, still at first,
+ * are fitted to them by Adam. The result is judged on held-out views.
  */
 #include "adam.h"
 #include "splat_scene.h"

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * One model, two arithmetics: the float rasteriser against the integer
- * decoder's animate, project and raster on the same primitives. The bound is
- * the project's: at least 55 dB from each other.
+ * One model in two arithmetics: the float rasteriser is compared with the
+ * integer decoder's animate, project and raster on the same primitives. The
+ * project requires a PSNR of at least 55 dB between the two.
  */
 #include "animate.h"
 #include "project.h"

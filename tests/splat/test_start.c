@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * The start of the fit stands on this: small linear algebra, against its
- * definitions, and the canonical form of primitives, against their pictures.
+ * The start of the fit depends on small linear algebra, which is compared with
+ * its definitions, and on the canonical form of primitives, which is compared
+ * with their pictures.
  */
 #include "canonical.h"
 #include "canvas.h"

@@ -1,16 +1,16 @@
 /* SPDX-License-Identifier: MIT
  *
- * check_init FILE...: what the decoder gives depends on a file's bytes alone.
- * Each file is played twice, on every path that this machine has (plain, 128
- * bits, AVX2): before every call the stack below it, and of the work block, a
- * job's scratch, pictures and results whatever nobody has written, are painted,
- * with zeros in one run and with PAINT in the other. All that comes out must
- * be the same: statuses, results, pixels, how many calls a job takes. Prints
- * `N passed, N failed`, a file on a path each.
+ * check_init FILE...: checks that the decoder's output depends on a file's
+ * bytes alone. Each file is played twice, on every path of this machine (plain,
+ * 128 bits, AVX2). Before every call, the stack below it is painted, and
+ * everything in work block, scratch, pictures and results that nobody has
+ * written: with zeros in one run, with PAINT in the other. Statuses, results,
+ * pixels and the number of calls that a job takes must be the same. Prints `N
+ * passed, N failed`, where each file on each path counts.
  *
- * Built with MemorySanitizer, nothing is painted, but what nobody has written
- * is poisoned, and all that comes out is looked at. Like check_vectors this is
- * plain C, since a test library would have to be built so as well.
+ * With MemorySanitizer nothing is painted. Instead everything that nobody has
+ * written is poisoned, and all output is checked. Like check_vectors this is
+ * plain C, because MemorySanitizer would need a test library built with it.
  */
 /* Paths are chosen here: the library's cpu.c is then not linked. */
 #define saga_cpu_best machine_best

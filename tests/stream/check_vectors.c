@@ -1,13 +1,14 @@
 /* SPDX-License-Identifier: MIT
  *
- * check_vectors DIR [PATH]: every line of DIR/MANIFEST, every stage; bad files
- * must give their exact status. PATH is plain, x4 or avx2 (common/cpu.h) in
- * place of the best one that the machine has. Plain C and no test library, so
- * that it runs on every target. A missing file is a failure. Then every line of
- * DIR/REFUSALS. Prints `N passed, N failed`.
+ * check_vectors DIR [PATH]: checks every stage of every line of DIR/MANIFEST;
+ * bad files must give their exact status. PATH is plain, x4 or avx2
+ * (common/cpu.h) instead of the best one of the machine. The program is plain C
+ * without a test library, so that it runs on every target. A missing file is a
+ * failure. Then every line of DIR/REFUSALS is checked. Prints `N passed, N
+ * failed`.
  *
- * Symbols are read by ref_recorder.h and the shared traversal, everything
- * else through saga.h.
+ * Symbols are read by ref_recorder.h and the shared traversal, everything else
+ * through saga.h.
  */
 /* Paths are chosen here: the library's cpu.c is then not linked. */
 #define saga_cpu_best machine_best

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * make_vectors DIR: writes good and bad streams and DIR/MANIFEST. The files
- * come from gen_stream.h, what they decode to from this build's decoder:
- * run it only when the format changes (`make vectors`), and look at why.
+ * make_vectors DIR: writes good and bad streams and DIR/MANIFEST. The streams
+ * come from gen_stream.h, the checksums from the decoder of this build.
+ * Therefore run it only after a change of the format (`make vectors`), and
+ * check every difference.
  */
 #include "encode.h"
 #include "file.h"

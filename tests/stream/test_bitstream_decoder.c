@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * docs/bitstream.md against the decoder: what the page says of statuses, sizes
- * and ranges is what saga.h's functions do with the good vectors, whole, cut,
- * and with fields at and beyond their ends.
+ * docs/bitstream.md is compared with the decoder. The functions of saga.h must
+ * give the statuses, sizes and ranges that the page states, for the good
+ * vectors whole, cut, and with fields at their limits and beyond.
  */
 #include "bitstream_page.h"
 #include "testing.h"

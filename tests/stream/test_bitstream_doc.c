@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * docs/bitstream.md against itself and the files: a small reader that knows
- * nothing but the page's tables takes every good vector apart.
+ * docs/bitstream.md is compared with itself and with the files. A small reader
+ * that uses only the page's tables takes every good vector apart.
  */
 #include "bitstream_page.h"
 #include "testing.h"

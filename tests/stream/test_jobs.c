@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Whole streams to pictures: however a picture is divided into tiles, lists,
- * bands, jobs, threads and calls, and wherever the decoder lies, it is the
- * same picture.
+ * Whole streams to pictures: the picture must not depend on its division into
+ * tiles, lists, bands, jobs, threads and calls, nor on where the decoder lies
+ * in memory.
  */
 #include "player.h"
 #include "testing.h"

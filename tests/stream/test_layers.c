@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * Layers and the base: the same symbols as segments of their own say what the
- * primitives of each are, sorting all by depth says how they are drawn. A
- * segment that is cut behind a layer, and a file that saga_splice has cut
- * there, is what an encoder makes of the layers that are left.
+ * Layers and the base. The primitives of each are compared with the same
+ * symbols coded as separate segments, the picture with all of them sorted by
+ * depth. A segment that is cut after a layer, and a file that saga_splice has
+ * cut there, must equal the encoder's output for the remaining layers.
  */
 #include "model.h"
 #include "player.h"

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * A caller's mix-ups of views, jobs, segments or files are refused, and
- * nothing is written where it does not belong.
+ * A caller that confuses views, jobs, segments or files is refused, and nothing
+ * is written outside of its place.
  */
 #include "player.h"
 #include "testing.h"

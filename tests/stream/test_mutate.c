@@ -1,18 +1,18 @@
 /* SPDX-License-Identifier: MIT
  *
- * Damaged streams: a status, never a crash, never an endless loop. What is
- * damaged and how follows from a stream's number alone: SAGA_TEST_SEED is the
- * first number, SAGA_TEST_COUNT how many; SAGA_TEST_VERBOSE=1 prints each
+ * A damaged stream must give a status, and never a crash or an endless loop.
+ * The damage follows from a stream's number alone: SAGA_TEST_SEED is the first
+ * number, SAGA_TEST_COUNT the count of streams; SAGA_TEST_VERBOSE=1 prints each
  * number before it is played.
  *
- * Damage that is not signed must be noticed. Precisely: saga_open and
- * saga_find may both accept a head only if it is the original's head byte by
- * byte (saga_open alone does not look at the index), and saga_decode a segment
- * only if its bytes are those of one of the original's segments (which one is
- * the index's business). Bytes that nobody hands in, as those after the last
- * segment, may be anything.
+ * Damage that is not signed must be noticed. That is, saga_open and saga_find
+ * may both accept a head only if it equals the original's head byte by byte
+ * (saga_open alone does not read the index); and saga_decode may accept a
+ * segment only if its bytes are those of one of the original's segments (the
+ * index says which). Bytes that are never passed to the decoder, such as those
+ * after the last segment, may have any value.
  *
- * Damage that is signed may well be another valid stream.
+ * Damage that is signed, with new CRCs, may give another valid stream.
  */
 #include "gen_mutate.h"
 #include "testing.h"

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Names of cameras: what was given comes back, and no bytes are read that are
- * not there, whatever a stranger writes.
+ * Names of cameras: the names that were encoded come back, and no bytes beyond
+ * the end are read, whatever a stranger wrote.
  */
 #include "crc32c.h"
 #include "encode.h"

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: MIT
  *
- * A header's promises are kept: memory to the byte, multiply-accumulates to
- * the last one, and a decoder that is nothing but its block.
+ * A header's promises hold: memory to the byte, multiply-accumulates to the
+ * last one, and a decoder that uses nothing except its block.
  *
- * mlp.c and memory_bank.c are compiled in here, counting; the library's are
- * then not linked.
+ * mlp.c and memory_bank.c are compiled into this program with counters, instead
+ * of the library's.
  */
 
 #define SAGA_COUNT_MACS

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * The status of a file is one of its bytes, not of how many of them a caller
- * has read: as long as bytes are missing it is TRUNCATED, then it stays what it
- * is, however many more there are.
+ * The status of a file depends on its bytes and not on how many of them a
+ * caller has read. While bytes that decide are missing it is TRUNCATED; after
+ * that more bytes do not change it.
  */
 #include "container.h"
 #include "fx.h"

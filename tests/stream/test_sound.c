@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Sound of a film: the stream that was given comes back, pictures and segments
- * keep their bytes, and what is damaged is refused before it is used.
+ * The sound of a film: the stream that was put in comes back, pictures and
+ * segments keep their bytes, and damaged sound is refused before it is used.
  */
 #include "film_sound.h"
 #include "gen_sound.h"

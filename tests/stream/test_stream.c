@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Encoder and decoder are inverse: random symbols and networks go to bytes and
- * come back, every one of them. SAGA_TEST_SEED is the first seed,
- * SAGA_TEST_COUNT the number of streams.
+ * Encoder and decoder are inverse: random symbols and networks are coded to
+ * bytes, and all come back. SAGA_TEST_SEED is the first seed, SAGA_TEST_COUNT
+ * the number of streams.
  */
 #include "encode.h"
 #include "player.h"

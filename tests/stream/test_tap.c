@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Splats in bulk: the same as one by one, wherever the caller begins and ends,
- * and nothing beside them.
+ * Splats read in bulk equal those read one by one, wherever the caller begins
+ * and ends, and nothing is written beside them.
  */
 #include "model.h"
 #include "player.h"

@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: MIT
  *
- * Work is bounded: the slowest file of each level is accepted and one step
- * beyond is refused with the header, a view that costs too much is refused
- * before it is drawn, and whoever waits may stop the decoder, which is as good
- * as before.
+ * Work is bounded. The slowest file of each level is accepted, and one step
+ * beyond is refused with the header. A view that costs too much is refused
+ * before it is drawn. A caller may stop the decoder, which can be used
+ * afterwards.
  *
- * SAGA_TEST_LONG decodes the slowest files whole (a minute), tells how long
- * they take, and that a deadline is kept.
+ * With SAGA_TEST_LONG the slowest files are decoded as a whole (a minute),
+ * their times printed, and a deadline is tested.
  */
 #include "gen_slow.h"
 #include "saga.h"

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * A longer rendering is never a worse one: from the same warm-up, files do not
- * lose what shorter trainings keep, for few pictures as for many.
+ * A longer rendering stage must not be worse than a shorter one: from the same
+ * warm-up, longer training keeps the quality, for few pictures and for many.
  */
 #include "testing.h"
 #include "tiny_training.h"

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Training, packing and evaluation where memory ends: every allocation of each
- * iteration of each stage fails once. A scene as small as one can be that has
- * all tools and all sources.
+ * Training, packing and evaluation when memory runs out. Every allocation of
+ * each iteration of each stage fails once, in the smallest scene that has all
+ * tools and all sources.
  */
 #include "capture_files.h"
 #include "evaluate.h"

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
  * The policy: bits are priced per pixel, steps and widths follow the price, and
- * lambda the warm-up.
+ * lambda follows the error of the warm-up.
  */
 #include "policy.h"
 #include "testing.h"

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Polishing lowers the loss by about what it foretells, by whole steps of
- * features; where bits are dear it saves them.
+ * Polishing moves features by whole steps and must lower the loss by about the
+ * amount that it predicts; where bits are expensive it must save bits.
  */
 #include "fit_polish.h"
 #include "fit_state.h"

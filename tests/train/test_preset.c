@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Plans of trainings: what presets make of a capture, and what they leave as it
- * was given.
+ * Plans of trainings: what presets decide for a capture, and which of the
+ * user's options they leave as they are.
  */
 #include "preset.h"
 #include "testing.h"

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * A mean over segments is that of all their pictures, whichever segments have
- * none of a set.
+ * A mean over segments must be the mean over all their pictures, even if some
+ * segments have no picture of a set.
  */
 #include "quality.h"
 #include "testing.h"

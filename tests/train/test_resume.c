@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Neither threads nor interruptions show in a file. What a checkpoint shows of
- * its training, and which checkpoints are refused.
+ * A file must not depend on threads or interruptions. The tests also check what
+ * a checkpoint reveals of its training, and which checkpoints are refused.
  */
 #include "file.h"
 #include "rng.h"

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The model of a scene: sources as far as an ablation lets them, features and
- * hidden units by primitives and tools.
+ * The model of a scene: an ablation limits its sources; features and hidden
+ * units follow from the number of primitives and the tools.
  */
 #include "model.h"
 #include "policy.h"

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * A capture trained in segments: one file with the networks once, each of whose
- * segments plays from the head and its own bytes, and that no interruption
- * shows in. All of it twice: without a base, and with one.
+ * A capture trained in segments gives one file that has the networks once. Each
+ * segment must play from the head and its own bytes, and no interruption may
+ * show. Everything runs twice: without a base, and with one.
  */
 #include "container.h"
 #include "fit_state.h"

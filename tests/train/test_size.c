@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Files of a given size come near it, whatever threads or interruptions do.
+ * Files of a given size come near it, and threads and interruptions do not
+ * change them.
  */
 #include "testing.h"
 #include "tiny_training.h"

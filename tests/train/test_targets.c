@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Targets of the fit: what is centred in time moves and turns as before, and
- * fades as much on the mean; what is frozen is what it was in the middle.
+ * The targets of the fit. A primitive whose temporal centre is moved must move
+ * and turn as before, and fade as much on average; a primitive made still must
+ * stay as it was in the middle.
  */
 #include "rng.h"
 #include "model.h"

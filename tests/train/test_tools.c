@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Which tools a scene gets: primitives without a tool are what is nearest to
- * them; the built-in room is matt and gets no colours by direction, the same
- * room with a shine on it does.
+ * The choice of a scene's tools. A primitive that loses a tool must become the
+ * nearest one without it. The built-in room is matt and must get no
+ * view-dependent colours; the same room with a shine on it must get them.
  */
 #include "alloc.h"
 #include "pose.h"

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The whole of the training on a capture of a few thousand pixels: the file it
- * makes, beside its float twins, its tools, its layers and its refusals.
+ * A whole training on a capture of a few thousand pixels: its file is compared
+ * with its float twins; its tools, layers and refusals are tested.
  */
 #include "context.h"
 #include "fit_state.h"

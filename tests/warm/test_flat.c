@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: MIT
  *
  * The warm-up on a capture of a few thousand pixels of the built-in scene,
- * whose true depth is known: the same bits for any threads and after a
- * restore, how many primitives there are and which ones go, where the cube
- * is, what depths the pixels get, faults by name; its small operators against
- * double.
+ * whose true depth is known. Tested are: the same bits for any number of
+ * threads and after a restore, how many primitives exist and which are removed,
+ * where the cube is, the depths found for pixels, faults by name, and the small
+ * operators against double.
  */
 #include "capture.h"
 #include "exposure_match.h"
