@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: MIT
  *
- * The tables of docs/bitstream.md, and every good vector. What reads by them
- * has its own loads and CRC; nothing of common/container.c is used, since that
- * is what the page describes.
+ * This file reads the tables of docs/bitstream.md, and every good vector by
+ * these tables. It has its own loads and CRC and uses nothing of
+ * common/container.c, which the page describes.
  *
- * SAGA_ROOT is the repository's folder; "." without it.
+ * SAGA_ROOT is the repository's folder, by default ".".
  */
 #ifndef BITSTREAM_PAGE_H
 #define BITSTREAM_PAGE_H
@@ -26,7 +26,7 @@ typedef struct {
     uint32_t nbytes;                 /* end of its last field */
     int n;
     field f[MAX_FIELDS];
-    uint32_t size;                   /* as the table of sizes has it */
+    uint32_t size;                   /* according to the table of sizes */
 } table;
 
 static table tables[] = {
@@ -50,7 +50,7 @@ typedef struct {
 static file files[MAX_FILES];
 static int n_files;
 
-/* An example of names: what stands behind Names, and its status. */
+/* An example of names: the bytes after the structure Names, and the status. */
 typedef struct {
     uint8_t p[32];
     uint32_t n;
@@ -70,7 +70,7 @@ static inline table *table_named(const char *name)
     return NULL;
 }
 
-/* Bytes of one element; 0 for a type that does not exist. */
+/* Returns the bytes of one element, or 0 for a type that does not exist. */
 static inline uint32_t size_of_type(const char *type)
 {
     const table *const t = table_named(type);
@@ -81,8 +81,8 @@ static inline uint32_t size_of_type(const char *type)
          : strcmp(type, "u64") == 0 ? 8 : t ? t->nbytes : 0;
 }
 
-/* Cuts a line `| a | b |` into its cells, without the blanks around them;
- * returns their number. */
+/* Cuts a line `| a | b |` into its cells, without the blanks around them, and
+ * returns the number of cells. */
 static inline int split_row(char *line, char *cell[N_COLUMNS + 1])
 {
     int n = 0;
@@ -156,7 +156,7 @@ static inline void add_size(char *line)
     n_sizes++;
 }
 
-/* `00 01 61` | text | OK or DATA */
+/* Adds a row of the table of examples: `00 01 61` | text | OK or DATA. */
 static inline void add_example(char *line)
 {
     char *cell[N_COLUMNS + 1], *s;
@@ -174,8 +174,9 @@ static inline void add_example(char *line)
     e->status = strcmp(cell[2], "OK") == 0 ? SAGA_OK : SAGA_ERR_DATA;
 }
 
-/* A table of fields is known by its first line and ends with an empty one; it
- * belongs to the heading before it. So are those of sizes and of names. */
+/* Reads the tables of fields, of sizes and of names. A table begins at its
+ * known first line, ends at an empty line, and belongs to the heading before
+ * it. */
 static inline void read_page(FILE *page)
 {
     static const char *const first[] = {
@@ -214,7 +215,8 @@ static inline void read_page(FILE *page)
 
 /* --- Ranges -------------------------------------------------------------- */
 
-/* A whole number, or 2^k, or 2^k-1, or the negative of one; moves *s on. */
+/* Reads a whole number, 2^k or 2^k-1, or a negative one, and moves *s after it.
+ */
 static inline int64_t read_bound(const char **s)
 {
     const int negative = **s == '-';
@@ -241,8 +243,8 @@ static inline int is_plain(const field *f)
     return f->range[0] == '-' || (f->range[0] >= '0' && f->range[0] <= '9');
 }
 
-/* Whether v is in a plain range; the least and greatest value of it in *lo and
- * *hi. */
+/* Returns whether v is in the range of a field. Sets *lo and *hi to the least
+ * and the greatest value of the range. */
 static inline int in_range(const field *f, int64_t v, int64_t *lo, int64_t *hi)
 {
     const char *s = f->range;
@@ -299,7 +301,7 @@ static inline void store(uint8_t *p, uint32_t nbytes, uint64_t v)
         p[i] = (uint8_t)(v >> 8 * i & 255u);
 }
 
-/* Bit by bit, from the definition. */
+/* Computes the CRC bit by bit, from its definition. */
 static inline uint32_t crc_of(uint32_t crc, const uint8_t *p, size_t n)
 {
     crc = ~crc;
@@ -311,7 +313,7 @@ static inline uint32_t crc_of(uint32_t crc, const uint8_t *p, size_t n)
     return ~crc;
 }
 
-/* Element i of a field of a structure at p. */
+/* Returns element i of a field of the structure at p. */
 static inline int64_t element(const field *f, const uint8_t *p, uint32_t i)
 {
     const uint32_t size = f->nbytes / f->count;
@@ -360,7 +362,7 @@ static inline uint32_t base_at(const uint8_t *header)
            (has_bank(header) ? tables[BANK].nbytes : 0);
 }
 
-/* A field of Base; 0 without one. */
+/* Returns a field of the structure Base, or 0 if the header has none. */
 static inline uint32_t base_of(const uint8_t *header, const char *name)
 {
     return has_base(header)
@@ -372,14 +374,14 @@ static inline uint32_t rig_at(const uint8_t *header)
     return base_at(header) + (has_base(header) ? tables[BASE].nbytes : 0);
 }
 
-/* Where the CRC stands. */
+/* Returns the offset of the header's CRC, which follows the rig. */
 static inline uint32_t rig_end(const uint8_t *header)
 {
     return rig_at(header) + tables[CAMERA].nbytes *
            (uint32_t)get(HEADER, header, "n_cameras", 0);
 }
 
-/* Section 3's rules on the fields that hang on the bank's tool. */
+/* Returns whether the fields that depend on the bank's tool obey section 3. */
 static inline int bank_is_consistent(const uint8_t *p)
 {
     const int64_t slots = get(HEADER, p, "bank_slots", 0);
@@ -399,7 +401,8 @@ static inline int bank_is_consistent(const uint8_t *p)
 
 /* --- Every field of a structure ------------------------------------------ */
 
-/* Structures in structures are entered; for each field of a plain type. */
+/* A function that is called for each field of a plain type. Structures within
+ * structures are visited, too. */
 typedef void (*visitor)(const table *t, const field *f, uint8_t *p,
                         void *user);
 
@@ -442,9 +445,9 @@ static inline void check_values(int t, uint8_t *p, file *where)
 
 /* --- Chunks and segments ------------------------------------------------- */
 
-/* The CRC that the one of a chunk goes on from: the header's for INDX and NETS,
- * that of the chunk before for the base's, that of NETS for NAME and OPUS, that
- * of the head's last chunk for a segment's. */
+/* Returns the CRC with which the CRC of a chunk begins: that of the header for
+ * INDX and NETS, of the preceding chunk for those of the base, of NETS for NAME
+ * and OPUS, of the head's last chunk for those of a segment. */
 static inline uint32_t owner_of(const file *f, size_t at)
 {
     const size_t index = (size_t)get(HEADER, f->p, "header_nbytes", 0);
@@ -471,7 +474,8 @@ static inline uint32_t n_layers_of(const file *f)
     return (uint32_t)get(HEADER, f->p, "more_layers", 0) + 1;
 }
 
-/* Bytes of SEGM's payload: a single layer has no length. */
+/* Returns the bytes of SEGM's payload, in which a single layer has no length.
+ */
 static inline uint32_t segment_nbytes(const file *f)
 {
     const uint32_t n = n_layers_of(f);
@@ -480,13 +484,13 @@ static inline uint32_t segment_nbytes(const file *f)
            (n == 1 ? 4 : 0);
 }
 
-/* Layer i of a segment whose SEGM has its payload at p. */
+/* Returns layer i of the SEGM payload at p. */
 static inline uint8_t *layer_at(uint8_t *p, uint32_t i)
 {
     return p + tables[SEGMENT].nbytes + i * tables[LAYER].nbytes;
 }
 
-/* Counts of all layers together. */
+/* Returns the sum of a count over all layers. */
 static inline uint32_t sum_of(const file *f, const uint8_t *segment,
                               const char *name)
 {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Files for the tests of trainer/capture: a folder that goes away, bytes
- * put together by hand, and loading.
+ * Help for the tests of trainer/capture: a temporary folder, files whose bytes
+ * are put together by hand, and loading.
  */
 #ifndef CAPTURE_FILES_H
 #define CAPTURE_FILES_H
@@ -45,11 +45,12 @@ static inline int folder_remove(void **state)
     return 0;
 }
 
-/* A test with a folder `f` of its own. */
+/* A test with its own folder `f`. */
 #define TEST_IN_FOLDER(test) \
     TEST_OF_WITH(folder, test, folder_make, folder_remove)
 
-/* The path of a file in it; good until the fourth call after this. */
+/* Returns the path of a file in the folder; valid until the fourth call after
+ * this one. */
 static inline const char *folder_file(folder *f, const char *name)
 {
     char *const to = f->file[f->n++ % 4];
@@ -58,7 +59,7 @@ static inline const char *folder_file(folder *f, const char *name)
     return to;
 }
 
-/* A shell command in the folder. */
+/* Runs a shell command in the folder. */
 static inline void folder_run(folder *f, const char *format, ...)
 {
     char command[1200];
@@ -82,7 +83,7 @@ typedef struct bytes {
 
 static inline void put(bytes *b, const void *data, size_t n)
 {
-    /* Twice the room each time: files are made byte by byte. */
+    /* The room doubles, because files are made byte by byte. */
     if (b->n + n >= b->cap) {
         b->cap = 2 * (b->n + n + 1);
         b->data = realloc(b->data, b->cap);
@@ -106,7 +107,7 @@ static inline void put_text(bytes *b, const char *format, ...)
     put(b, text, (size_t)n);
 }
 
-/* The lowest n bytes of x, little or big end first. */
+/* Append the lowest n bytes of x, in little-endian or big-endian order. */
 static inline void put_le(bytes *b, uint64_t x, int n)
 {
     for (int i = 0; i < n; i++) {
@@ -153,7 +154,7 @@ static inline void write_part(folder *f, const char *name, const bytes *b,
     assert_int_equal(fclose(file), 0);
 }
 
-/* Writes all of them, and frees them. */
+/* Writes all of the bytes, and frees them. */
 static inline void write_bytes(folder *f, const char *name, bytes *b)
 {
     write_part(f, name, b, b->n);
@@ -193,7 +194,8 @@ static inline void assert_says(const saga_error *error, const char *what)
         fail_msg("no \"%s\" in: %s", what, error->message);
 }
 
-/* Fails to load, and says the file, what is wrong, and a remedy after "; ". */
+/* Checks that loading fails with a message that names the file, what is wrong,
+ * and a remedy after "; ". */
 static inline void refused_with(const char *path,
                                 const saga_capture_options *o,
                                 const char *file, const char *what)

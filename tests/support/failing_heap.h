@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: MIT
  *
  * A heap whose k-th allocation fails, for every k. This header defines malloc
- * and its kin, which then serve the program and all its shared libraries: only
- * one file of a program may include it. glibc's own heap, or the sanitizer's,
- * does the work. What OpenMP's library asks for is left alone: it ends
- * the program itself.
+ * and related functions for the program and all its shared libraries, so that
+ * only one file of a program may include it. They call the heap of glibc or of
+ * the sanitizer. Allocations of OpenMP's library never fail, because it would
+ * end the program.
  *
- * One thread only, so that the k-th allocation is always the same.
+ * There is only one thread, so that the k-th allocation is always the same.
  */
 #ifndef FAILING_HEAP_H
 #define FAILING_HEAP_H
@@ -31,11 +31,10 @@ static struct failing_heap {
     uintptr_t openmp[2], libc[2], jpeg[2]; /* code of these libraries */
     long live;               /* blocks that are not freed */
     long left;               /* allocations until one fails; 0: none does */
-    long kept;               /* blocks more than before after an attempt that
-                              * did not fail */
-    int pipe[2];             /* where that one's process tells them */
-    const void *caller;      /* of the one that failed; NULL: none has */
-    void *trace[9];         /* what called it */
+    long kept;               /* blocks left by an attempt without a failure */
+    int pipe[2];             /* through which that attempt reports `kept` */
+    const void *caller;      /* of the allocation that failed; NULL: none did */
+    void *trace[9];         /* its callers */
     int n_trace;
 } failing_heap;
 
@@ -58,7 +57,7 @@ static inline bool heap_within(const void *at, const uintptr_t range[2])
     return (uintptr_t)at >= range[0] && (uintptr_t)at < range[1];
 }
 
-/* p, counted as n more live blocks. */
+/* Returns p and adds n to the number of live blocks if p is not NULL. */
 static inline void *heap_count(void *p, int n)
 {
     failing_heap.live += p ? n : 0;
@@ -118,7 +117,7 @@ void free(void *p)
     HEAP(free)(heap_count(p, -1));
 }
 
-/* Where the code of a library is in memory. */
+/* Finds the addresses of a library's code. */
 static inline void heap_find(uintptr_t range[2], const char *library)
 {
     FILE *const maps = fopen("/proc/self/maps", "r");
@@ -134,9 +133,10 @@ static inline void heap_find(uintptr_t range[2], const char *library)
 
 /* --- Trials -------------------------------------------------------------- */
 
-/* An attempt, in a process of its own. It frees what there is, whether it
- * fails or not, and checks what it made if it does not fail: libc does without
- * the buffer of a file, libjpeg-turbo takes a smaller block. */
+/* An attempt, which runs in a process of its own. It must free everything,
+ * whether it fails or not. If it does not fail it must check its result,
+ * because some failures are tolerated: libc can do without the buffer of a
+ * file, and libjpeg-turbo takes a smaller block. */
 typedef bool heap_attempt(void *user, saga_error *error);
 
 enum { HEAP_FAILED_WELL = 10, HEAP_NEVER_FAILED, HEAP_WRONG };
@@ -148,7 +148,7 @@ static inline int heap_complain(long k, const char *what, const char *message)
     return HEAP_WRONG;
 }
 
-/* The attempt, its k-th allocation failing; none for k = 0. */
+/* Runs the attempt with its k-th allocation failing, or none if k = 0. */
 static inline int heap_try(long k, heap_attempt *attempt, void *user)
 {
     struct failing_heap *const h = &failing_heap;
@@ -157,7 +157,8 @@ static inline int heap_try(long k, heap_attempt *attempt, void *user)
     bool ok;
 
 #ifdef _OPENMP
-    /* In a new process it begins anew, and allocates what it needs once. */
+    /* OpenMP starts anew in a new process. Its first allocations are made here.
+     */
     omp_set_num_threads(1);
 #pragma omp parallel
     (void)k;
@@ -194,7 +195,7 @@ static inline int heap_trial(long k, heap_attempt *attempt, void *user)
     const pid_t child = fork();
 
     if (child == 0) {
-        /* Or cmocka would go on with the next test in this process. */
+        /* cmocka's handlers would run the next test in this process. */
         for (int i = 0; i < 4; i++)
             signal(crashes[i], SIG_DFL);
         _exit(heap_try(k, attempt, user));
@@ -208,9 +209,9 @@ static inline int heap_trial(long k, heap_attempt *attempt, void *user)
     return HEAP_WRONG;
 }
 
-/* Fails every step-th allocation of the attempt, one at a time: each must give
- * a message about memory with a remedy, leak nothing, and crash nothing.
- * Returns how many there are. */
+/* Lets every step-th allocation of the attempt fail, one at a time. Each
+ * failure must give a message about memory with a remedy, without a leak or a
+ * crash. Returns the number of allocations. */
 static inline long heap_fail_each(heap_attempt *attempt, void *user, int step)
 {
     struct failing_heap *const h = &failing_heap;

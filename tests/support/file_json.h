@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * The parts of a file, as JSON, for the reports of make_order0 and make_refit:
- * a header, so that the tests' helpers need no jansson.
+ * The parts of a file as JSON, for the reports of make_order0 and make_refit.
+ * It is a header so that the library of the tests' helpers does not need
+ * jansson.
  */
 #ifndef FILE_JSON_H
 #define FILE_JSON_H
@@ -11,8 +12,8 @@
 
 #include <jansson.h>
 
-/* Bits and parameters (weights and biases) of the entropy networks
- * (saga_is_entropy_net), or of the others. */
+/* The bits and the number of parameters (weights and biases) of the entropy
+ * networks (saga_is_entropy_net), or of the other networks. */
 typedef struct file_json_sum {
     double bits;
     size_t parameters;
@@ -35,8 +36,8 @@ static inline file_json_sum file_json_nets(const ref_file *f, bool entropy)
     return s;
 }
 
-/* {"entropy": bytes, "entropy_parameters": n, and the same of
- * "reconstruction"}; a new reference. */
+/* Returns {"entropy": bytes, "entropy_parameters": n} and the same for
+ * "reconstruction", as a new reference. */
 static inline json_t *file_json_networks(const ref_file *f)
 {
     const file_json_sum e = file_json_nets(f, true);
@@ -48,7 +49,7 @@ static inline json_t *file_json_networks(const ref_file *f)
                      "reconstruction_parameters", (json_int_t)r.parameters);
 }
 
-/* Bytes by component's key, and "networks" as above. */
+/* Returns the bytes of each component by its key, and "networks" as above. */
 static inline json_t *file_json_parts(const ref_file *f)
 {
     json_t *const o = json_object();

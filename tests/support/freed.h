@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Variables that are freed where their block ends, however it is left; but
- * those of a test that fails, which is left by longjmp.
+ * Variables that are freed when their block is left in any way, except by a
+ * failing test, which uses longjmp.
  */
 #ifndef FREED_H
 #define FREED_H
@@ -9,12 +9,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* function: gets a pointer to the variable. */
+/* The function gets a pointer to the variable. */
 #define FREED_BY(function) __attribute__((cleanup(function)))
-/* A pointer to what malloc gave. */
+/* The variable is a pointer to memory from malloc. */
 #define FREED FREED_BY(free_at)
 
-/* at: where the pointer is. */
+/* Frees the memory to which the pointer at `at` points. */
 static inline void free_at(const void *at)
 {
     void *p;

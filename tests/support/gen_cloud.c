@@ -5,7 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-/* Reaches -1 and 1 and has no short period. */
+/* Returns a value between -1 and 1, without a short period in i. */
 static double wave(size_t i, size_t k)
 {
     return sin(3.0 * (double)i + 1.7 * (double)k);

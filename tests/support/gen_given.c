@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * See gen_given.h. Weights are 1 and 0, layers are single ones, interpolations
- * have one member, and predictions are 0: a feature of 16 q leaves F_geo as
- * 16 q, or as q where the row shifts by 4.
+ * See gen_given.h. Weights are 1 or 0, networks have a single layer,
+ * interpolations have one neighbour, and predictions are 0. So a feature of 16
+ * q leaves F_geo as 16 q, or as q if the row shifts by 4.
  */
 #include "gen_given.h"
 
@@ -14,15 +14,15 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* An attribute's feature. */
+/* The index of an attribute's first feature. */
 enum {
     AT_OPACITY, AT_SCALE, AT_QUAT = 4, AT_SLOPE = 8, AT_TIME = 12, AT_WIDTH,
     AT_MOTION, AT_COLOUR = 23, AT_SUPPORT = 26, N_FEATURES = 29
 };
 
 enum {
-    STEP = 16,               /* of everything that is coded */
-    MOST = 2047,             /* steps that 16 bits hold */
+    STEP = 16,               /* the step of everything that is coded */
+    MOST = 2047,             /* largest number of steps that fits 16 bits */
     Q_FEATURE = 8, Q_SUPPORT = 8, Q_SCALE = 9, Q_TIME = 14, Q_COLOUR = 14,
     N_COPIES = 256, MAX_DEPTH = 4
 };
@@ -42,7 +42,7 @@ static void *array(size_t n, size_t size)
     return p;
 }
 
-/* --- What is given ------------------------------------------------------- */
+/* --- Given primitives ---------------------------------------------------- */
 
 gen_given gen_given_ball(int32_t depth, int log2_scale)
 {
@@ -117,7 +117,7 @@ static void no_weights(saga_layer_symbols *l, uint32_t n_in, uint32_t n_out)
     l->shift = array(n_out, 1);
 }
 
-/* n rows from `row` on pass on the inputs from `column` on, shifted. */
+/* Makes rows that pass on the inputs from `column` on, shifted right. */
 static void pass(saga_layer_symbols *l, uint32_t n_in, saga_rows rows,
                  uint32_t column, int shift)
 {
@@ -152,14 +152,15 @@ static void make_geo(saga_layer_symbols *l, uint32_t n_in, const saga_model *m)
         pass(l, n_in, rows[out[i].out], out[i].at, out[i].shift);
 }
 
-/* Deviations of 64 steps, predictions of 0. */
+/* Makes E predict 0 with a deviation of 64 steps. */
 static void make_entropy(saga_layer_symbols *l, uint32_t n_out)
 {
     for (uint32_t i = n_out / 2; i < n_out; i++)
         l->bias[i] = 6 << 8;
 }
 
-/* max(0, colour / 2), less what colour_of adds. */
+/* Makes F_color pass on max(0, colour), minus the constant that the decoder
+ * adds to its output. */
 static void make_colour(saga_layer_symbols l[2])
 {
     pass_all(&l[0], 3, 3, 0);
@@ -198,7 +199,8 @@ static void make_nets(saga_net_symbols *nets, const saga_model *m)
 
 /* --- Leaves -------------------------------------------------------------- */
 
-/* The coordinate of a leaf, x first in each triple of the key's bits. */
+/* Returns a coordinate of a leaf; x is first in each triple of the key's bits.
+ */
 static int32_t leaf_cell(uint32_t key, uint32_t depth, int axis)
 {
     int32_t cell = 0;
@@ -215,7 +217,7 @@ static int32_t leaf_centre(uint32_t key, uint32_t depth, int axis)
     return SAGA_X_MIN + (2 * leaf_cell(key, depth, axis) + 1) * half;
 }
 
-/* The largest distance by axis. */
+/* Returns the largest distance of x from a leaf's centre along any axis. */
 static int32_t leaf_distance(uint32_t key, uint32_t depth, const int32_t *x)
 {
     int32_t most = 0;
@@ -233,7 +235,7 @@ typedef struct {
     uint32_t key;
 } placed;
 
-/* Each goes to the nearest leaf that is free. */
+/* Puts each primitive into the nearest free leaf. */
 static void place(placed *to, const gen_given *p, uint32_t n, uint32_t depth)
 {
     const uint32_t n_leaves = 1u << 3 * depth;
@@ -264,7 +266,8 @@ static int by_key(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* Depth first: a leaf brings the nodes above it that its predecessor lacks. */
+/* Makes the tree depth first: before a leaf come those nodes above it that are
+ * not above the previous leaf. */
 static void make_tree(saga_symbols *s, const placed *p, uint32_t n,
                       uint32_t depth)
 {
@@ -286,7 +289,8 @@ static void make_tree(saga_symbols *s, const placed *p, uint32_t n,
 
 /* --- Symbols ------------------------------------------------------------- */
 
-/* Steps of a feature. */
+/* Returns the number of steps of a feature; exits if it is not whole or too
+ * large. */
 static int32_t steps(const char *what, int32_t value, int32_t unit)
 {
     if (value % unit != 0 || abs(value / unit) > MOST)
@@ -303,7 +307,8 @@ static int32_t nearest(const char *what, int32_t value, int32_t unit)
     return q;
 }
 
-/* Sets x to where the offsets of fine anchor and primitive put it. */
+/* Splits a coordinate into the offsets of fine anchor and primitive, and sets
+ * it to the sum of their rounded values. */
 static void make_offset(int32_t *fine, int32_t *prim, placed *p, int axis,
                         uint32_t depth)
 {
@@ -329,7 +334,8 @@ static int log2_of(int32_t x)
     return n;
 }
 
-/* The fine anchor's time takes what lies in the segment, F_geo the rest. */
+/* Splits a temporal centre: the fine anchor has the part within the segment,
+ * and F_geo adds the rest, which is returned. */
 static int32_t make_time(int32_t *fine, int32_t t_centre)
 {
     const int32_t in = t_centre < 0 ? 0 : t_centre > 65504 ? 65504 : t_centre;

@@ -52,7 +52,8 @@ void gen_hard_camera(saga_camera *c, gen_rng *r, int width, int height)
     c->near_plane = gen_one_in(r, 2) ? 1 : 1 << gen_int(r, 0, 16);
 }
 
-/* The box coordinates of a point seen at pixel, z in front of the camera. */
+/* Sets x to the box coordinates of the point that is seen at a pixel, at depth
+ * z before the camera. */
 static void place(int32_t *x, const saga_camera *c, const double *pixel,
                   double z)
 {
@@ -83,7 +84,7 @@ static void hard_position(saga_animated *a, gen_rng *r, const saga_camera *c,
         a->x[i] = gen_int(r, -(1 << 29), 1 << 29);
 }
 
-/* Directions of any kind: all bits, few bits, along an axis, none, huge. */
+/* Sets a quaternion with all bits, few bits, along an axis, zero, or huge. */
 static void hard_quat(saga_animated *a, gen_rng *r)
 {
     const int32_t reach[] = { 1 << 30, 1 << 30, 1 << 14, 3, 1 };
@@ -97,7 +98,7 @@ static void hard_quat(saga_animated *a, gen_rng *r)
         a->quat[gen_int(r, 0, 3)] = gen_one_in(r, 2) ? 1 << 30 : -(1 << 30);
 }
 
-/* Axes of sigma px in the picture times up to 1:10^4. */
+/* Sets scales of about sigma px in the picture, with ratios up to 1:10^4. */
 static void hard_scale(saga_animated *a, gen_rng *r, const saga_camera *c,
                        double z)
 {

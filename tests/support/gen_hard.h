@@ -9,18 +9,21 @@
 
 #include "gen_scene.h"
 
-/* Anywhere within +-2^29, turned at random, focal lengths of 2^-4..2^5 sides,
- * principal points around the picture and far from it. */
+/* Makes a camera anywhere within +-2^29, turned at random, with focal lengths
+ * of 2^-4..2^5 sides, and principal points around the picture and far from it.
+ */
 void gen_hard_camera(saga_camera *c, gen_rng *r, int width, int height);
 
-/* Any format of primitives, without tools. */
+/* Makes any format of primitives, without tools. */
 void gen_hard_format(saga_prim_format *f, gen_rng *r);
 
-/* Most are seen near the picture; some lie near, behind or far outside. */
+/* Makes a primitive, mostly one in or near the picture, sometimes one close to
+ * the camera, behind it or far outside. */
 void gen_hard_animated(saga_animated *a, gen_rng *r, const saga_camera *c);
 
-/* lo..hi, shifted right by 0..max_shift: small values too. Draws from r in a
- * fixed order, which gen_int(..) >> gen_int(..) does not. */
+/* Returns a number lo..hi shifted right by 0..max_shift, so that small values
+ * occur, too. It draws from r in a fixed order, unlike gen_int(..) >>
+ * gen_int(..). */
 int32_t gen_shifted(gen_rng *r, int32_t lo, int32_t hi, int max_shift);
 
 /* Any value, shifted likewise; the extremes and zero more often. */

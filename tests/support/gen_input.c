@@ -63,7 +63,7 @@ static void put_text(bytes *b, const char *text)
     put(b, text, strlen(text));
 }
 
-/* The lowest n bytes of x, the low end first. */
+/* Appends the lowest n bytes of x, in little-endian order. */
 static void put_le(bytes *b, uint64_t x, int n)
 {
     for (int i = 0; i < n; i++) {
@@ -379,7 +379,7 @@ static uint64_t next(uint64_t *r)
     return *r >> 33;
 }
 
-/* Puts the ends of integers and reals into bytes. */
+/* Overwrites bytes with extreme integers and reals. */
 static void plant(uint8_t *p, size_t n, uint64_t *r)
 {
     static const uint64_t value[] = {
@@ -402,7 +402,7 @@ static int is_text(input_kind kind)
            kind == INPUT_COLMAP_TEXT;
 }
 
-/* Puts a word in the place of n bytes at `at`. */
+/* Replaces n bytes at `at` by a word. */
 static void put_word(bytes *b, size_t at, size_t n, uint64_t *r)
 {
     static const char *const word[] = {
@@ -439,7 +439,7 @@ static void damage_once(bytes *b, input_kind kind, uint64_t *r)
     } else if (how < 6) {
         plant(b->p + at, left, r);
     } else if (how == 6) {
-        b->n = next(r) % 4 ? b->n : at; /* cut, at times */
+        b->n = next(r) % 4 ? b->n : at; /* one in four is cut */
         b->p[at] = (uint8_t)next(r);
     } else {
         const size_t from = next(r) % b->n;
@@ -505,7 +505,7 @@ static int play_picture(input_kind kind, const char *path, saga_error *error)
     return ok;
 }
 
-/* The three files, as far as they reach. */
+/* Reads COLMAP's three files, as many bytes of them as there are. */
 static int play_colmap(int text, const uint8_t *p, size_t n, saga_error *error)
 {
     static const char *const name[2][N_COLMAP] = {

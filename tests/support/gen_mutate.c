@@ -34,7 +34,8 @@ static void *must(void *p)
     return p;
 }
 
-/* Exact size: a sanitizer sees every byte too far. */
+/* Returns a copy of exact size, so that sanitizers see every read past its end.
+ */
 static uint8_t *copy_of(const uint8_t *p, size_t n)
 {
     uint8_t *const q = must(malloc(n ? n : 1));
@@ -69,7 +70,7 @@ static uint32_t layers_of(const uint8_t *header)
     return saga_n_layers(&h);
 }
 
-/* Chunks of a segment. */
+/* Returns the number of chunks of a segment. */
 static uint32_t n_chunks(const mutate_file *f)
 {
     return 1 + 3 * f->n_layers;
@@ -116,7 +117,7 @@ static void write_chunk(uint8_t *out, const mutate_part *part)
     saga_chunk_io(&io, &chunk);
 }
 
-/* Entries of an index payload, from where the parts will stand. */
+/* Sets the entries of the index to the offsets that the parts will have. */
 static void relink(const mutate_file *f, uint8_t *index, size_t n)
 {
     uint64_t at = f->header_nbytes;
@@ -139,13 +140,13 @@ static void relink(const mutate_file *f, uint8_t *index, size_t n)
     }
 }
 
-/* Where SEGM has a layer's counts and, behind them, its length. */
+/* Returns the offset in SEGM of a layer's counts, which its length follows. */
 static size_t layer_at(uint32_t layer)
 {
     return 12 + 16 * (size_t)layer;
 }
 
-/* The lengths of layers in each segment's header. */
+/* Sets the lengths of layers in each SEGM. */
 static void link_layers(const mutate_file *f)
 {
     if (f->n_layers == 1)
@@ -163,14 +164,14 @@ static void link_layers(const mutate_file *f)
         }
 }
 
-/* Offset of nets_nbytes in the header: after magic, header_nbytes, four small
- * fields, n_segments, n_frames, rate and maxima. */
+/* The offset of nets_nbytes in the header, after magic, header_nbytes, four
+ * small fields, n_segments, n_frames, rate and maxima. */
 enum { NETS_NBYTES_AT = 8 + 4 + 4 + 4 + 4 + 8 + 12 };
 
-/* The networks' place among the chunks. */
+/* The index of the networks' chunk. */
 enum { NETS_CHUNK = 1 };
 
-/* The base's length ends the header's fields. */
+/* Sets the base's length, which is the last of the header's fields. */
 static void link_base(const mutate_file *f, uint8_t *header)
 {
     saga_io io = { header, NULL, SAGA_MAGIC_NBYTES };
@@ -243,12 +244,12 @@ void mutate_sign(uint8_t *bytes, size_t n)
 
 /* --- Walking a segment with a witness ------------------------------------ */
 
-/* Passes everything on, and notes what was asked for. */
+/* A coder that passes every call on and notes what was asked for. */
 typedef struct {
     saga_coder coder;            /* first: its functions cast back */
     saga_coder *inner;
-    uint32_t leaves, fine, prim; /* counted in the symbols */
-    uint8_t last;                /* SAGA_SYM_* */
+    uint32_t leaves, fine, prim; /* counted from the symbols */
+    uint8_t last;                /* the last SAGA_SYM_* asked for */
 } witness;
 
 static void residual(saga_coder *c, saga_at at, int32_t *q, const int16_t *mu,
@@ -294,14 +295,15 @@ static void witness_init(witness *w, saga_coder *inner)
     w->inner = inner;
 }
 
-/* Header, plan and networks of a head that saga_open accepts. */
+/* The header, plan and networks of a head that saga_open accepts. */
 typedef struct {
     saga_header header;
     saga_plan plan;
     uint8_t *params;
 } head;
 
-/* payload: of NETS. Returns 0 if anything is invalid; then nothing to free. */
+/* Opens a head from its header and the payload of NETS. Returns 0 if anything
+ * is invalid; there is then nothing to free. */
 static int head_open(head *h, const uint8_t *header, size_t n,
                      const uint8_t *payload, size_t n_payload)
 {
@@ -346,7 +348,8 @@ static int counts_fit(const saga_header *h, const saga_counts *n)
            n->fine <= h->max.fine && n->prim <= h->max.prim;
 }
 
-/* The stage at which a layer of three payloads fails, or MUTATE_AT_VIEW. */
+/* Returns the stage at which the three chunks of a layer fail, or
+ * MUTATE_AT_VIEW if they decode. */
 static mutate_stage stage_of_layer(const head *h, saga_counts n,
                                    const mutate_part *chunks)
 {
@@ -402,9 +405,9 @@ static void resize(mutate_part *part, size_t n)
     part->n = n;
 }
 
-/* Runs chunk 0..2 of a layer on its payload with zeros behind it. Returns 1
- * with the payload as long as it was read; 0 if it is invalid: *n then has the
- * counts that the symbols had. */
+/* Decodes chunk 0..2 of a layer from its payload, followed by zeros. If it is
+ * valid, cuts or extends the payload to what was read and returns 1. Else
+ * returns 0 and sets *n to the counts that the symbols have. */
 static int fit_chunk(const saga_scaffold *sc, int chunk, mutate_part *part,
                      saga_counts *n, int *again)
 {
@@ -425,14 +428,14 @@ static int fit_chunk(const saga_scaffold *sc, int chunk, mutate_part *part,
     if (chunk == 1 && w.last == SAGA_SYM_N_PRIM)
         n->prim = w.prim;
     free(padded);
-    /* The decoder reads three bytes past the end, as zeros. */
+    /* The decoder reads three zero bytes past the end of a chunk. */
     *again = ok && part->n + 3 != range.pos;
     if (ok)
         resize(part, range.pos - 3);
     return ok;
 }
 
-/* Counts and lengths of a layer so that its bytes decode, if there are such. */
+/* Looks for counts and lengths with which the bytes of a layer decode. */
 static void repair(const head *h, mutate_part *segment, uint32_t layer)
 {
     saga_counts n;
@@ -460,7 +463,7 @@ static void repair(const head *h, mutate_part *segment, uint32_t layer)
     }
 }
 
-/* Room for counts that grow. */
+/* Raises the header's maxima, so that repaired counts may grow. */
 static void raise_maxima(mutate_file *f)
 {
     saga_io in = { f->header, NULL, SAGA_MAGIC_NBYTES };
@@ -498,7 +501,7 @@ static void repair_all(mutate_file *f)
 
 /* --- Damage -------------------------------------------------------------- */
 
-/* 0 <= from <= n places for something of a few bytes. */
+/* Returns a small random number, at most n. */
 static size_t few(uint64_t *r, size_t n)
 {
     const size_t k = 1 + pick(r, pick(r, 4) ? 4 : 64);
@@ -540,7 +543,8 @@ static void overwrite(mutate_part *part, uint64_t *r)
                                                      : (int)pick(r, 256), k);
 }
 
-/* One change somewhere; late places change little of what is decoded. */
+/* Makes one change somewhere in a payload. A late place leaves most of what is
+ * decoded as it was. */
 static void damage(mutate_part *part, uint64_t *r)
 {
     const uint32_t how = pick(r, 8);
@@ -573,7 +577,7 @@ static void damage_some(mutate_part *part, uint64_t *r)
         damage(part, r);
 }
 
-/* A value that is likely to be at some limit. */
+/* Returns a value that is likely to be at some limit. */
 static uint32_t odd_value(uint64_t *r)
 {
     static const uint32_t odd[] = {
@@ -677,11 +681,11 @@ static void damage_header(mutate_file *f, uint64_t *r)
         saga_tools_io(&in, &h);
         damage_fields(&h, r);
         saga_header_io(&out, &h);
-        /* A tool that came with the damage may find no place. */
+        /* The fields of a tool that the damage turned on may not fit. */
         if (saga_rig_offset(&h) <= room)
             saga_tools_io(&out, &h);
     }
-    /* Signing must find the place of the CRC. */
+    /* Signing must find the header's end, where the CRC is. */
     end = fx_load32_le(f->header + SAGA_MAGIC_NBYTES);
     if (end != f->header_nbytes && pick(r, 8))
         fx_store32_le(f->header + SAGA_MAGIC_NBYTES,
@@ -749,7 +753,8 @@ static int damage_file(mutate_file *f, mutate_class c, uint64_t *r)
     }
 }
 
-/* The networks' chunk as long as it is read, if its rows are valid. */
+/* Cuts or extends the networks' chunk to what is read, if its rows are valid.
+ */
 static void fit_networks(mutate_file *f)
 {
     FREED uint8_t *const padded = must(calloc(f->part[1].n + PAD + 1, 1));
@@ -810,8 +815,8 @@ uint8_t *mutate_make(const uint8_t *bytes, size_t n, mutate_class c,
     return out;
 }
 
-/* sum|w| <= 40000 in gen_stream's networks leaves 8e8 for a bias: 2^16 2^13.
- */
+/* gen_stream's networks have sum |w| <= 40000, which leaves room for a bias of
+ * 8e8. */
 void mutate_extreme_nets(gen_stream *g, uint64_t *r)
 {
     saga_net_shape s;
@@ -886,12 +891,12 @@ typedef struct {
     mutate_result *result;
     saga_decoder *dec;
     saga_info info;
-    uint8_t *head;               /* exact copy */
+    uint8_t *head;               /* a copy of exact size */
     size_t n_head;
     uint64_t *r;
 } player;
 
-/* A valid camera, often at a limit of some field. */
+/* Makes a valid camera, often with a field at its limit. */
 static void odd_camera(saga_camera *c, uint64_t *r)
 {
     memset(c, 0, sizeof *c);
@@ -915,7 +920,7 @@ static void odd_camera(saga_camera *c, uint64_t *r)
     c->height = (uint16_t)gen_range(r, 1, MAX_SIDE_Y);
 }
 
-/* The rig's, scaled down if it is valid but large. */
+/* Reads the rig's camera, and scales a large valid one down. */
 static int rig_camera(saga_camera *c, player *p)
 {
     uint32_t number;
@@ -931,10 +936,10 @@ static int rig_camera(saga_camera *c, player *p)
     return 1;
 }
 
-/* More units than a picture can take: clearing and writing of all tiles; per
- * splat in each band a look to keep its key, to count and to list it, and in
- * each tile its count, its entry and its rows; each time the list is full, half
- * of which may be keys, a splat and the tiles once more. */
+/* Returns an upper bound of the units of work for a picture: to clear and write
+ * all tiles; for each splat in each band to keep its key, to count it and to
+ * list it, and in each tile its count, its entry and its rows; and each time
+ * the list is full, half of which may be keys, a splat and all tiles again. */
 static uint64_t most_units(const saga_job *job, uint32_t n_splats)
 {
     const uint64_t side = (uint64_t)job->tile;
@@ -1059,7 +1064,8 @@ static uint32_t owner_of(const player *p)
 
 enum { SEGMENT_PARTS = 1 + 3 * SAGA_MAX_LAYERS };
 
-/* Splits a segment of n_layers into its chunks: 1 if they are there, whole. */
+/* Splits a segment with n_layers into its chunks. Returns 1 if all are
+ * complete. */
 static int split_segment(mutate_part part[SEGMENT_PARTS], uint32_t n_layers,
                          uint32_t owner, const uint8_t *bytes, size_t n)
 {
@@ -1085,7 +1091,8 @@ static int split_segment(mutate_part part[SEGMENT_PARTS], uint32_t n_layers,
     return at == n;
 }
 
-/* Where a segment failed that saga_decode refused; agrees with it. */
+/* Returns the stage at which a segment fails that saga_decode has refused, and
+ * checks that the stages agree with it. */
 static mutate_stage stage_of_segment(player *p, const uint8_t *bytes, size_t n)
 {
     const size_t nets = p->info.head_nbytes - p->info.base_nbytes -
@@ -1110,8 +1117,8 @@ static mutate_stage stage_of_segment(player *p, const uint8_t *bytes, size_t n)
     return stage == MUTATE_AT_VIEW ? MUTATE_AT_SEGMENT : stage;
 }
 
-/* Where a player may stop: fewer bytes give the layers that are whole in them.
- */
+/* Decodes fewer bytes of the segment, as a player may. They must give the
+ * layers that are complete in them. */
 static void play_cut(player *p, const saga_segment *seg, const uint8_t *bytes,
                      const saga_report *whole)
 {
@@ -1138,7 +1145,7 @@ static void play_cut(player *p, const saga_segment *seg, const uint8_t *bytes,
                 cut.n_primitives <= whole->n_primitives);
 }
 
-/* The bytes that an accepted segment was decoded from. */
+/* Returns the number of bytes from which an accepted segment was decoded. */
 static uint32_t used_nbytes(const player *p, const saga_segment *seg,
                             const uint8_t *bytes, size_t n,
                             const saga_report *report)
@@ -1151,7 +1158,7 @@ static uint32_t used_nbytes(const player *p, const saga_segment *seg,
     return last.end;
 }
 
-/* n: its bytes that are there. */
+/* Plays a segment, of which n bytes are available. */
 static void play_segment(player *p, const saga_segment *seg,
                          const uint8_t *bytes, size_t n)
 {
@@ -1180,7 +1187,7 @@ static void play_segment(player *p, const saga_segment *seg,
     free(copy);
 }
 
-/* Segments through the index, from frame 0 on. */
+/* Plays the segments that the index gives, beginning at frame 0. */
 static void play_segments(player *p, const uint8_t *bytes, size_t n)
 {
     uint32_t frame = 0;

@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: MIT
  *
- * Damaged streams, and a harness that plays them and tells how far they got.
- * Damage may be signed anew (lengths, index, CRCs), so that it gets past the
- * checks in front, and repaired (counts and lengths of a segment made to fit
- * what its bytes now say), so that it reaches reconstruction and drawing.
+ * Damaged streams, and a harness that plays them and reports how far they got.
+ * Damaged streams may be signed, that is get new lengths, index and CRCs, so
+ * that they pass the first checks. They may also be repaired, that is get
+ * counts and lengths that fit the damaged bytes, so that they reach
+ * reconstruction and drawing.
  */
 #ifndef GEN_MUTATE_H
 #define GEN_MUTATE_H
@@ -18,45 +19,47 @@
 
 enum { MUTATE_PARTS = 5 + (1 + 3 * GEN_MAX_LAYERS) * GEN_MAX_SEGMENTS };
 
-/* Payload of a chunk. */
+/* The payload of a chunk. */
 typedef struct mutate_part {
     uint32_t type;
     uint8_t *p;
     size_t n;
 } mutate_part;
 
-/* Header, then chunks: index, networks, those of the base if there is one, per
- * segment SEGM and per layer COAR FINE PRIM. */
+/* A header and the chunks: index, networks, COAR FINE PRIM of the base if there
+ * is one, and for each segment SEGM and for each layer COAR FINE PRIM. */
 typedef struct mutate_file {
     uint8_t *header;
     size_t header_nbytes;
     mutate_part part[MUTATE_PARTS];
     uint32_t n_parts;
-    uint32_t segments;       /* where those of segments begin: 2, or 5 */
+    uint32_t segments;       /* index of the first segment's SEGM: 2 or 5 */
     uint32_t n_layers;       /* of each segment */
 } mutate_file;
 
-/* Pieces of a valid file of at most GEN_MAX_SEGMENTS segments; free them. */
+/* Splits a valid file with at most GEN_MAX_SEGMENTS segments into its parts,
+ * which mutate_free frees. */
 void mutate_split(mutate_file *f, const uint8_t *bytes, size_t n);
 void mutate_free(mutate_file *f);
 
-/* The bytes (free them), signed: chunk lengths, index, nets_nbytes, those of
- * the base and of layers and all CRCs are those of what is there. */
+/* Returns the bytes, which the caller frees. They are signed: the lengths of
+ * chunks, networks, base and layers, the index and all CRCs fit the parts. */
 uint8_t *mutate_join(const mutate_file *f, size_t *n);
 
-/* Writes the CRCs of the header and of all chunks anew, as far as the lengths
- * in the bytes lead. */
+/* Computes the CRCs of the header and of all chunks anew, as far as the lengths
+ * in the bytes are plausible. */
 void mutate_sign(uint8_t *bytes, size_t n);
 
 /* --- Damage -------------------------------------------------------------- */
 
 typedef enum mutate_class {
     MUTATE_RAW,              /* bytes anywhere, not signed */
-    MUTATE_RAW_SIGNED,       /* bytes anywhere, CRCs signed */
-    MUTATE_IN_HEADER,        /* fields, signed */
+    MUTATE_RAW_SIGNED,       /* bytes anywhere, with new CRCs */
+    MUTATE_IN_HEADER,        /* fields of the header, signed */
     MUTATE_IN_INDEX,
     MUTATE_IN_NETWORKS,
-    MUTATE_IN_BASE,          /* any of its chunks; without one the networks */
+    MUTATE_IN_BASE,          /* any chunk of the base; without base the networks
+                              */
     MUTATE_IN_COUNTS,        /* segment header */
     MUTATE_IN_COARSE,
     MUTATE_IN_FINE,
@@ -67,10 +70,10 @@ typedef enum mutate_class {
 
 extern const char *const mutate_class_text[MUTATE_N_CLASSES];
 
-/* Networks whose outputs lie at the limits, still valid: to be encoded. */
+/* Makes networks whose outputs lie at their limits but are valid. */
 void mutate_extreme_nets(gen_stream *g, uint64_t *r);
 
-/* A damaged copy of a valid file (free it). */
+/* Returns a damaged copy of a valid file, which the caller frees. */
 uint8_t *mutate_make(const uint8_t *bytes, size_t n, mutate_class c,
                      uint64_t *r, size_t *n_out);
 
@@ -95,22 +98,22 @@ typedef enum mutate_stage {
 extern const char *const mutate_stage_text[MUTATE_N_STAGES];
 
 typedef struct mutate_result {
-    mutate_stage stage;      /* the least of all segments */
-    saga_status status;      /* that of the stage */
-    const char *broken;      /* a promise of saga.h not kept, or NULL */
-    size_t head_nbytes;      /* that open and find both accepted, or 0 */
+    mutate_stage stage;      /* the earliest of all segments */
+    saga_status status;      /* at that stage */
+    const char *broken;      /* a broken promise of saga.h, or NULL */
+    size_t head_nbytes;      /* of a head that open and find accepted, or 0 */
     uint32_t crc;            /* of all pictures and statuses: the same on every
                               * machine */
-    uint32_t n_segments;     /* that decoded */
+    uint32_t n_segments;     /* number of decoded segments */
     struct {
         uint64_t offset;
         uint32_t nbytes;
     } segment[GEN_MAX_SEGMENTS];
 } mutate_result;
 
-/* Plays a file as a careful player would, every input in an exact copy: all
- * segments up to GEN_MAX_SEGMENTS, two views each, two small pictures. r: for
- * cameras, times, tiles and budgets. */
+/* Plays a file as a careful player would, with every input in a copy of its
+ * exact size: at most GEN_MAX_SEGMENTS segments, with two views and two small
+ * pictures of each. Cameras, times, tiles and budgets come from r. */
 void mutate_play(mutate_result *result, const uint8_t *bytes, size_t n,
                  uint64_t *r);
 

@@ -26,7 +26,7 @@ gen_rng gen_seeded(uint64_t seed)
     return r;
 }
 
-/* A Weyl sequence through a multiply-xorshift mixer. */
+/* Returns the next number: a Weyl sequence, mixed by multiply and xorshift. */
 uint32_t gen_u32(gen_rng *r)
 {
     uint64_t x = r->state += 0x9e3779b97f4a7c15u;

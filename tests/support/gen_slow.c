@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
  * See gen_slow.h. All weights are 0; residuals, numbers of children and
- * suffixes are what costs the fewest bits.
+ * suffixes are those that cost the fewest bits.
  */
 #include "gen_slow.h"
 
@@ -25,7 +25,7 @@ static void *array(size_t n, size_t size)
     return p;
 }
 
-/* --- What a header bounds ------------------------------------------------ */
+/* --- The limits of a header ---------------------------------------------- */
 
 static int is_valid(saga_header *h)
 {
@@ -88,7 +88,7 @@ static void make_model(saga_model *m, int level, int kind, uint32_t features)
 
 /* --- Networks ------------------------------------------------------------ */
 
-/* Nothing but 0. What E says of deviations is the least there is. */
+/* Makes a layer of zeros; E's biases give the smallest deviation. */
 static void make_layer(saga_layer_symbols *l, const saga_net_shape *s, int i,
                        int is_entropy)
 {
@@ -123,11 +123,11 @@ static void make_nets(gen_stream *g)
 
 typedef struct {
     saga_symbols *s;
-    int chains;              /* a single leaf lies as deep as can be */
+    int chains;              /* 1: a single leaf lies as deep as possible */
     int max_x, max_t;
 } tree;
 
-/* A node of `want` leaves and all below it. */
+/* Makes a node with `want` leaves, and everything below it. */
 static void make_node(tree *t, int x, int tm, uint32_t want)
 {
     saga_symbols *const s = t->s;
@@ -180,7 +180,8 @@ static void make_layer_symbols(saga_symbols *s, const saga_model *m,
 
 /* --- Together ------------------------------------------------------------ */
 
-/* The largest number of anchors of either tier that the header allows. */
+/* Returns the largest number of anchors of either tier that the header allows.
+ */
 static uint32_t most_anchors(saga_header *h)
 {
     uint32_t low = 0, high = 1u << 22;
@@ -197,8 +198,8 @@ static uint32_t most_anchors(saga_header *h)
     return low;
 }
 
-/* The model with the most features that leaves room for anchors, or memory for
- * all of them. */
+/* Chooses the model with the most features that leaves memory for at least one
+ * anchor, if necessary with fewer primitives. */
 static void fit(saga_header *h, int level, int kind)
 {
     uint32_t features = kind == GEN_SLOW_ANCHORS ? 48 : 64;
@@ -250,8 +251,8 @@ void gen_slow_make(gen_stream *g, int level, int kind, uint32_t share)
                            kind == GEN_SLOW_ANCHORS);
 }
 
-/* The centres of gen_given's leaves before the camera: that many along an axis,
- * so wide. */
+/* Puts primitive i into the centre of one of gen_given's leaves before the
+ * camera; `along` leaves lie along an axis. */
 static void place(gen_given *p, uint32_t i, uint32_t along)
 {
     const int32_t half = (1 << 23) / (int32_t)along;

@@ -17,8 +17,8 @@ void gen_sound_sign(uint8_t *p)
     for (int i = 0; i < p[26]; i++)
         n += p[27 + i];
     store(p + 22, 4, 0);
-    /* By long division: a bit of the page at a time enters from below, and 32
-     * zeros behind the last. */
+    /* Long division: the bits of the page enter one at a time, then 32 zeros.
+     */
     for (size_t i = 0; i < 8 * (n + 4); i++) {
         const uint32_t bit = i < 8 * n ? p[i / 8] >> (7 - i % 8) & 1u : 0;
         const uint32_t out = crc >> 31;
@@ -28,7 +28,8 @@ void gen_sound_sign(uint8_t *p)
     store(p + 22, 4, crc);
 }
 
-/* A page of n packets of `each` bytes; returns where the next one stands. */
+/* Writes a page with n packets of `each` bytes; returns the address after it.
+ */
 static uint8_t *page(uint8_t *p, int flags, uint32_t number, uint64_t granule,
                      const uint8_t *packet, int each, int n)
 {

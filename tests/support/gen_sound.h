@@ -11,10 +11,10 @@
 enum { GEN_SOUND_PACKETS = 5, GEN_SOUND_NBYTES = 47 + 48 + 27 +
                                                  4 * GEN_SOUND_PACKETS };
 
-/* Writes it; 96 ms of it are heard, after 192 samples of pre-skip. */
+/* Writes the stream. It plays 96 ms, after 192 samples of pre-skip. */
 void gen_sound(uint8_t to[GEN_SOUND_NBYTES]);
 
-/* Writes the checksum of the page at p, which is whole. */
+/* Computes the checksum of the complete page at p and writes it. */
 void gen_sound_sign(uint8_t *p);
 
 #endif

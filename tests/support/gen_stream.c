@@ -136,7 +136,7 @@ static void make_model(saga_model *m, uint64_t *r, const gen_options *o)
         make_memory(m, r, o);
 }
 
-/* Choices that make a picture worth looking at. */
+/* Sets the model so that a useful picture is visible. */
 static void model_for_picture(saga_model *m)
 {
     m->tier[SAGA_TIER_COARSE].suffix_bits = 4;
@@ -160,8 +160,9 @@ static void model_for_picture(saga_model *m)
     m->width[SAGA_NET_COLOUR] = 32;
 }
 
-/* Fuse is there or not, and so are hidden layers of F_fine and F_geo. Pictures
- * have what they are asked for, so that they stay as they are. */
+/* Drops Fuse networks and hidden layers of F_fine and F_geo at random. Streams
+ * with pictures drop only what the options ask for, so that they never change.
+ */
 static void drop_layers(saga_model *m, uint64_t *r, const gen_options *o)
 {
     for (int i = 0; i < SAGA_N_TIERS; i++)
@@ -173,7 +174,7 @@ static void drop_layers(saga_model *m, uint64_t *r, const gen_options *o)
 
 /* --- Networks ------------------------------------------------------------ */
 
-/* Mean and spread of an output row, in its own LSB. */
+/* The mean and the spread of an output row, in its own LSB. */
 typedef struct {
     double mean, spread;
 } target;
@@ -183,7 +184,7 @@ static int is_of(saga_rows r, uint32_t row)
     return row >= r.first && row < r.first + (uint32_t)r.n;
 }
 
-/* Real-valued targets of the rows of a network's last layer. */
+/* Returns the target of a row of a network's last layer, in real units. */
 static target target_of(const saga_model *m, int net, uint32_t row)
 {
     const target plain = { 0, 2000 };
@@ -225,7 +226,7 @@ uint32_t gen_scale_of(const saga_layer_symbols *l, size_t row, size_t column)
     return l->weight_scale - SAGA_DROP * drop;
 }
 
-/* Any mode and drops, mostly small ones. */
+/* Makes a random mode of scales, and drops, most of which are small. */
 static void make_scales(saga_layer_symbols *l, uint32_t n_in, uint32_t n_out,
                         uint64_t *r)
 {
@@ -240,8 +241,8 @@ static void make_scales(saga_layer_symbols *l, uint32_t n_in, uint32_t n_out,
         l->drop[i] = (uint8_t)gen_range(r, 0, most);
 }
 
-/* A valid layer: |w| small enough that no row can overflow, row shifts near
- * what keeps random inputs in range. */
+/* Makes a valid layer. Weights are so small that no row can overflow, and row
+ * shifts keep the results of random inputs roughly in range. */
 static void make_layer(saga_layer_symbols *l, const saga_net_shape *s, int i,
                        uint64_t *r)
 {
@@ -271,8 +272,8 @@ static void make_layer(saga_layer_symbols *l, const saga_net_shape *s, int i,
     }
 }
 
-/* Formats of the n rows that have their own: mostly none, since nobody makes up
- * for what they take from the values. */
+/* Makes finer formats of n rows. Most are 0, because a finer format makes
+ * values smaller and nothing here compensates for that. */
 static void make_finer(saga_layer_symbols *l, uint32_t n, uint64_t *r)
 {
     l->finer = array(n, 1);
@@ -281,8 +282,8 @@ static void make_finer(saga_layer_symbols *l, uint32_t n, uint64_t *r)
             ? gen_range(r, 1, SAGA_N_FINER - 1) : 0);
 }
 
-/* Biases and shifts of the last layer for a picture. A row's input is taken as
- * a third of full scale per component. */
+/* Sets biases and shifts of the last layer so that a picture is visible. Each
+ * input of a row is assumed to be about a third of full scale. */
 static void aim_layer(saga_layer_symbols *l, const saga_net_shape *s, int i,
                       const saga_model *m, int net)
 {
@@ -321,9 +322,8 @@ static void make_nets(gen_stream *g, uint64_t *r, int picture)
             uint64_t aside;
 
             make_layer(l, s, i, r);
-            /* Numbers for F_color's formats come from a copy of the state, so
-             * that streams are otherwise what they were before there were any:
-             * tests know their segments. */
+            /* F_color's formats use a copy of the random state, so that they do
+             * not change the rest of the stream, which tests know. */
             aside = *r;
             make_finer(l, saga_nets_n_finer(&nets, net, i),
                        net < SAGA_NET_COLOUR_BASE ? r : &aside);
@@ -342,8 +342,8 @@ typedef struct {
     int temporal;
 } tree;
 
-/* Depth first with an own stack: (depths of a pending node). Leaves still owed
- * by pending nodes are counted, so that the total is exactly `want`. */
+/* Makes a tree with exactly `want` leaves, depth first, with its own stack of
+ * pending nodes. It counts the leaves that pending nodes still must have. */
 static void make_tree(tree *t, uint64_t *r)
 {
     struct { uint8_t x, t; } stack[4096];
@@ -365,7 +365,7 @@ static void make_tree(tree *t, uint64_t *r)
             split &= 2u;
         if (tm >= t->max_t)
             split &= 1u;
-        /* A node with no spare leaf may still chain to a single child. */
+        /* A node without a spare leaf may still have a single child. */
         if (split && spare == 0 && !one_in(r, 8))
             split = 0;
         n = split == 0 ? 0 : split == 1 ? 8 : split == 2 ? 2 : 16;
@@ -402,7 +402,8 @@ static void make_tree(tree *t, uint64_t *r)
 
 /* --- Symbols ------------------------------------------------------------- */
 
-/* Mostly small; sometimes beyond every table, sometimes the extremes. */
+/* Returns a residual, mostly a small one, sometimes one beyond every table or
+ * an extreme one. */
 static int32_t make_residual(uint64_t *r, int picture)
 {
     int32_t size;
@@ -433,7 +434,8 @@ static int compare(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* Suffixes of all children, ascending within each parent; some equal. */
+/* Makes suffixes of all children, which ascend within each parent; some are
+ * equal. */
 static uint32_t *suffixes(const uint8_t *n_children, uint32_t n_parents,
                           uint32_t total, uint32_t bits, uint64_t *r)
 {
@@ -451,7 +453,8 @@ static uint32_t *suffixes(const uint8_t *n_children, uint32_t n_parents,
     return s;
 }
 
-/* Children per parent, 0..max each, at most cap together (exactly, if full). */
+/* Makes the numbers of children, 0..max for each parent, and at most cap (if
+ * full, exactly cap) together. Returns their sum. */
 static uint32_t children(uint8_t *n, uint32_t n_parents, int max, uint32_t cap,
                          int full, uint64_t *r)
 {
@@ -479,7 +482,7 @@ static void make_scaffold(saga_symbols *s, const saga_model *m, uint64_t *r,
                           const gen_options *o)
 {
     const saga_level_caps *const cap = &saga_caps[o->level];
-    /* Base and layers keep to it. */
+    /* Base and layers share the limits of the level. */
     const uint32_t share = (o->base ? 1u : 0u) +
                            (o->n_layers ? o->n_layers : 1u);
     const saga_tier *const l = m->tier;
@@ -514,7 +517,8 @@ static void make_scaffold(saga_symbols *s, const saga_model *m, uint64_t *r,
 
 /* --- Cameras ------------------------------------------------------------- */
 
-/* On a circle about the cube, looking at its middle from a little above. */
+/* Makes a camera on a circle around the cube, which looks at its middle from a
+ * little above. */
 static void make_camera(saga_rig_camera *c, uint32_t number)
 {
     const double angle = 0.7 * number + 0.3, tilt = 0.25;
@@ -546,7 +550,7 @@ static void make_camera(saga_rig_camera *c, uint32_t number)
 
 /* --- Together ------------------------------------------------------------ */
 
-/* Until the weights fit the level. */
+/* Makes models until the number of weights is within the level's limit. */
 static void fit_model(saga_model *m, uint64_t *r, const gen_options *o)
 {
     uint32_t weights;

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Random valid streams: models, networks and symbols no trainer would ever
- * make, up to the limits of the syntax. Everything follows from a seed.
+ * Random valid streams. Their models, networks and symbols are such as no
+ * trainer would make, up to the limits of the syntax. Everything follows from a
+ * seed.
  */
 #ifndef GEN_STREAM_H
 #define GEN_STREAM_H
@@ -15,32 +16,33 @@
 
 enum { GEN_MAX_SEGMENTS = 4, GEN_MAX_LAYERS = 3, GEN_MAX_CAMERAS = 3 };
 
-/* This number of coarse anchors fits into level 0's memory beside all the fine
- * ones and primitives it may have. */
+/* The number of coarse anchors that fits into level 0's memory together with
+ * the largest allowed numbers of fine anchors and primitives. */
 enum { GEN_FULL_COARSE = 128 };
 
 typedef struct gen_options {
     uint64_t seed;
-    int level;               /* 0..3: caps obeyed */
-    uint32_t n_coarse;       /* about the most; 0: small and random */
-    int full;                /* counts reach level 0's caps exactly; coarse
-                              * anchors are GEN_FULL_COARSE */
+    int level;               /* 0..3; the stream is within its limits */
+    uint32_t n_coarse;       /* approximate maximum; 0: small and random */
+    int full;                /* counts reach level 0's limits exactly, with
+                              * GEN_FULL_COARSE coarse anchors */
     uint32_t n_segments;     /* 1..GEN_MAX_SEGMENTS */
-    int picture;             /* networks biased so that a picture shows */
+    int picture;             /* networks are such that a picture is visible */
     uint32_t tools;          /* with tools_fixed: SAGA_TOOL_* */
     int tools_fixed;
-    /* A memory bank: 0 none, else as GEN_BANK; sizes and readers are random
-     * but for what is not 0 here. Adds its tools to those above. */
+    /* A memory bank: 0 for none, else GEN_BANK_*. Sizes that are 0 here, and
+     * the kinds that read it, are random. Its tools are added to those above.
+     */
     int bank;
     uint32_t bank_slots, bank_width, bank_blocks;
-    int bank_alone;        /* read by all kinds, and nothing else is */
-    uint32_t no_fuse;        /* bit SAGA_TIER_*: without Fuse of the tier;
-                              * 3 is neither. 0: both, or random if no
+    int bank_alone;        /* the bank is the only source of all kinds */
+    uint32_t no_fuse;        /* bit SAGA_TIER_*: no Fuse network for the tier.
+                              * 0: both have one, or at random if there is no
                               * picture */
     int linear;            /* F_fine and F_geo have one layer */
     int named;             /* names of the cameras, and a unit of length */
-    int sounds;            /* gen_sound's sound, from -1/10 s on */
-    int base;              /* a base beside the segments */
+    int sounds;            /* gen_sound's sound, which begins at -1/10 s */
+    int base;              /* a base in addition to the segments */
     uint32_t n_layers;     /* of each segment, up to GEN_MAX_LAYERS; 0: 1 */
 } gen_options;
 
@@ -67,16 +69,17 @@ int32_t gen_range(uint64_t *state, int32_t lo, int32_t hi);
 gen_stream gen_stream_make(const gen_options *o);
 void gen_stream_free(gen_stream *g);
 
-/* Gives a named stream's name of a camera of its rig. */
+/* Sets the name that a named stream gives a camera of its rig. */
 void gen_stream_name(saga_naming *naming, uint32_t camera);
 
-/* The file's bytes (free them); exits with a message if the encoder refuses. */
+/* Makes the file's bytes, which the caller frees; exits with a message if the
+ * encoder refuses the stream. */
 void gen_stream_encode(gen_stream *g, uint8_t **bytes, size_t *n);
 
-/* The scale of a layer's weight. */
+/* Returns the scale of a layer's weight. */
 uint32_t gen_scale_of(const saga_layer_symbols *l, size_t row, size_t column);
 
-/* Writes the header's CRC anew after a change in its bytes. */
+/* Computes the header's CRC again after a change of its bytes. */
 void gen_stream_sign_header(uint8_t *bytes);
 
 #endif

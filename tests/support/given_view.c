@@ -14,7 +14,7 @@ static uint32_t n_copies(const gen_given *p)
     return p->copies ? p->copies : 1;
 }
 
-/* At both ends of the segment and in its middle. */
+/* Checks the primitives at both ends of the segment and in its middle. */
 static void assert_given(const given_view *v)
 {
     static const int32_t times[] = { 0, 32768, 65535 };
@@ -99,7 +99,7 @@ int given_sample(const given_view *v, int x, int y, int channel)
     return v->rgb[3 * (y * v->cam.width + x) + channel];
 }
 
-/* With one frame in the file, t / 65536 frames are the time t. */
+/* The file has one frame, so that the time t is t / 65536 frames. */
 saga_verify_picture given_verify(const given_view *v, int stage)
 {
     const saga_verify_view view = { v->cam, (uint32_t)v->t, 65536, NULL,

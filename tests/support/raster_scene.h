@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Scenes of splats, pictures with guards round them, and jobs that draw one
- * into the other; pictures by the norm's integers, pixel by pixel.
+ * Scenes of splats, pictures with guard bytes around them, and jobs that draw a
+ * scene into a picture; also pictures by the integer reference, pixel by pixel.
  */
 #ifndef RASTER_SCENE_H
 #define RASTER_SCENE_H
@@ -55,7 +55,7 @@ static inline void free_scene(scene *s)
     free(s->order);
 }
 
-/* n visible splats of all kinds, many of them small. */
+/* Makes n visible splats of all kinds, many of which are small. */
 static inline void hard_scene(scene *s, gen_rng *r, uint32_t n, int width,
                               int height)
 {
@@ -76,7 +76,7 @@ static inline void hard_scene(scene *s, gen_rng *r, uint32_t n, int width,
     sort_scene(s);
 }
 
-/* A scene of pictures: small splats, everywhere. */
+/* Makes a scene like a usual picture: small splats everywhere. */
 static inline void even_scene(scene *s, gen_rng *r, uint32_t n, int width,
                               int height)
 {
@@ -91,17 +91,18 @@ static inline void even_scene(scene *s, gen_rng *r, uint32_t n, int width,
 
 /* --- Pictures ------------------------------------------------------------ */
 
-/* In bytes. */
+/* Returns the bytes of a pixel. */
 static inline size_t pixel_of(int bits)
 {
     return bits == SAGA_DEPTH ? sizeof(saga_depth) : 3 * (size_t)(bits / 8);
 }
 
-/* Rows of width pixels, a gap after each, guards around. */
+/* A picture with rows of width pixels, a gap after each row, and guard bytes
+ * around everything. */
 typedef struct {
     uint8_t *block;
     size_t nbytes;          /* of the block */
-    saga_picture pic;       /* of the whole picture */
+    saga_picture pic;       /* the whole picture */
     int width, height;
 } picture;
 
@@ -138,7 +139,7 @@ static inline uint32_t value_at(const picture *p, int x, int y, int k)
     return v;
 }
 
-/* The picture from the pixel (x, y) on, as a job there wants it. */
+/* Returns the picture that a job at pixel (x, y) needs. */
 static inline saga_picture part_at(const picture *p, int x, int y)
 {
     saga_picture part = p->pic;
@@ -200,7 +201,7 @@ static inline saga_drawing drawing_of(const scene *s)
     return (saga_drawing){ &s->cam, s->splats, s->order, s->n, cpu, 0 };
 }
 
-/* Calls until the job is finished; returns how many. */
+/* Calls saga_draw until the job is finished; returns the number of calls. */
 static inline uint32_t finish_job(saga_job *job, const saga_picture *pic,
                                   const scene *s, uint32_t budget)
 {

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * A scene for tests of the rate, in either real: a root split `depth` times in
- * space, 8^depth coarse anchors of three fine ones each, with five primitives
- * under every other pair of these; every source of every kind. With a memory,
- * steps of several blocks in every group.
+ * A scene for tests of the rate, in float or double. Its root is split `depth`
+ * times in space, which gives 8^depth coarse anchors with three fine anchors
+ * each; every other pair of fine anchors has five primitives. Every kind has
+ * every source. With a bank, every group has rounds of several blocks.
  */
 #ifndef RATE_SCENE_H
 #define RATE_SCENE_H
@@ -47,7 +47,8 @@ static inline void rate_scene_model(saga_model *m)
     }
 }
 
-/* tools: SAGA_TOOL_BANK, and _PLAIN_WRITE or not. */
+/* Adds a bank to the model. tools: SAGA_TOOL_BANK, with or without
+ * SAGA_TOOL_PLAIN_WRITE. */
 static inline void rate_scene_bank(saga_model *m, uint32_t tools)
 {
     m->tools |= tools;
@@ -122,7 +123,7 @@ static inline void rate_scene_make(rate_scene *f, const saga_model *m,
     rate_scene_fine(s, saga_rng_stream(5, 2));
     for (size_t i = 0; i < (size_t)n * m->features; i++)
         s->coarse_feature[i] = R(saga_rng_normal(r, i));
-    /* Biases away from 0. */
+    /* Parameters, biases too, are moved away from 0. */
     for (size_t i = 0; i < s->n_reals - (size_t)(s->params - s->reals); i++)
         s->params[i] = R(0.5) * s->params[i] +
                        R(0.05 * saga_rng_normal(r, 100000 + i));
@@ -136,7 +137,7 @@ static inline void rate_scene_make(rate_scene *f, const saga_model *m,
     f->o.weight = R(0.01);
 }
 
-/* Without a memory. */
+/* Makes the scene without a bank. */
 static inline void rate_scene_init(rate_scene *f, uint32_t depth)
 {
     saga_model m;

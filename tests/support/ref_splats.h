@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * The norm's picture, by the book: every pixel visits every primitive in the
- * order of (depth, index), covariances are 3 x 3 products, conics are inverse
- * matrices, all in double and with nothing in common with trainer/splat.
+ * The picture of docs/arithmetic.md, computed directly in double: every pixel
+ * visits every primitive in the order of (depth, index), covariances are
+ * products of 3 x 3 matrices, conics are inverse matrices. It shares nothing
+ * with trainer/splat.
  */
 #ifndef REF_SPLATS_H
 #define REF_SPLATS_H
@@ -22,8 +23,9 @@ typedef struct ref_camera {
     double cut, alpha_cap, t_floor;
 } ref_camera;
 
-/* image (3, H, W). unsure[pixel] is 1 where a comparison was
- * decided by less than margin, relative for the floor, absolute for q. */
+/* Draws image (3, H, W). unsure[pixel] is 1 if a comparison at this pixel was
+ * decided by less than margin, which is relative for the floor of T and
+ * absolute for q. */
 void ref_splats_draw(double *image, uint8_t *unsure, const ref_primitive *p,
                      size_t n, double t, const ref_camera *cam, double margin);
 

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * The built-in room, loaded from its transforms.json, its files in the layouts
- * of other formats, and whether it is loaded from there with the same cameras
- * and the same pixels, or at 40 dB where the pictures are not lossless: a table
- * of this is printed at the end.
+ * The built-in room, loaded from its transforms.json and written in the layouts
+ * of other formats. From each it must be loaded with the same cameras and the
+ * same pixels, or if its pictures are lossy with at least 40 dB. A table of the
+ * results is printed at the end.
  */
 #ifndef SCENE_LAYOUTS_H
 #define SCENE_LAYOUTS_H
@@ -18,8 +18,8 @@ enum { W = 64, H = 48, N_VIEWS = 4, N_FRAMES = 3, N_POINTS = 300 };
 
 static saga_capture scene;
 
-/* Averages boxes of 5x5 pixels: a quarter of the colours' samples, as video
- * has, is then enough for 40 dB. */
+/* Averages boxes of 5x5 pixels, so that a video with chroma at half resolution
+ * reaches 40 dB. */
 static inline void soften(uint8_t *rgb)
 {
     static uint8_t sharp[3 * W * H];
@@ -49,7 +49,7 @@ static inline int make_scene(void **state)
     return 0;
 }
 
-/* w, x, y, z of a rotation matrix whose w is not small. */
+/* Sets q to w, x, y, z of a rotation matrix for which w is not small. */
 static inline void quaternion_of(const double r[9], double q[4])
 {
     q[0] = sqrt(1 + r[0] + r[4] + r[8]) / 2;
@@ -61,7 +61,7 @@ static inline void quaternion_of(const double r[9], double q[4])
 
 /* --- Its files ----------------------------------------------------------- */
 
-/* Writes a picture, where the format's arguments are the view and the frame. */
+/* Writes the picture of a view and a frame. */
 static inline void write_picture(folder *f, const char *name, int view,
                                  int frame)
 {
@@ -70,7 +70,7 @@ static inline void write_picture(folder *f, const char *name, int view,
                                &error));
 }
 
-/* Calls a file of a view and a frame, numbers from 0. */
+/* Sets the name of the file of a view and a frame, both counted from 0. */
 typedef void name_fn(char name[80], int view, int frame);
 
 static inline void camera_and_number(char name[80], int view, int frame)
@@ -89,7 +89,7 @@ static inline void camera_alone(char name[80], int view, int frame)
     snprintf(name, 80, "cam%02d.png", view);
 }
 
-/* Pictures of the frames from..to-1 in a folder. */
+/* Writes the pictures of the frames from..to-1 to a folder. */
 static inline void write_pictures(folder *f, const char *root, name_fn *name,
                                   int from, int to)
 {
@@ -110,7 +110,7 @@ static inline void video_alone(char name[80], int view, int frame)
     snprintf(name, 80, "cam%02d.mp4", view);
 }
 
-/* A video of each camera in the folder, as ffmpeg's options `how` say. */
+/* Writes a video of each camera to the folder, with ffmpeg's options `how`. */
 static inline void write_videos(folder *f, const char *how)
 {
     write_pictures(f, "p", camera_and_number, 0, N_FRAMES);
@@ -120,7 +120,8 @@ static inline void write_videos(folder *f, const char *how)
     folder_run(f, "rm -r p");
 }
 
-/* COLMAP's model with images of n_frames frames each, without features. */
+/* Writes a COLMAP model as text, with images of n_frames frames of each camera,
+ * without features. */
 static inline void write_model(folder *f, const char *root, name_fn *name,
                                int n_frames)
 {
@@ -156,7 +157,7 @@ static inline void write_model(folder *f, const char *root, name_fn *name,
     write_bytes(f, path, &points);
 }
 
-/* COLMAP's model in bytes, without points. */
+/* Writes a binary COLMAP model, without points. */
 static inline void write_model_bytes(folder *f, const char *root, name_fn *name)
 {
     bytes cameras = { 0 }, images = { 0 }, points = { 0 };
@@ -196,7 +197,7 @@ static inline void write_model_bytes(folder *f, const char *root, name_fn *name)
     write_bytes(f, path, &points);
 }
 
-/* The pose of a view as transforms.json has it. */
+/* Appends the pose of a view in the convention of transforms.json. */
 static inline void put_pose(bytes *b, int view)
 {
     const saga_shot *const s = &scene.views[view];
@@ -210,7 +211,8 @@ static inline void put_pose(bytes *b, int view)
     put_text(b, "[0, 0, 0, 1]]");
 }
 
-/* transforms.json, or another name, of some frames of the views from..to-1. */
+/* Writes transforms.json, or another name, with n_frames frames of the views
+ * from..to-1. */
 static inline void write_json(folder *f, const char *path, name_fn *name,
                               int from, int to, int n_frames, const char *root)
 {
@@ -235,8 +237,8 @@ static inline void write_json(folder *f, const char *path, name_fn *name,
 
 /* --- The table ----------------------------------------------------------- */
 
-/* How a layout was loaded: the greatest difference of a number of a camera, the
- * least PSNR of a picture, LOSSLESS where all bytes are the same. */
+/* The result for a layout: the largest difference of a camera's numbers, and
+ * the smallest PSNR of a picture, which is LOSSLESS if all bytes are equal. */
 typedef struct row {
     char layout[64];
     int n_frames;
@@ -293,7 +295,7 @@ static inline double psnr(const uint8_t *a, const uint8_t *b)
     return sum > 0 ? 10 * log10(255.0 * 255 * 3 * W * H / sum) : 99;
 }
 
-/* Returns by how much the numbers differ at most. */
+/* Compares two cameras; returns the largest difference of their numbers. */
 static inline double check_camera(const saga_shot *a, const saga_shot *b)
 {
     double most = fmax(fmax(fabs(a->fx - b->fx), fabs(a->fy - b->fy)),
@@ -310,8 +312,8 @@ static inline double check_camera(const saga_shot *a, const saga_shot *b)
     return most;
 }
 
-/* Loads it: the scene's first n_frames frames, pictures of that PSNR at least.
- * A row of the table has the layout's name. */
+/* Loads a capture, which must have the scene's first n_frames frames with a
+ * PSNR of at least `least`. Adds a row with the layout's name to the table. */
 static inline void check_same(const char *path, const char *layout,
                               int n_frames, double least)
 {

@@ -11,8 +11,8 @@
 #include "splat.h"
 #include "testing.h"
 
-/* Primitives of zeros with all attributes, in one block that begins at p->mean;
- * saga_params_free frees them. */
+/* Returns zeroed primitives with all attributes, in one block that begins at
+ * p->mean; saga_params_free frees them. */
 static inline saga_splat_params scene_alloc(size_t n)
 {
     saga_splat_params p;
@@ -21,7 +21,7 @@ static inline saga_splat_params scene_alloc(size_t n)
     return p;
 }
 
-/* The reals of such a block. */
+/* Returns the number of reals in such a block. */
 static inline size_t scene_reals(size_t n)
 {
     return n * saga_attrs_width(SAGA_ATTRS_ALL);
@@ -38,8 +38,8 @@ static inline real scene_normal(saga_rng r, uint64_t i, double mean,
     return (real)(float)(mean + sigma * saga_rng_normal(r, i));
 }
 
-/* Primitives in front of scene_camera at t in 0..1; px is the typical standard
- * deviation in pixels of a picture 100 pixels wide. */
+/* Makes primitives before scene_camera, visible at times 0..1. px is the
+ * typical standard deviation in pixels of a picture that is 100 pixels wide. */
 static inline void scene_random(saga_splat_params *p, size_t n, uint64_t seed,
                                 double px)
 {
@@ -68,7 +68,7 @@ static inline void scene_random(saga_splat_params *p, size_t n, uint64_t seed,
     }
 }
 
-/* A camera 3 units before the origin, a little turned. */
+/* Returns a camera 3 units before the origin, turned by a small angle. */
 static inline saga_splat_camera scene_camera(int width, int height,
                                              double turn)
 {

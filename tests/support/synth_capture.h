@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * The built-in room as a capture of the few pixels that a test can afford.
- *
+ * The built-in room as a small capture for tests.
  */
 #ifndef SYNTH_CAPTURE_H
 #define SYNTH_CAPTURE_H
@@ -10,7 +9,8 @@
 #include "synth.h"
 #include "testing.h"
 
-/* Pictures of w x h, one camera held out, no depths; one thread writes them. */
+/* Returns options for pictures of w x h with one held-out camera, no depths,
+ * and one thread. */
 static inline saga_synth_options synth_options(int w, int h, int n_cameras,
                                                int n_frames, int n_points)
 {
@@ -27,7 +27,7 @@ static inline saga_synth_options synth_options(int w, int h, int n_cameras,
     return o;
 }
 
-/* Writes it to a new folder `path`, and loads it with the depths it has. */
+/* Writes the capture to a new folder `path`, and loads it with its depths. */
 static inline saga_capture synth_capture(const char *path,
                                          const saga_synth_options *s)
 {

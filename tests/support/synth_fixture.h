@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * The built-in room as the *state of tests.
+ * The built-in room as a fixture: the *state of all tests of a program.
  */
 #ifndef SYNTH_FIXTURE_H
 #define SYNTH_FIXTURE_H
@@ -8,7 +8,7 @@
 #include "capture_files.h"
 #include "synth_capture.h"
 
-/* Makes it in a folder that is gone again when the tests begin. */
+/* Makes the capture, in a folder that is removed before the tests begin. */
 static inline int synth_enter(void **state,
                                       const saga_synth_options *s)
 {

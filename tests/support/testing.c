@@ -6,7 +6,7 @@
 
 enum { MOST = 128 };
 
-static struct CMUnitTest tests[MOST]; /* those without a function are none */
+static struct CMUnitTest tests[MOST]; /* unused ones have no function */
 static size_t n_tests;
 static CMFixtureFunction group_enter, group_leave;
 

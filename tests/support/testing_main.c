@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * The main of a program of tests that has none of its own.
+ * The main function of a program of tests that does not define one.
  */
 #include "testing.h"
 

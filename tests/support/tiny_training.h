@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Trainings that take a tenth of a second: the built-in room in a few thousand
- * pixels, and what becomes of it. What fails, fails the test.
+ * Trainings that take a tenth of a second, on the built-in room with a few
+ * thousand pixels. Any failure fails the test.
  */
 #ifndef TINY_TRAINING_H
 #define TINY_TRAINING_H
@@ -11,18 +11,18 @@
 
 enum { TINY_WARM = 40, TINY_RENDER = 60 };
 
-/* A capture, and a place for the checkpoint of its training, in a folder that
+/* A capture, and the path of its training's checkpoint, in a folder that
  * tiny_close removes. */
 typedef struct tiny {
     char folder[64], checkpoint[80];
     saga_capture capture;
 } tiny;
 
-/* The room in 64 x 36 pixels, of four cameras, of which one is held out. */
+/* Makes the room with 64 x 36 pixels and four cameras, one of them held out. */
 void tiny_open(tiny *t, int n_frames);
 void tiny_close(tiny *t);
 
-/* One of them for all tests of the program. */
+/* Declares one capture for all tests of the program. */
 #define TINY_GROUP(name, n_frames) \
     static tiny name; \
     static int open_##name(void **state __attribute__((unused))) \
@@ -37,16 +37,17 @@ void tiny_close(tiny *t);
     } \
     TEST_GROUP(open_##name, close_##name)
 
-/* The capture that `s` makes, without its files. */
+/* Returns the capture that `s` makes, and removes its files. */
 saga_capture tiny_capture(const saga_synth_options *s);
 
-/* Options for a scene that moves, with these primitives and iterations. */
+/* Returns options for a moving scene with these numbers of primitives and
+ * iterations. */
 saga_train_options tiny_options(uint32_t n_primitives, int n_warm,
                                 int n_render);
-/* 150 of them, TINY_WARM and TINY_RENDER, lambda by the rule, 32 slots of
- * memory. */
+/* Returns options with 150 primitives, TINY_WARM and TINY_RENDER iterations,
+ * lambda by the rule, and a bank of 32 slots. */
 saga_train_options tiny_defaults(void);
-/* The same in three layers, without a memory. */
+/* Returns the same options with three layers and without a bank. */
 saga_train_options tiny_layered(void);
 
 typedef struct trained {
@@ -57,23 +58,23 @@ typedef struct trained {
 
 saga_train *tiny_begin(const saga_capture *c, const saga_train_options *o);
 saga_train *tiny_resume(const saga_capture *c, const saga_train_options *o);
-/* Takes the training to its end, and it away. */
+/* Runs the training to its end, and frees it. */
 trained tiny_finish(saga_train *t);
 trained tiny_train(const saga_capture *c, const saga_train_options *o);
 
-/* The bytes, and what was said of the choice of sources. */
+/* Returns whether bytes and reported choice of sources are the same. */
 bool tiny_same(const trained *a, const trained *b);
 
-/* A training stops once, where the stage has come to an iteration (-1: to any);
- * or every `every` calls. */
+/* Where a training stops: once, when the stage reaches an iteration (-1: any),
+ * or after every `every` calls of the progress function. */
 typedef struct tiny_stop {
     saga_train_stage stage;
     int iteration, every, calls;
 } tiny_stop;
 
-/* Makes the options stop there; `stop` as long as trainings have them. */
+/* Sets options that stop there; `stop` must outlive the trainings. */
 void tiny_stop_at(saga_train_options *o, tiny_stop *stop);
-/* Trained to that place, where it can go on. */
+/* Returns a training that has stopped there and can be continued. */
 saga_train *tiny_train_until(const saga_capture *c, saga_train_options *o,
                              tiny_stop *stop);
 

@@ -54,7 +54,7 @@ static uint32_t layer_crc(uint32_t crc, const saga_layer_symbols *l,
     return crc_u8s(crc, l->shift, n_out);
 }
 
-/* Formats of n rows. */
+/* Adds the finer formats of n rows to the CRC. */
 static uint32_t finer_crc(uint32_t crc, const saga_layer_symbols *l,
                           uint32_t n)
 {
@@ -158,7 +158,7 @@ static saga_status draw_frame(uint32_t *crc, const saga_decoder *dec,
     job.list_capacity = LIST;
     job.scratch = scratch;
     job.scratch_nbytes = sizeof scratch;
-    /* The budget does not show in the picture. */
+    /* The picture does not depend on the budget. */
     do
         s = saga_draw(dec, &job, &picture, 1u << 24);
     while (s == SAGA_AGAIN);
@@ -168,8 +168,8 @@ static saga_status draw_frame(uint32_t *crc, const saga_decoder *dec,
     return SAGA_OK;
 }
 
-/* Finds the byte range of segment `number`: its first frame lies after those of
- * the segments before it. */
+/* Finds the bytes of segment `number`, by going through the frames of the
+ * segments before it. */
 static saga_status find_segment(saga_segment *seg, const uint8_t *bytes,
                                 size_t n, uint32_t number)
 {
@@ -200,9 +200,8 @@ static saga_status run_stages(saga_stages *out, saga_decoder *dec,
         return s;
     if (seg.offset > n)
         return SAGA_ERR_TRUNCATED;
-    /* A stage each: decode the segment, look at it from the camera, then
-     * take the CRCs of what is there. A file cut short has fewer bytes than the
-     * index says. */
+    /* Decode the segment, make the view, then take the CRCs of each stage. A
+     * file that is cut short has fewer bytes than its index says. */
     left = n - (size_t)seg.offset;
     s = saga_decode(dec, &seg, bytes + seg.offset,
                     seg.nbytes < left ? seg.nbytes : left, NULL);

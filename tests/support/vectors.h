@@ -1,12 +1,14 @@
 /* SPDX-License-Identifier: MIT
  *
- * Test vectors say what a conforming decoder makes of a file, stage by stage,
- * as CRC-32C. One line of vectors/MANIFEST is one picture:
+ * Test vectors give the CRC-32C of everything that a conforming decoder
+ * computes from a file, stage by stage. A line of vectors/MANIFEST is one
+ * picture:
  *
  *     FILE SEGMENT SYMBOLS RANGE RANGE RANGE T CAMERA PRIMITIVES SPLATS FRAME
  *
  * T is the time in the segment, CAMERA the index in the rig, RANGE the coder's
- * final range after each layer; hexadecimal but for SEGMENT, T and CAMERA.
+ * final range after each chunk. Numbers are hexadecimal, except SEGMENT, T and
+ * CAMERA.
  */
 #ifndef SAGA_VECTORS_H
 #define SAGA_VECTORS_H
@@ -19,9 +21,9 @@
 #include <stdint.h>
 
 typedef struct saga_stages {
-    uint32_t symbols;            /* the networks', base's, segment's */
+    uint32_t symbols;            /* of networks, base and segment */
     uint32_t final_range[3];
-    uint32_t primitives;         /* all of them at the time */
+    uint32_t primitives;         /* all primitives at the time */
     uint32_t splats;             /* in drawing order */
     uint32_t frame;              /* 8-bit picture */
 } saga_stages;
@@ -34,10 +36,10 @@ uint32_t saga_symbols_crc(const saga_net_symbols *nets,
                           const saga_symbols *s, uint32_t n_layers,
                           uint32_t features);
 
-/* Runs all stages but the symbols, from the bytes of a file, through saga.h
- * alone: segment `number` (found through its first frame), time t, rig camera.
- * Returns the first status that is not SAGA_OK. pixels: room for the camera's
- * picture, 3 bytes per pixel, at least pixels_nbytes. */
+/* Runs all stages except the symbols on the bytes of a file, with saga.h alone,
+ * for segment `number`, time t and a camera of the rig. Returns the first
+ * status that is not SAGA_OK. pixels has pixels_nbytes, enough for the camera's
+ * picture with 3 bytes a pixel. */
 saga_status saga_stages_of(saga_stages *stages, const uint8_t *bytes, size_t n,
                            uint32_t number, int32_t t, uint32_t camera,
                            uint8_t *pixels, size_t pixels_nbytes);
