@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 //
-// A .saga film as an asset of the engine's own kind for splats: a parser for its
-// gsplat handler, beside those for PLY and SOG.
+// A .saga film as an asset of the engine's own type for splats. This is a
+// parser for its gsplat handler, which has others for PLY and SOG.
 //
 //     app.loader.getHandler('gsplat').addParser(new SagaParser(app));
 //     const asset = new pc.Asset('film', 'gsplat', { url: 'scene.saga' });
@@ -15,7 +15,7 @@
 import * as pc from 'playcanvas';
 import { EngineView } from 'saga-web/engine.js';
 
-// The planes that gaussians.js makes, a texture each.
+// The textures for the planes that gaussians.js makes.
 const PLANES = ['sagaMean', 'sagaScale', 'sagaTurn', 'sagaColour'];
 
 function formatFor(device) {
@@ -36,11 +36,11 @@ fn getRotation() -> vec4f { return loadSagaTurn(); }
     });
 }
 
-// The splats of one time, of which the view has the clock.
+// The splats at the time of the view's clock.
 export class SagaSplats extends pc.GSplatContainer {
     constructor(app, view) {
         const { info } = view;
-        const half = 2 ** 23 * info.unit; // of the cube
+        const half = 2 ** 23 * info.unit; // half the size of the cube
 
         super(app.graphicsDevice, info.maxPrimitives,
             formatFor(app.graphicsDevice));
@@ -71,7 +71,7 @@ export class SagaSplats extends pc.GSplatContainer {
         this.update(nSplats);
     }
 
-    // A camera is about to be drawn: colours are for where it stands.
+    // Called before a camera is drawn. Colours depend on its position.
     look(camera) {
         if (this.owner?.resource !== this)
             this.owner = this.app.root.findComponents('gsplat').find(
@@ -92,7 +92,7 @@ export class SagaSplats extends pc.GSplatContainer {
 }
 
 export class SagaParser {
-    // options: of the viewer, simd and seconds.
+    // options: the viewer's simd and seconds.
     constructor(app, options) {
         this.app = app;
         this.options = options;

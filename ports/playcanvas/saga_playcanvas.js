@@ -7,8 +7,8 @@
 //     film.placeCamera(camera);
 //     film.view.play();
 //
-// A unit of the entity is the capture's. Opaque objects hide it, by the depth of
-// each splat, and it hides them.
+// The entity has the capture's units. Opaque objects hide it according to the
+// depth of each splat, and it hides them.
 
 import * as pc from 'playcanvas';
 import { EngineView, FLOATS, FRAGMENT_GLSL, VERTEX_GLSL, floatsOf, isSteep }
@@ -29,7 +29,7 @@ void main() {
     gl_FragColor = saga_mixed();
 }`;
 
-// What floatsOf gives of a splat.
+// The attributes of a splat, from floatsOf.
 const SPLAT = [['place', pc.SEMANTIC_ATTR12, 4], ['chol', pc.SEMANTIC_ATTR13, 3],
     ['colour', pc.SEMANTIC_ATTR14, 3]];
 
@@ -70,7 +70,7 @@ export function placeCamera({ entity, view }, camera, index) {
 }
 
 export class SagaEntity {
-    // source: an address or a File. options: of the viewer, simd and seconds.
+    // source: an address or a File. options: the viewer's simd and seconds.
     static async load(app, source, options) {
         const film = new SagaEntity(app, options);
 
@@ -93,7 +93,7 @@ export class SagaEntity {
         this.entity.addComponent('render', { meshInstances: [this.instance],
             castShadows: false, receiveShadows: false });
         this.modelView = new pc.Mat4();
-        this.values = null; // the camera that the splats were made for
+        this.values = null; // the camera for which the splats were made
         // The clock, and events: see viewer.d.ts.
         this.view = new EngineView((splats) => this.take(splats), options);
         this.handle = app.scene.on('prerender', (camera) => this.look(camera));
@@ -116,7 +116,7 @@ export class SagaEntity {
         instance.setParameter('saga_steep', Number(isSteep(splats)));
     }
 
-    // A camera is about to be drawn.
+    // Called before a camera is drawn.
     look(camera) {
         const { device, view } = this;
         const { x, y, z, w } = camera.rect;

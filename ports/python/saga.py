@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Volumetric video from Python: pictures and primitives of .saga files.
 
-The decoder is libsaga.so (`make shared`, `make install`), called through
-ctypes; encoding runs the program `saga`. Pixels are the same on every machine.
+The module calls the decoder, libsaga.so (`make shared`, `make install`),
+through ctypes; encoding runs the program `saga`. Pixels are the same on every
+machine.
 
     import saga
     film = saga.open("scene.saga")
@@ -34,12 +35,12 @@ _SIZE, _PTR = ctypes.c_size_t, ctypes.c_void_p
 _OK, _AGAIN, _STOPPED = 0, 1, -21
 _ALIGN = 16                  # SAGA_WORK_ALIGN
 _TILE, _LIST = 16, 1 << 14
-_LARGEST = 1 << 30           # of a work block: that of level 3
+_LARGEST = 1 << 30           # largest work block, that of level 3
 
 
 class Error(Exception):
-    """A file, a camera or a time that the decoder refuses; `status` is
-    saga.h's."""
+    """The decoder refuses a file, a camera or a time; `status` is that of
+    saga.h."""
 
     def __init__(self, what, status=None, tell=True):
         self.status = status
@@ -51,12 +52,13 @@ class Error(Exception):
 # --- saga.h -----------------------------------------------------------------
 
 class _Struct(ctypes.Structure):
-    """Fields are as in saga.h; tests/cli/check_python.py compares them."""
+    """A structure with the fields of saga.h; tests/cli/check_python.py
+    compares them."""
 
 
 class Camera(_Struct):
-    """saga_camera: a pinhole camera in the file's integers. Those of the rig
-    come from film.camera(); copy one and change its fields."""
+    """saga_camera: a pinhole camera in the file's integers. film.camera()
+    returns cameras of the rig; copy one and change its fields."""
     _fields_ = [("rotation_q30", _I32 * 9), ("centre", _I32 * 3),
                 ("focal_q16", _I32 * 2), ("principal_q16", _I32 * 2),
                 ("near_plane", _I32), ("width", _U16), ("height", _U16),
@@ -182,7 +184,7 @@ Info = namedtuple("Info", "name nbytes version level n_frames n_segments fps "
 
 
 class Film:
-    """An open file. film.info tells what it is; its segments are decoded as
+    """An open file. film.info has its properties. Segments are decoded when
     they are needed."""
 
     def __init__(self, name, data, seconds=None):
@@ -195,7 +197,7 @@ class Film:
         _check(_lib().saga_probe(ctypes.byref(self._header), self._bytes,
                                  len(data)), name)
         h = self._header
-        # A header's level bounds what it asks for: 1 GiB at most.
+        # The level of a header limits its work block, to at most 1 GiB.
         if h.work_nbytes > _LARGEST or h.head_nbytes > len(data):
             raise Error(name + ": the file is cut short")
         self._work = ctypes.create_string_buffer(h.work_nbytes + _ALIGN)
@@ -213,7 +215,7 @@ class Film:
                   for m in h.centre_mantissa))
 
     def _decode(self, what, function, *arguments):
-        """Calls a function that may be stopped when its time is over."""
+        """Calls a function of the decoder with the film's time limit."""
         if self._watch:
             self._deadline = time.monotonic() + self._seconds
         status = function(*arguments, self._watch and
@@ -232,21 +234,19 @@ class Film:
 
     @property
     def names(self):
-        """The file's names of the cameras of its rig; empty where it has
-        none."""
+        """The names of the cameras of the rig; empty if the file has none."""
         return [self._naming(i).name.decode(errors="replace")
                 for i in range(self.info.n_cameras)]
 
     @property
     def metres(self):
-        """Metres in the capture's unit of length; 0: the file does not
-        say."""
+        """The metres in the capture's unit of length, or 0 if the file does not
+        state them."""
         naming = self._naming(0)
         return math.ldexp(naming.metre_mantissa, naming.metre_exponent)
 
     def camera(self, index):
-        """Camera `index` of the rig, or the one of that name, as a Camera of
-        one's own."""
+        """A copy of camera `index` of the rig; index may be its name."""
         if isinstance(index, str):
             if index not in self.names:
                 raise Error(f"{self.info.name}: no camera {index!r} among "
@@ -274,7 +274,7 @@ class Film:
                f"{self.info.name}: frame {frame}")
         if s.number != self._segment:
             self._segment = None
-            # Layers may be whole in a file that ends early.
+            # A file that ends early may still have complete layers.
             nbytes = min(s.nbytes, len(self._data) - s.offset)
             if nbytes < s.nbytes and (self.info.n_layers == 1 or nbytes < 0):
                 raise Error(self.info.name + ": the file is cut short")
@@ -286,8 +286,8 @@ class Film:
         return s.t
 
     def layers(self, frame=0):
-        """How many layers of a time's segment are there: info.n_layers, or
-        fewer where the file ends early."""
+        """The number of complete layers in the segment of a time, which is
+        info.n_layers, or fewer if the file ends early."""
         report = _Report()
         self._seek(frame)
         _check(_lib().saga_tell(ctypes.byref(report), self._dec),
@@ -295,14 +295,15 @@ class Film:
         return report.n_layers
 
     def pixels(self, camera=0, frame=0):
-        """A picture as bytes: rows from the top, R, G, B of 8 bits. camera is
-        an index or a name of the rig or a Camera, frame a number, also a Fraction."""
+        """A picture as bytes: rows from the top, R, G, B with 8 bits. camera is
+        an index or a name of the rig, or a Camera; frame is a number, which may
+        be a Fraction."""
         c = camera if isinstance(camera, Camera) else self.camera(camera)
         t = self._seek(frame)
         _check(_lib().saga_view(self._dec, ctypes.byref(c), t),
                self.info.name)
         rgb = ctypes.create_string_buffer(3 * c.width * c.height)
-        # All rows at once, where that is not too much: see saga_job.
+        # Scratch for all rows at once, up to a limit: see saga_job.
         rows, columns = -(-c.height // _TILE), -(-c.width // _TILE)
         nbytes = 16 * _TILE * _TILE * min(rows * columns, 1 << 14) + \
             8 * _LIST + 264
@@ -319,16 +320,16 @@ class Film:
         return rgb.raw
 
     def picture(self, camera=0, frame=0):
-        """The same as a numpy array (height, width, 3) of uint8."""
+        """A picture as a numpy array (height, width, 3) of uint8."""
         import numpy
         c = camera if isinstance(camera, Camera) else self.camera(camera)
         return numpy.frombuffer(self.pixels(c, frame), numpy.uint8).reshape(
             c.height, c.width, 3)
 
     def primitives(self, frame=0):
-        """All primitives at a time, as numpy arrays: "mean" (n, 3) in metres,
-        "quat" (n, 4) w x y z of length 1, "scale" (n, 3) standard deviations
-        in metres, "opacity" (n,)."""
+        """All primitives at a time as numpy arrays: "mean" (n, 3) in metres,
+        "quat" (n, 4) w, x, y, z with length 1, "scale" (n, 3) standard
+        deviations in metres, "opacity" (n,)."""
         import numpy
         t, report = self._seek(frame), _Report()
         _check(_lib().saga_tell(ctypes.byref(report), self._dec),
@@ -351,9 +352,10 @@ class Film:
 
 
 def open(file, seconds=None):  # noqa: A001 (that is what it does)
-    """A Film of a path, or of the bytes of a file. Decoding its head, or later
-    a segment, may take `seconds`, or raises an Error; None: as long as
-    files of its level may take, seconds at level 2."""
+    """Opens a Film from a path, or from the bytes of a file. If decoding the
+    head, or later a segment, takes more than `seconds`, it raises an Error.
+    None means no limit except that of the file's level; files of level 2 take
+    at most a few seconds."""
     if isinstance(file, (bytes, bytearray, memoryview)):
         return Film("bytes", bytes(file), seconds)
     with builtins.open(file, "rb") as f:
@@ -361,14 +363,14 @@ def open(file, seconds=None):  # noqa: A001 (that is what it does)
 
 
 def crc32c(data):
-    """CRC-32C, by which pictures are compared."""
+    """The CRC-32C, with which pictures are compared."""
     return _lib().saga_crc32c(0, bytes(data), len(data))
 
 
 def encode(capture, output, **options):
-    """Runs `saga encode`, and returns its report. Options are the program's
-    with _ for -: encode(c, o, primitives=8000, hold_out="cam00", still=True).
-    """
+    """Runs `saga encode` and returns its report. Options are those of the
+    program with _ instead of -: encode(c, o, primitives=8000,
+    hold_out="cam00", still=True)."""
     words = [os.environ.get("SAGA", "saga"), "encode", os.fspath(capture),
              "-o", os.fspath(output), "--json"]
     for name, value in options.items():

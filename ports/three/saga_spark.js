@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 //
 // A .saga film for Spark, which draws Gaussian splats in scenes of three.js and
-// sorts a film among all others:
+// sorts the film's splats together with all others:
 //
 //     const spark = new SparkRenderer({ renderer });
 //     const film = await SagaSplatMesh.load('scene.saga');
@@ -13,7 +13,7 @@ import { ExtSplats, SplatMesh, utils } from '@sparkjsdev/spark';
 import { EngineView } from 'saga-web/engine.js';
 import { placeCamera } from './saga_three.js';
 
-// Splats in float, as many as a texture of Spark's size has.
+// Returns empty splats in float, as many as fit a texture of Spark's size.
 function emptySplats(least) {
     const { maxSplats } = utils.getTextureSize(least);
     const extArrays = [0, 1].map(() => new Uint32Array(4 * maxSplats));
@@ -22,7 +22,7 @@ function emptySplats(least) {
 }
 
 export class SagaSplatMesh extends SplatMesh {
-    // source: an address or a File. options: of the viewer, simd and seconds.
+    // source: an address or a File. options: the viewer's simd and seconds.
     static async load(source, options) {
         let film = null;
         const view = new EngineView((made) => film.take(made),
@@ -58,7 +58,8 @@ export class SagaSplatMesh extends SplatMesh {
         this.updateVersion();
     }
 
-    // Spark is about to draw: colours are for where its camera stands.
+    // Spark calls this before it draws. Colours depend on its camera's
+    // position.
     update(context) {
         const eye = new THREE.Vector3().setFromMatrixPosition(
             context.viewToWorld);

@@ -7,8 +7,8 @@
 //     film.placeCamera(camera);
 //     film.view.play();
 //
-// A unit of the object is the capture's. Opaque objects hide it, by the depth of
-// each splat, and it hides them.
+// The object has the capture's units. Opaque objects hide it according to the
+// depth of each splat, and it hides them.
 
 import * as THREE from 'three';
 import { EngineView, FLOATS, FRAGMENT_GLSL, VERTEX_GLSL, floatsOf, isSteep }
@@ -45,7 +45,7 @@ function makeMaterial() {
     });
 }
 
-// An instance a splat: four corners, and what floatsOf gives.
+// An instance for each splat: four corners, and the floats of floatsOf.
 function makeGeometry(floats, nSplats) {
     const geometry = new THREE.InstancedBufferGeometry();
     const buffer = new THREE.InstancedInterleavedBuffer(floats, FLOATS);
@@ -76,7 +76,7 @@ export function placeCamera(film, camera, index) {
 }
 
 export class SagaMesh extends THREE.Mesh {
-    // source: an address or a File. options: of the viewer, simd and seconds.
+    // source: an address or a File. options: the viewer's simd and seconds.
     static async load(source, options) {
         const film = new SagaMesh(options);
 
@@ -89,7 +89,7 @@ export class SagaMesh extends THREE.Mesh {
         this.frustumCulled = false;
         this.viewport = new THREE.Vector4();
         this.modelView = new THREE.Matrix4();
-        this.values = null; // the camera that the splats were made for
+        this.values = null; // the camera for which the splats were made
         // The clock, and events: see viewer.d.ts.
         this.view = new EngineView((splats) => this.take(splats), options);
     }

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: MIT
 //
-// A worker of worker.js that decodes segments ahead of time in an instance of
-// its own. The first message is { head, seconds, module }, every further one
+// A worker that worker.js starts to decode segments ahead of time, in a decoder
+// of its own. The first message is { head, seconds, module }. Every further one
+// is
 //
-//     { number, bytes } -> { block, ms }, of SagaFile.block; {} where it fails
+//     { number, bytes } -> { block, ms } from SagaFile.block, or {} if it fails
 
 import { SagaFile } from './saga.js';
 

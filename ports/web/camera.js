@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: MIT
 //
-// Cameras in float, as a user moves them, and in the decoder's integers.
+// Cameras in float, which a user moves, and in the decoder's integers.
 //
-// A pose is { rotation, centre }: rows right, down, forward of the camera in
-// box axes (9), and where it stands in box units (3). The `values` of a camera
-// are the 22 integers of saga_camera, in its order.
+// A pose is { rotation, centre }: the camera's right, down and forward
+// directions as rows in box axes (9 numbers), and its position in box units
+// (3). The `values` of a camera are the 22 integers of saga_camera, in its
+// order.
 
 const ROTATION = 0, CENTRE = 9, FOCAL = 12, PRINCIPAL = 14, SIZE = 17;
 const ONE_Q30 = 2 ** 30, ONE_Q16 = 65536;
@@ -21,7 +22,7 @@ export const unit = (a) => times(a, 1 / (norm(a) || 1));
 export const cross = (a, b) => [a[1] * b[2] - a[2] * b[1],
     a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 
-// v turned by an angle about a unit axis.
+// Returns v turned by an angle about a unit axis.
 function turned(v, axis, angle) {
     const c = Math.cos(angle), s = Math.sin(angle);
 
@@ -43,8 +44,8 @@ export function poseOf(values) {
     };
 }
 
-// A camera that stands at eye and looks at target, its picture's top towards
-// up.
+// Returns the pose of a camera at eye that looks at target, with the top of its
+// picture towards up.
 export function lookAt(eye, target, up) {
     const forward = unit(sub(target, eye));
     const right = unit(cross(forward, up));
@@ -53,7 +54,7 @@ export function lookAt(eye, target, up) {
         centre: eye };
 }
 
-// The pose turned rigidly about a point.
+// Returns the pose turned rigidly about a point.
 function turnedAbout(pose, pivot, axis, angle) {
     const rows = [rightOf(pose), downOf(pose), forwardOf(pose)];
 
@@ -63,7 +64,8 @@ function turnedAbout(pose, pivot, axis, angle) {
     };
 }
 
-// Around the pivot: yaw about up, then pitch, which stops short of up and down.
+// Turns a pose around the pivot: by yaw about up, then by pitch, which stops
+// shortly before it looks straight up or down.
 export function orbited(pose, pivot, up, yaw, pitch) {
     const limit = 0.05;
     const angle = Math.acos(Math.max(-1, Math.min(1,
@@ -74,7 +76,7 @@ export function orbited(pose, pivot, up, yaw, pitch) {
     return turnedAbout(level, pivot, rightOf(level), angle - next);
 }
 
-// Nearer to the pivot, or farther away.
+// Moves a pose nearer to the pivot, or farther away.
 export function dollied(pose, pivot, factor) {
     return { rotation: pose.rotation,
         centre: add(pivot, times(sub(pose.centre, pivot), factor)) };
@@ -86,7 +88,7 @@ export function moved(pose, by) {
 
 // --- Integers --------------------------------------------------------------
 
-// The lens (values) scaled to another size of the picture.
+// Returns the lens (values) scaled to another size of the picture.
 export function resized(lens, scale) {
     const values = Int32Array.from(lens);
 
@@ -105,8 +107,8 @@ export function resized(lens, scale) {
     return values;
 }
 
-// The lens for a picture of width x height, which it fills. Where shapes differ,
-// up to a fifth of what the lens sees is cut off, so that less is seen of what
+// Returns the lens for a picture of width x height. If the shapes differ, up to
+// a fifth of the lens's field is cut off, so that the picture shows less that
 // nobody filmed.
 export function fitted(lens, width, height) {
     const values = Int32Array.from(lens);
@@ -124,7 +126,7 @@ export function fitted(lens, width, height) {
     return values;
 }
 
-// A lens at a pose.
+// Returns the values of a lens at a pose.
 export function placed(lens, pose) {
     const values = Int32Array.from(lens);
 
@@ -141,14 +143,14 @@ export function placed(lens, pose) {
 export const widthOf = (values) => values[SIZE];
 export const heightOf = (values) => values[SIZE + 1];
 
-// Vertical, in degrees.
+// Returns the vertical field of view, in degrees.
 export function fovOf(values) {
     const half = heightOf(values) * ONE_Q16 / 2 / values[FOCAL + 1];
 
     return 2 * Math.atan(half) * 180 / Math.PI;
 }
 
-// The lens with another vertical field of view, in degrees.
+// Returns the lens with another vertical field of view, in degrees.
 export function withFov(lens, fov) {
     const values = Int32Array.from(lens);
     const focal = heightOf(lens) * ONE_Q16 / 2 /
@@ -160,7 +162,8 @@ export function withFov(lens, fov) {
     return values;
 }
 
-// Straight ahead from 1.2 cubes away: for files without a rig.
+// Returns a camera for files without a rig, which looks straight ahead from 1.2
+// cubes away.
 export function standInLens() {
     const width = 640, height = 360;
     const values = new Int32Array(22);
@@ -173,7 +176,7 @@ export function standInLens() {
 
 // --- A rig -----------------------------------------------------------------
 
-// m x = v for a symmetric positive 3x3 matrix, by Cramer's rule.
+// Solves m x = v for a symmetric positive 3x3 matrix by Cramer's rule.
 function solve3(m, v) {
     const column = (i) => [m[0][i], m[1][i], m[2][i]];
     const det = (a, b, c) => dot(a, cross(b, c));
@@ -183,8 +186,9 @@ function solve3(m, v) {
     return [det(v, b, c) / d, det(a, v, c) / d, det(a, b, v) / d];
 }
 
-// Where the cameras look: the point nearest to all their axes, drawn a little
-// to the cube's centre, which decides for a single camera.
+// Returns the point at which the cameras look: the point nearest to all their
+// axes, with a small weight for the cube's centre, which decides if there is a
+// single camera.
 export function focusOf(poses) {
     const m = [0, 1, 2].map((i) => [0, 1, 2].map(
         (k) => (i === k ? 1e-3 * poses.length : 0)));
@@ -201,8 +205,9 @@ export function focusOf(poses) {
     return solve3(m, v);
 }
 
-// Up, for people who hold their cameras level, whatever their tilt: at right
-// angles to all horizontal axes, near the pictures' mean up.
+// Returns the up direction: perpendicular to the cameras' right directions,
+// near the mean of their up directions. It is right if cameras are level,
+// whatever their tilt.
 export function upOf(poses) {
     const mean = poses.reduce((sum, pose) => sub(sum, downOf(pose)),
         [0, 0, 0]);

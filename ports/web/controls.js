@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: MIT
 //
 // Mouse, pen and fingers on a viewer's canvas: a drag orbits, with shift or
-// another button it pans, the wheel and two fingers go nearer or farther. Keys:
-// arrows orbit; W, S, A, D, Q, E move the camera.
+// another button it pans; the wheel and two fingers move nearer or farther.
+// Arrow keys orbit; W, S, A, D, Q, E move the camera.
 
 import { heightOf, widthOf } from './camera.js';
 
-const TURN = Math.PI;      // radians of a drag across the canvas
-const STEP = Math.PI / 36; // of an arrow
-const STRIDE = 24;         // pixels of a key that moves
+const TURN = Math.PI;      // radians for a drag across the canvas
+const STEP = Math.PI / 36; // radians for an arrow key
+const STRIDE = 24;         // pixels for a key that moves the camera
 const NEARER = 0.92;
 
 // Keys without a modifier move the camera.
@@ -25,7 +25,7 @@ const MOVES = {
     e: (viewer) => viewer.pan(0, STRIDE),
 };
 
-// Returns whether the key moves the camera.
+// Moves the camera if the key does so; returns whether it does.
 export function moveByKey(viewer, key) {
     const move = MOVES[key.length === 1 ? key.toLowerCase() : key];
 
@@ -37,7 +37,7 @@ export function moveByKey(viewer, key) {
 export function addControls(viewer, element) {
     const pointers = new Map(); // id -> { x, y }
 
-    // Middle and spread of what touches.
+    // The middle and the spread of the touching pointers.
     const gauge = () => {
         const all = [...pointers.values()];
         const x = all.reduce((sum, p) => sum + p.x, 0) / all.length;

@@ -1,24 +1,24 @@
 // SPDX-License-Identifier: MIT
 //
-// A film inside of a scene that another engine draws: ports/three and
-// ports/playcanvas. The clock, the workers and the file are the viewer's; the
-// camera is the engine's. Matrices are 4x4, by columns, as WebGL has them.
+// A film in a scene that another engine draws: ports/three and
+// ports/playcanvas. The viewer has the clock, the workers and the file; the
+// engine has the camera. Matrices are 4x4, stored by columns, as in WebGL.
 //
-// The decoder sorts and projects for the camera that it was last asked for.
-// Until the next splats come, `toClip` places these in what the engine's camera
-// sees now, by their depths, so that they stand among the engine's own objects.
+// The decoder sorts and projects for the camera of the last request. Until the
+// next splats come, `toClip` reprojects the last ones by their depths to the
+// engine's present camera, so that they stay among the engine's own objects.
 
 import * as cam from './camera.js';
 import { SHAPE_GLSL, STEEP } from './gpu.js';
 import { Viewer } from './viewer.js';
 
 const SPLAT_INTS = 11;     // saga_splat of saga.h
-export const FLOATS = 10;  // what `floatsOf` makes of it
+export const FLOATS = 10;  // for each splat, from `floatsOf`
 
 export const isSteep = ({ tools }) => (tools & STEEP) !== 0;
 
-// Splats from back to front, as engines blend: mean in pixels, depth in box
-// units, q0; g, n, h; colour.
+// Returns the splats from back to front, because engines blend in this order:
+// mean in pixels, depth in box units, q0; g, n, h; colour.
 export function floatsOf({ bytes, nSplats }) {
     const ints = new Int32Array(bytes.buffer, bytes.byteOffset,
         SPLAT_INTS * nSplats);
@@ -40,14 +40,14 @@ export function floatsOf({ bytes, nSplats }) {
     return floats;
 }
 
-// saga_place and saga_mixed are called by an engine's vertex and fragment
-// shader; the viewport is where it draws, in pixels.
+// An engine's vertex shader calls saga_place, its fragment shader saga_mixed;
+// the viewport is the rectangle in which the engine draws, in pixels.
 export const VERTEX_GLSL = `
 uniform mat4 saga_to_clip;
 uniform vec2 saga_size;
 uniform vec4 saga_viewport;
 uniform float saga_steep;
-flat out vec4 saga_mean;  // in the framebuffer; splat pixels a pixel of it
+flat out vec4 saga_mean;  // framebuffer pixels; splat pixels for one of these
 flat out vec3 saga_chol;
 flat out vec4 saga_splat;
 ${SHAPE_GLSL}
@@ -78,15 +78,15 @@ vec4 saga_mixed() {
 }
 `;
 
-// a b
+// Returns the matrix product a b.
 export function product(a, b) {
     return Array.from({ length: 16 }, (_, i) => [0, 1, 2, 3].reduce(
         (sum, k) => sum + a[4 * k + i % 4] * b[4 * (i >> 2) + k], 0));
 }
 
-// The camera of the decoder that sees what an engine's camera does: modelView
-// takes the capture's units to it, turned, moved and scaled alike in all
-// directions.
+// Returns the decoder's camera with the same view as an engine's camera.
+// modelView maps the capture's units to the camera: it may turn, move, and
+// scale equally in all directions.
 export function valuesFrom(view, modelView, projection, width, height) {
     const m = modelView, p = projection;
     const scale = Math.hypot(m[0], m[1], m[2]);
@@ -105,8 +105,9 @@ export function valuesFrom(view, modelView, projection, width, height) {
         { rotation: rows.flat(), centre: view.toUnits(eye) });
 }
 
-// The matrix from splats that were made for `values`, (x depth, y depth, depth,
-// 1) in pixels and box units, to the engine's camera's screen.
+// Returns the matrix from splats that were made for the camera `values`, as (x
+// depth, y depth, depth, 1) in pixels and box units, to the screen of the
+// engine's camera.
 export function toClip(view, values, modelView, projection) {
     const { rotation: r, centre } = cam.poseOf(values);
     const [fx, fy, cx, cy] = Array.from(values.slice(12, 16),
@@ -124,22 +125,21 @@ export function toClip(view, values, modelView, projection) {
 }
 
 export class EngineView extends Viewer {
-    // take: called with every picture's splats, as SagaFile.splats has them,
-    // and with the camera's values; with make = 'gaussians' as
-    // SagaFile.gaussians has them.
+    // take is called with every picture's splats from SagaFile.splats, or with
+    // make = 'gaussians' from SagaFile.gaussians, and with the camera's values.
     constructor(take, { make = 'splats', ...options } = {}) {
         super(null, { ...options,
             screen: { takesSplats: true, make, showSplats: take } });
     }
 
-    // Asks for what a camera of the engine sees.
+    // Asks for the splats for a camera of the engine.
     lookFrom(modelView, projection, width, height) {
         if (this.info)
             this.want(valuesFrom(this, modelView, projection, width, height));
     }
 
-    // Gaussians do not depend on a camera but for their colours, and these on
-    // where it stands, in the capture's units.
+    // Asks for Gaussians. Only their colours depend on the camera, and only on
+    // its position, in the capture's units.
     lookFromPlace(eye) {
         if (!this.info)
             return;
@@ -153,8 +153,9 @@ export class EngineView extends Viewer {
         return toClip(this, values, modelView, projection);
     }
 
-    // Where a camera of the rig stands: columns right, up, back and its place
-    // in the capture's units; its vertical field of view in degrees.
+    // Returns the pose of a camera of the rig as a matrix with the columns
+    // right, up, back and position, in the capture's units, and its vertical
+    // field of view in degrees.
     rigPlace(index) {
         const { values } = this.rig[index];
         const { rotation: r, centre } = cam.poseOf(values);

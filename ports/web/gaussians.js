@@ -1,19 +1,20 @@
 // SPDX-License-Identifier: MIT
 //
-// Primitives of a time as engines for Gaussian splats want them: normal
+// The primitives at a time for engines that draw Gaussian splats: as normal
 // distributions in the capture's units.
 
 import { STEEP } from './gpu.js';
 
 export const GAUSSIAN_INTS = 13; // web_gaussian of saga_web.c
 const MOST_ALPHA = 64880 / 65536;
-const PEAK_STEPS = 32;           // of log2, 0 to 3: log2 of the largest opacity
+const PEAK_STEPS = 32;           // steps of log2 P, which is 0 to 3
 
-// Engines have neither flat tops nor steep falls: each becomes a normal
-// distribution that covers as much of a picture. With s = log2(e) r^2 / 2 a
-// splat covers the integral over s of min(1, P 2^-s), or of
-// min(1, P 2^-(s + s^2 / 2)), where exp(-r^2 / 2) covers 1 / ln 2. Returns how
-// much wider it is, for log2 P = 0, 1 / PEAK_STEPS, ... 3.
+// Engines draw normal distributions, without flat tops (opacities P above 1)
+// and steep edges. Each splat becomes a normal distribution that covers the
+// same area. With s = log2(e) r^2 / 2 a splat covers the integral over s of
+// min(1, P 2^-s), or if it is steep of min(1, P 2^-(s + s^2 / 2)); exp(-r^2 /
+// 2) covers 1 / ln 2. Returns the factors by which the deviations grow, for
+// log2 P = 0, 1 / PEAK_STEPS, ... 3.
 function widenings(isSteep) {
     const step = 1 / 64;
 
@@ -35,8 +36,8 @@ function wideningsOf(isSteep) {
     return tables.get(isSteep);
 }
 
-// Four planes of four floats a primitive, as textures have them: mean and
-// opacity; standard deviations; quaternion w, x, y, z; colour.
+// Returns four planes, each with four floats for each primitive, for textures:
+// mean and opacity; standard deviations; quaternion w, x, y, z; colour.
 export function planesOf(ints, n, { unit, centre, tools }) {
     const planes = new Float32Array(16 * n);
     const [means, scales, quats, colours] = [0, 1, 2, 3].map(

@@ -1,25 +1,26 @@
 // SPDX-License-Identifier: MIT
 //
-// A canvas drawn by the graphics processor, with WebGL2: splats as the decoder
-// sorted and projected them, in one instanced draw call, or pixels that the
-// decoder drew.
+// A canvas that the graphics processor draws with WebGL2: either the splats
+// that the decoder has sorted and projected, in one instanced draw call, or
+// pixels that the decoder has drawn.
 //
-// A splat's corners are those of the square |v| <= l, |w| <= l of the decoder's
-// own coordinates (docs/arithmetic.md, Blending), l where its opacity ends: in
-// the picture a parallelogram close around the ellipse. A pixel computes its v
-// and w by itself, since what is interpolated between corners is as coarse as
-// the grid they are snapped to, a sixteenth of a pixel here and there.
+// A splat is drawn as the square |v| <= l, |w| <= l in the decoder's own
+// coordinates (docs/arithmetic.md, Blending), where its opacity ends at l. In
+// the picture this is a parallelogram close around the ellipse. Each pixel
+// computes its own v and w. Interpolating them between the corners would be too
+// coarse, since some processors snap corners to a grid of a sixteenth of a
+// pixel.
 //
-// Colour and transmittance T are summed front to back in 16-bit floats, T in
-// place of alpha: rgb += T alpha colour, T *= 1 - alpha. Eight bits would lose
-// what is faint.
+// Colour and transmittance T are summed front to back in 16-bit floats, with T
+// in the alpha channel: rgb += T alpha colour, T *= 1 - alpha. Eight bits would
+// lose faint splats.
 
 const SPLAT_NBYTES = 44; // saga_splat of saga.h
-// The tool by which splats fall off faster than Gaussians.
+// The bit of the tool with which splats fall off faster than Gaussians.
 export const STEEP = 64;
 
-// A splat's shape, for every shader of ours. f: g, n, h of its conic; its peak
-// is exp2(3 - q0); d: pixels from its mean, y down.
+// The shape of a splat, for all our shaders. f: g, n, h of its conic; its peak
+// is exp2(3 - q0); d: offset from its mean in pixels, y down.
 export const SHAPE_GLSL = `
 vec2 saga_corner(vec3 f, float q0, bool is_steep, vec2 corner) {
     float rest = 11.0 - q0;
@@ -88,7 +89,7 @@ void main() {
                        gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0);
 }`;
 
-// Transparency that is left shows the background. WebGL has rows from the
+// The remaining transparency shows the background. WebGL counts rows from the
 // bottom.
 const PICTURE_FRAGMENT = `#version 300 es
 precision highp float;
@@ -113,7 +114,7 @@ function compile(gl, kind, source) {
     return shader;
 }
 
-// The program and where its uniforms are.
+// Returns the program and the locations of its uniforms.
 export function link(gl, vertex, fragment, uniforms) {
     const program = gl.createProgram();
 
@@ -127,8 +128,8 @@ export function link(gl, vertex, fragment, uniforms) {
         (name) => [name, gl.getUniformLocation(program, name)])) };
 }
 
-// Splats on the graphics processor, drawn into any framebuffer whose alpha is
-// T, the picture's first row first.
+// Draws splats into any framebuffer whose alpha channel holds T, with the
+// picture's first row first.
 export class SplatPainter {
     constructor(gl) {
         this.gl = gl;
@@ -149,13 +150,13 @@ export class SplatPainter {
         gl.bindVertexArray(null);
     }
 
-    // { bytes, nSplats, width, height, tools }, as SagaFile.splats has them.
+    // Takes { bytes, nSplats, width, height, tools } from SagaFile.splats.
     upload({ bytes, nSplats, width, height, tools }) {
         const { gl } = this;
 
         Object.assign(this, { n: nSplats, width, height, tools });
         gl.bindBuffer(gl.ARRAY_BUFFER, this.buffer);
-        // Memory of its own for each picture: none waits for the last one.
+        // Each picture gets new memory, so that none waits for the last one.
         gl.bufferData(gl.ARRAY_BUFFER, bytes, gl.STREAM_DRAW);
     }
 
@@ -177,7 +178,7 @@ export class SplatPainter {
 }
 
 export class GpuScreen {
-    // null where the browser has no WebGL2.
+    // Returns null if the browser has no WebGL2.
     static open(canvas) {
         const gl = canvas.getContext('webgl2', { alpha: false, depth: false,
             stencil: false, antialias: false,
@@ -198,7 +199,7 @@ export class GpuScreen {
     begin() {
         const { gl } = this;
 
-        // Without 16-bit floats it shows pixels.
+        // Without 16-bit floats it shows pixels only.
         this.takesSplats = Boolean(
             gl.getExtension('EXT_color_buffer_float') ||
             gl.getExtension('EXT_color_buffer_half_float'));
@@ -222,7 +223,7 @@ export class GpuScreen {
         gl.viewport(0, 0, width, height);
     }
 
-    // Makes the sum as large as the picture.
+    // Makes the buffer of sums as large as the picture.
     resizeSum(width, height) {
         const { gl } = this;
 
@@ -278,8 +279,8 @@ export class GpuScreen {
         gl.drawArrays(gl.TRIANGLES, 0, 3);
     }
 
-    // The picture as ImageData. Browsers forget what they have shown, so it is
-    // drawn again.
+    // Returns the picture as ImageData. It is drawn again, because browsers do
+    // not keep what they have shown.
     read() {
         const { gl } = this;
         const { width, height } = this.canvas;
@@ -295,7 +296,7 @@ export class GpuScreen {
     }
 }
 
-// The same without a graphics processor: pixels alone.
+// A canvas without a graphics processor, which shows pixels only.
 export class PlainScreen {
     constructor(canvas) {
         this.canvas = canvas;

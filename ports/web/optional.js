@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: MIT
 //
-// The chunks that a file may have between its head and its segments, which no
-// pixel needs: names of its cameras, and its sound.
+// The optional chunks between a file's head and its segments, which are not
+// needed for pictures: names of the cameras, and the sound.
 
 const CHUNK_NBYTES = 12;   // before a payload
 const MOST_NAMES = 2 ** 17; // bytes
-const USUAL_NBYTES = 4096; // names of most files, and the next chunk's header
+const USUAL_NBYTES = 4096; // enough for most names and the next chunk's header
 
-// Names the cameras of the file's rig. Returns where its sound ends, in bytes
+// Names the cameras of the file's rig. Returns the end of its sound, in bytes
 // from the start of the file, or 0 if it has none. bytes: the head.
 export async function readOptional(file, bytes) {
     const end = Math.min(...file.segments.map(({ offset }) => offset));
@@ -25,8 +25,8 @@ export async function readOptional(file, bytes) {
     return chunkAt(bytes, at, 'OPUS', end)?.end ?? 0;
 }
 
-// Where the payload of the chunk at byte `at` lies; null if another chunk is
-// there, or the payload goes on beyond `end`.
+// Returns where the payload of the chunk at byte `at` lies, or null if the
+// chunk has another type or its payload goes beyond `end`.
 function chunkAt(bytes, at, type, end) {
     const begin = at + CHUNK_NBYTES;
 
@@ -39,7 +39,7 @@ function chunkAt(bytes, at, type, end) {
     return begin + nbytes <= end ? { begin, end: begin + nbytes } : null;
 }
 
-// Each name goes on from the first bytes of the one before it.
+// Each name begins with the first bytes of the name before it.
 function nameCameras(rig, bytes) {
     let at = 0;
     let name = new Uint8Array();

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
 //
-// How large a picture may be so that sixty a second are shown, as a part of the
-// window's side: found from when pictures came, with no look at the machine.
+// Finds the size at which sixty pictures a second are shown, as a fraction of
+// the window's size. It uses only the times at which pictures came.
 
 const SLOW_MS = 22, FAST_MS = 17.5; // between pictures
-const FEW = 6, MANY = 60;           // pictures before it gets smaller, larger
+const FEW = 6, MANY = 60;           // slow, fast pictures before a change
 const LEAST = 0.35;
 
 export class Pace {
@@ -20,8 +20,8 @@ export class Pace {
         this.slow = this.fast = 0;
     }
 
-    // A picture came at `now`, ms, for which the worker worked so long: where
-    // that takes most of the time, smaller pictures do not help.
+    // A picture came at the time `now`, and the worker took `worked`, both in
+    // ms. If the worker takes most of the time, smaller pictures do not help.
     note(now, worked) {
         const passed = this.last === null ? 0 : now - this.last;
 
@@ -37,8 +37,7 @@ export class Pace {
         }
     }
 
-    // A size that was too large just after it grew is tried again later and
-    // later.
+    // If a size was too large just after it grew, the next attempt comes later.
     shrink() {
         if (this.grew)
             this.hold = Math.min(64 * MANY, 2 * this.hold);

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 //
-// The page around a player: numbers, paths, files dropped on it. The address may
-// say what to show (README.md lists the parameters); what is shown then is said
-// behind its #, to be shared.
+// The page around a player: numbers, paths, files dropped on it. Parameters of
+// the address select what is shown (README.md lists them). The present view is
+// written after its #, so that it can be shared.
 
 import './player.js';
 import { FORMAT, parsePath } from './path.js';
@@ -13,14 +13,14 @@ const root = document.documentElement;
 const asked = new URLSearchParams(location.search);
 const carried = JSON.parse($('carried').textContent);
 const KEY_SECONDS = 2; // from one key camera to the next
-const RATE_MS = 2000;  // over which pictures are counted
-const SETTLED_MS = 300; // without a change, until the address tells the view
+const RATE_MS = 2000;  // time over which pictures are counted
+const SETTLED_MS = 300; // without a change, until the address has the view
 
 const player = $('player');
 const { viewer } = player;
 let references = [];    // { camera, frame, crc } of the file that is shown
-let keys = [];          // of the camera path
-let noted = null;       // state that the address tells
+let keys = [];          // key cameras of the path
+let noted = null;       // the state in the address
 let settling = 0;       // timer
 
 // For scripts on the page, and for the tests.
@@ -47,12 +47,12 @@ async function open(source, pictures = []) {
     try {
         await player.open(source);
     } catch {
-        return false; // the `failed` event has told it
+        return false; // the `failed` event has reported it
     }
     return true;
 }
 
-// "frame=12" or "time=0.5", in seconds.
+// The frame of the parameter "frame=12", or "time=0.5" in seconds.
 function askedFrame() {
     if (asked.has('time'))
         return Number(asked.get('time')) * viewer.info.fps;
@@ -83,7 +83,7 @@ async function openAsked() {
         viewer.play();
 }
 
-// A .saga file, or a path of key cameras.
+// Opens a .saga file, or a path of key cameras.
 function openFile(file) {
     if (file.name.endsWith('.json'))
         openPath(file, file.name);
@@ -113,7 +113,7 @@ function showFile() {
     setState('ready');
 }
 
-// Called as soon as the user does something.
+// Updates the page's controls after a change of the view.
 function showState() {
     $('scale').value = viewer.scale;
     $('scale').hidden = viewer.fills;
@@ -123,7 +123,7 @@ function showState() {
         settling = setTimeout(noteState, SETTLED_MS);
 }
 
-// The address of this view. It stays as it was given until something is done.
+// Writes the view to the address, which stays as it was until the view changes.
 function noteState() {
     const state = viewer.toState();
 
@@ -135,10 +135,10 @@ function noteState() {
 
 // --- Numbers ---------------------------------------------------------------
 
-let shown = []; // when the last pictures came, ms
+let shown = []; // times of the last pictures, ms
 
-// Pictures before the last RATE_MS say nothing of now: the time to begin with
-// is that of the last one among them.
+// Of the pictures that are older than RATE_MS only the last one is kept: the
+// count begins at its time.
 function noteShown(now) {
     shown.push(now);
     while (shown.length > 2 && now - shown[1] >= RATE_MS)
@@ -154,7 +154,7 @@ function rateText() {
         'a second' : '';
 }
 
-// The reference decoder's word on this picture; undefined: there is none.
+// Returns the known checksum of this picture, or undefined if there is none.
 function referenceOf({ num, den, values }) {
     if (viewer.moved || viewer.scale !== 1 || den !== 1)
         return undefined;
@@ -359,7 +359,8 @@ viewer.addEventListener('opened', showFile);
 viewer.addEventListener('change', showState);
 viewer.addEventListener('drawn', showDrawn);
 viewer.addEventListener('failed', (event) => tellProblem(event.detail));
-// The address asks for ?draw=exact, or for a CRC, which the decoder alone has.
+// The address asks for ?draw=exact, or for a checksum, which needs exact
+// pictures.
 if (asked.get('draw') === 'exact' || (asked.has('crc') && !asked.has('draw')))
     viewer.setExact(true);
 viewer.simd = asked.get('simd') === '0' ? false : undefined;

@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: MIT
 //
-// A path of key cameras, in the capture's units, as `saga render --path` reads
-// it:
+// A path of key cameras, in the capture's units. `saga render --path` reads the
+// same format:
 //
 //     { "format": "saga camera path 1", "fps": 30, "size": [480, 270],
 //       "keys": [{ "seconds": 0, "frame": 0, "eye": [x, y, z],
 //                  "target": [x, y, z], "up": [x, y, z], "fov": 45 }, ...] }
 //
-// seconds: of the path; frame: of the file, where it is shown. fov: vertical,
-// in degrees. Between keys each number follows a cubic through all of them.
+// seconds is a time of the path, frame the frame of the file that is shown
+// then. fov is vertical, in degrees. Between the keys each number follows a
+// cubic through all keys.
 
 export const FORMAT = 'saga camera path 1';
 
@@ -34,21 +35,21 @@ export function parsePath(text) {
     return path;
 }
 
-// A key as one row of numbers, and back.
+// A key as a row of numbers, and back.
 const flat = (key) => [key.frame, key.fov, ...key.eye, ...key.target,
     ...key.up];
 const unflat = (row, seconds) => ({ seconds, frame: row[0], fov: row[1],
     eye: row.slice(2, 5), target: row.slice(5, 8), up: row.slice(8, 11) });
 
-// The slope at key i: towards its neighbours, at an end that of the last
-// stretch.
+// The slope at key i: that between its neighbours, or at an end that of the
+// last interval.
 function slopeAt(rows, at, i, column) {
     const a = Math.max(i - 1, 0), b = Math.min(i + 1, rows.length - 1);
 
     return (rows[b][column] - rows[a][column]) / (at[b] - at[a] || 1);
 }
 
-// The camera at a time of the path, which has one key at least.
+// Returns the camera at a time of the path, which has at least one key.
 export function keyAt(keys, seconds) {
     const at = keys.map((key) => key.seconds), rows = keys.map(flat);
     const last = keys.length - 1;

@@ -5,15 +5,15 @@
 //     <script type="module" src="player.js"></script>
 //     <saga-player src="scene.saga" autoplay loop controls></saga-player>
 //
-// Attributes: src; autoplay, which those who want little motion do not get;
-// loop; camera, of the rig, from 0; poster, a picture until the first one is
+// Attributes: src; autoplay, unless the user prefers reduced motion; loop;
+// camera, an index of the rig from 0; poster, a picture until the first one is
 // drawn; controls, the bar; draw="exact", the decoder's own pixels; muted, no
-// sound until it is asked for.
+// sound until it is turned on.
 //
 // Events: loadeddata, play, pause, waiting, playing, progress, ended,
-// timeupdate, ratechange, volumechange, camerachange, error. It is as large as
-// its style says, 16:9 of the width otherwise. What stands in it with
-// slot="buttons" is added to the bar. player.d.ts has properties and methods.
+// timeupdate, ratechange, volumechange, camerachange, error. Its style sets its
+// size; the default is 16:9 of the width. Elements in it with slot="buttons"
+// are added to the bar. player.d.ts has properties and methods.
 
 import { addControls, moveByKey } from './controls.js';
 import { heightOf, widthOf } from './camera.js';
@@ -21,8 +21,8 @@ import { Sound } from './sound.js';
 import { Viewer } from './viewer.js';
 import { enterHeadset, hasHeadset } from './xr.js';
 
-const REST_MS = 2500; // of the pointer, until the bar goes
-const RATES = [0.25, 0.5, 1, 1.5, 2]; // of time, in the bar
+const REST_MS = 2500; // without the pointer, until the bar disappears
+const RATES = [0.25, 0.5, 1, 1.5, 2]; // of playback, in the bar
 
 const icon = (id, label, paths) => `<button class="icon" id="${id}"
     title="${label}" aria-label="${label}"><svg viewBox="0 0 24 24"
@@ -123,7 +123,7 @@ export class SagaPlayer extends HTMLElement {
         this.attachShadow({ mode: 'open' }).innerHTML = MARKUP;
         this.$ = (id) => this.shadowRoot.getElementById(id);
         this.canvas = this.shadowRoot.querySelector('canvas');
-        // For those who need more than the element offers.
+        // For scripts that need more than the element offers.
         this.viewer = new Viewer(this.canvas);
         this.viewer.loop = false;
         this.sound = new Sound(this.viewer);
@@ -146,7 +146,7 @@ export class SagaPlayer extends HTMLElement {
         const { viewer } = this;
 
         if (name === 'src' && now)
-            this.open(now).catch(() => {}); // the `error` event tells
+            this.open(now).catch(() => {}); // the `error` event reports it
         else if (name === 'camera')
             viewer.selectCamera(Number(now));
         else if (name === 'controls')
@@ -213,7 +213,7 @@ export class SagaPlayer extends HTMLElement {
 
     // --- A file
 
-    // An address, or a File. Rejects with a sentence.
+    // Opens an address or a File. Rejects with a sentence.
     async open(source) {
         this.tell('opening');
         this.showPoster(this.getAttribute('poster'));
@@ -257,7 +257,8 @@ export class SagaPlayer extends HTMLElement {
             this.$('poster').src = src;
     }
 
-    // All of the element, or the picture's shape as large as there is room.
+    // The canvas fills the element, or has the picture's shape at the largest
+    // size that fits.
     fit() {
         const { viewer, canvas, clientWidth, clientHeight } = this;
         const sharp = globalThis.devicePixelRatio || 1;
@@ -321,7 +322,8 @@ export class SagaPlayer extends HTMLElement {
         });
     }
 
-    // How much has come of what is waited for, and of its part of the bar.
+    // Shows how much of the awaited segment has come, and in its part of the
+    // bar.
     showProgress({ segment, got, nbytes }) {
         const { viewer } = this;
         const percent = `${Math.round(100 * got / nbytes)}%`;
@@ -335,7 +337,7 @@ export class SagaPlayer extends HTMLElement {
         this.emit('progress', { segment, got, nbytes });
     }
 
-    // The bar is there while something is done, and while nothing plays.
+    // Shows the bar. It stays while the user does something or nothing plays.
     wake() {
         clearTimeout(this.sleeping);
         this.removeAttribute('resting');
@@ -375,7 +377,7 @@ export class SagaPlayer extends HTMLElement {
         this.viewer.seek(Math.round(this.viewer.frame) + frames);
     }
 
-    // Keys reach the element, and a page that is nothing but a player.
+    // Handles keys of the element, and of a page that consists of a player.
     onKey(event) {
         const { viewer } = this;
         const [at] = event.composedPath();
@@ -431,7 +433,7 @@ export class SagaPlayer extends HTMLElement {
     get playbackRate() { return this.viewer.rate; }
     set playbackRate(rate) {
         this.viewer.rate = Math.max(0, Number(rate) || 0);
-        this.$('rate').value = this.viewer.rate; // nothing where it is no choice
+        this.$('rate').value = this.viewer.rate; // empty if no choice
         this.emit('ratechange');
     }
 
@@ -447,7 +449,7 @@ export class SagaPlayer extends HTMLElement {
     get src() { return this.getAttribute('src') || ''; }
     set src(address) { this.setAttribute('src', address); }
 
-    // -1: none of the rig's.
+    // -1 if the camera was moved.
     get camera() { return this.viewer.moved ? -1 : this.viewer.camera ?? 0; }
     set camera(index) { this.setAttribute('camera', index); }
 }

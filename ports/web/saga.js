@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
 //
-// A .saga file in JavaScript: the C decoder in WebAssembly, and the bytes of
-// the file fetched as they are needed. The same pixels as everywhere.
+// A .saga file in JavaScript, decoded by the C decoder in WebAssembly with the
+// same pixels as everywhere. The bytes of the file are fetched when they are
+// needed.
 //
 //     const file = await SagaFile.open('scene.saga');
 //     const picture = await file.draw(file.rig[0], 0);
@@ -22,16 +23,16 @@ const INFO = {
 const UNIT = 10, CENTRE = 12, CENTRE_EXPONENT = 15;
 const SPLAT_NBYTES = 44;  // saga_splat
 const WIDTH = 17, BACKGROUND = 19; // of a camera's values
-const CAMERA_LENGTH = 22; // and the camera's number behind them
+const CAMERA_LENGTH = 22; // values, which the camera's number follows
 
 const TRUNCATED = -11;
 const STOPPED = -21;
-const SECONDS = 30; // of decoding, where nobody says otherwise
-const SOUND_RATE = 48000; // in whose periods a sound's start is told
+const SECONDS = 30; // default limit for decoding
+const SOUND_RATE = 48000; // units in a second of a sound's start
 const FIRST_NBYTES = 4096; // header and rig of a usual file
-const KEPT_SEGMENTS = 64;  // coded ones
+const KEPT_SEGMENTS = 64;  // number of coded segments that are kept
 
-// A sentence for the user, with what may help.
+// An error whose message is a sentence for the user, with a remedy.
 export class SagaError extends Error {
     constructor(message, status = 0) {
         super(message);
@@ -40,10 +41,11 @@ export class SagaError extends Error {
     }
 }
 
-// --- Where bytes come from -------------------------------------------------
+// --- Sources of bytes ------------------------------------------------------
 //
-// A source has a name, read(offset, nbytes), which gives fewer bytes only where
-// the file ends, size (NaN until it is known) and fetched, the bytes that came.
+// A source has a name; read(offset, nbytes), which returns fewer bytes only at
+// the end of the file; size (NaN until it is known); and fetched, the number of
+// bytes that have come.
 
 export class BytesSource {
     constructor(bytes, name = 'the file') {
@@ -58,7 +60,7 @@ export class BytesSource {
     }
 }
 
-// A File or Blob that the user chose.
+// A File or Blob.
 export class BlobSource {
     constructor(blob) {
         this.blob = blob;
@@ -75,7 +77,7 @@ export class BlobSource {
     }
 }
 
-// An address. Where the server does not give parts, the whole file is taken
+// An address. If the server does not support ranges, the whole file is fetched
 // once.
 export class HttpSource {
     constructor(url) {
@@ -85,7 +87,7 @@ export class HttpSource {
         this.size = NaN;
         this.fetched = 0;
         this.whole = null;
-        this.onProgress = () => {}; // { offset, got, nbytes } of a read
+        this.onProgress = () => {}; // called with { offset, got, nbytes }
     }
 
     async read(offset, nbytes) {
@@ -98,7 +100,7 @@ export class HttpSource {
         return this.whole.subarray(offset, offset + nbytes);
     }
 
-    // The part, or null where the whole has come.
+    // Returns a part of the file, or null if the whole file has come.
     async readPart(offset, nbytes) {
         const response = await this.request(offset, nbytes);
 
@@ -137,8 +139,9 @@ export class HttpSource {
         return response;
     }
 
-    // Whether a server answers that keeps its answer from us. Browsers do not
-    // say why a fetch failed, but one without rights tells if anybody is there.
+    // Returns whether a server answers but does not allow this page to read the
+    // answer. A failed fetch has no reason, but a fetch in the mode no-cors
+    // succeeds if a server answers.
     async isForbidden() {
         const here = globalThis.location?.origin;
 
@@ -194,7 +197,7 @@ function joined(parts, nbytes) {
 
 // --- The module ------------------------------------------------------------
 
-// A function of one SIMD instruction: browsers that take it have SIMD.
+// A module with one SIMD instruction, which browsers accept if they have SIMD.
 const SIMD_PROBE = new Uint8Array([
     0, 97, 115, 109, 1, 0, 0, 0, 1, 5, 1, 96, 0, 1, 123, 3, 2, 1, 0, 10, 10, 1,
     8, 0, 65, 0, 253, 15, 253, 98, 11,
@@ -204,7 +207,7 @@ export function hasSimd() {
     return WebAssembly.validate(SIMD_PROBE);
 }
 
-// The compiled decoder, to be given to SagaFile.open, to workers too.
+// Returns the compiled decoder for SagaFile.open, also in workers.
 export async function loadModule({ simd = hasSimd(), base } = {}) {
     const name = simd ? 'saga_simd.wasm' : 'saga.wasm';
     const url = new URL(name, base || import.meta.url);
@@ -229,8 +232,8 @@ async function bytesAt(url) {
 
 export class SagaFile {
     // source: an address, a File or Blob, bytes, or an object like the sources
-    // above. module: of loadModule, which is called without it. seconds: that
-    // decoding the head, or a segment, may take.
+    // above. module: from loadModule, which is called if it is not given.
+    // seconds: limit for decoding the head, or a segment.
     static async open(source, { module, seconds = SECONDS } = {}) {
         const compiled = module || await loadModule();
         const file = await SagaFile.make(compiled, sourceOf(source), seconds);
@@ -239,7 +242,7 @@ export class SagaFile {
         return file;
     }
 
-    // An instance with nothing in it.
+    // Makes an instance without a file.
     static async make(module, source, seconds) {
         const clock = { end: Infinity };
         const instance = await WebAssembly.instantiate(module,
@@ -253,12 +256,12 @@ export class SagaFile {
         this.wasm = wasm;
         this.source = source;
         this.seconds = seconds;
-        this.clock = clock;        // what the decoder looks at while it works
-        this.segment = -1;         // the decoded one
-        this.head = null;          // the bytes that were opened
+        this.clock = clock;        // the deadline, which the decoder asks for
+        this.segment = -1;         // number of the decoded segment
+        this.head = null;          // the bytes of the file's head
         this.coded = new Map();    // number -> promise of a segment's bytes
-        this.here = new Set();     // numbers of those that have come
-        this.times = { segment: 0, view: 0, draw: 0 }; // ms, of the last ones
+        this.here = new Set();     // numbers of the segments that have come
+        this.times = { segment: 0, view: 0, draw: 0 }; // ms, of the last calls
     }
 
     ints(at, n) {
@@ -297,7 +300,7 @@ export class SagaFile {
 
     // --- Head
 
-    // As much of the start as the header takes, then what it says is the head.
+    // Reads the header, then the rest of the head, whose length the header has.
     async readHead() {
         let bytes = await this.source.read(0, FIRST_NBYTES);
         let status = this.probe(bytes);
@@ -325,7 +328,7 @@ export class SagaFile {
         return this.wasm.saga_web_probe();
     }
 
-    // The first nbytes of the file, of which `bytes` are there.
+    // Returns the first nbytes of the file, of which `bytes` have come already.
     async readOn(bytes, nbytes) {
         if (nbytes <= bytes.length)
             return bytes;
@@ -341,15 +344,15 @@ export class SagaFile {
 
         this.info = Object.fromEntries(Object.entries(INFO).map(
             ([name, at]) => [name, told[at] >>> 0]));
-        this.info.fps = this.info.fpsNum / this.info.fpsDen || 25; // a still
+        this.info.fps = this.info.fpsNum / this.info.fpsDen || 25; // if still
         // Metres (the capture's unit) = centre + unit * box units.
         this.info.unit = power(told[UNIT], told[UNIT + 1]);
         this.info.centre = [0, 1, 2].map(
             (i) => power(told[CENTRE + i], told[CENTRE_EXPONENT]));
     }
 
-    // A camera of the rig: { number, name, values }, values as saga_camera has
-    // them; name is "" where the file has none.
+    // Returns a camera of the rig, { number, name, values }, with the values of
+    // saga_camera; name is "" if the file has none.
     readCamera(index) {
         this.check(this.wasm.saga_web_rig(index), 'its rig is refused');
         const told = this.ints(this.wasm.saga_web_camera(), CAMERA_LENGTH + 1);
@@ -358,7 +361,7 @@ export class SagaFile {
             values: told.slice(0, CAMERA_LENGTH) };
     }
 
-    // Lists where every segment is and which frames it has.
+    // Lists the place and the frames of every segment.
     listSegments() {
         const list = [];
 
@@ -383,12 +386,12 @@ export class SagaFile {
         return this.soundEnd > 0;
     }
 
-    // The film's sound, or null. An instance of its own checks it: this one
-    // keeps its segment and its memory.
+    // Returns the film's sound, or null. Another instance checks it, so that
+    // this one keeps its segment and its memory.
     async sound() {
         if (!this.hasSound)
             return null;
-        // And the type of the chunk behind it.
+        // 4 bytes more: the type of the next chunk.
         const bytes = await this.readOn(this.head, this.soundEnd + 4);
         const other = await SagaFile.make(this.module, this.source,
             this.seconds);
@@ -404,7 +407,8 @@ export class SagaFile {
 
     // --- Segments
 
-    // The bytes of a segment, which are fetched once: also ahead of time.
+    // Returns the bytes of a segment, which are fetched once. It may be called
+    // ahead of time.
     fetchSegment(number) {
         const { offset, nbytes } = this.segments[number];
         let bytes = this.coded.get(number);
@@ -414,7 +418,7 @@ export class SagaFile {
             bytes.then(() => this.here.add(number),
                 () => this.forget(number));
         }
-        this.coded.delete(number); // to the end of those to be forgotten
+        this.coded.delete(number); // moves to the end: it is forgotten last
         this.coded.set(number, bytes);
         if (this.coded.size > KEPT_SEGMENTS)
             this.forget(this.coded.keys().next().value);
@@ -440,9 +444,9 @@ export class SagaFile {
         this.times.segment = performance.now() - start;
     }
 
-    // A copy of the decoder with the segment in it, for `adopt` of another
-    // instance that was opened from the same `head`: a worker may decode ahead
-    // of time.
+    // Returns a copy of the decoder with its segment, for `adopt` of another
+    // instance that was opened from the same `head`. So a worker can decode
+    // ahead of time.
     block() {
         return this.bytes(this.wasm.saga_web_work() >>> 0,
             this.info.workNbytes).slice();
@@ -456,8 +460,8 @@ export class SagaFile {
         this.times.segment = ms;
     }
 
-    // Decodes a segment; where it has layers, its first bytes may do: the
-    // decoder knows.
+    // Decodes a segment. If it has layers, its first bytes may be enough, which
+    // the decoder checks.
     decodeBytes({ firstFrame }, bytes) {
         this.segment = -1;
         if (bytes.length === 0)
@@ -469,9 +473,9 @@ export class SagaFile {
 
     // --- Pictures
 
-    // The picture at a time in frames, a fraction num / den of integers. rgba
-    // is a view of the decoder's memory, good until the next call; rgb too,
-    // without alpha, as saga-dec writes it.
+    // Draws the picture at the time num / den in frames; both are integers.
+    // rgba, and rgb without alpha, as saga-dec writes it, are views of the
+    // decoder's memory and valid until the next call.
     async draw(camera, num, den = 1) {
         await this.view(camera, num, den);
         const start = performance.now();
@@ -493,9 +497,9 @@ export class SagaFile {
         this.times.view = performance.now() - start;
     }
 
-    // The splats of a picture, for a graphics processor to draw (gpu.js):
-    // bytes is a view of the decoder's memory, good until the next call, of
-    // saga_splat's array in saga.h, nearest first.
+    // Returns the splats of a picture, for a graphics processor to draw
+    // (gpu.js). bytes is an array of saga_splat of saga.h, nearest first: a
+    // view of the decoder's memory that is valid until the next call.
     async splats(camera, num, den = 1) {
         await this.view(camera, num, den);
         const start = performance.now();
@@ -514,8 +518,9 @@ export class SagaFile {
             bytes: this.bytes(at >>> 0, SPLAT_NBYTES * nSplats) };
     }
 
-    // The primitives of a time for an engine that sorts and projects them
-    // itself, in the colours that the camera sees: bytes are planesOf's.
+    // Returns the primitives at a time, with the colours that the camera sees,
+    // for an engine that sorts and projects them itself. bytes come from
+    // planesOf.
     async gaussians(camera, num, den = 1) {
         const { number, t } = this.find(num, den);
 
@@ -547,7 +552,8 @@ export class SagaFile {
             rgba: this.bytes(rgba >>> 0, 4 * width * height) };
     }
 
-    // CRC-32C of the last picture's rgb, which saga-dec --crc prints.
+    // Returns the CRC-32C of the last picture's rgb, as saga-dec --crc prints
+    // it.
     crc() {
         return (this.wasm.saga_web_crc() >>> 0).toString(16).padStart(8, '0');
     }

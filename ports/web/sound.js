@@ -1,22 +1,22 @@
 // SPDX-License-Identifier: MIT
 //
-// The sound of a viewer's film, by an <audio> element that follows the viewer's
-// clock: play, pause, seek, loop, rate, segments that are late.
+// The sound of a viewer's film. An <audio> element follows the viewer's clock:
+// play, pause, seek, loop, rate, late segments.
 //
 //     const sound = new Sound(viewer);
 //     sound.muted = true;
 //
-// The sound is fetched once, when it is first to be heard. It is silent along a
-// path of key cameras, where time passes as the path says, and until the
-// browser allows sound, which may take a gesture of the user.
+// The sound is fetched once, when it is first needed. It is silent along a path
+// of key cameras, which sets the time itself, and until the browser allows
+// sound, which may need a gesture of the user.
 //
-// Event: `change` (of exists, muted or isBlocked).
+// Event: `change`, when exists, muted or isBlocked change.
 
-const OFF_SECONDS = 0.08; // from the picture's time, until it is set anew
-const AGAIN_MS = 250;     // from one such setting to the next, at least
+const OFF_SECONDS = 0.08; // off the picture's time, until it is set anew
+const AGAIN_MS = 250;     // smallest interval between two such settings
 const MOST_LEAD = 0.3;    // seconds
-const STILL_MS = 500;     // without a word of the clock: the clock stands
-const RATES = [1 / 16, 16]; // that browsers play
+const STILL_MS = 500;     // without news from the clock, which then stands
+const RATES = [1 / 16, 16]; // rates that browsers play
 const TYPE = 'audio/ogg; codecs=opus';
 const GESTURES = ['click', 'keydown'];
 
@@ -28,7 +28,7 @@ export class Sound extends EventTarget {
         this.viewer = viewer;
         this.audio = new Audio();
         this.wantsSilence = false;
-        this.lead = 0;           // seconds that a browser takes to play on
+        this.lead = 0;           // seconds until a browser starts to play
         this.unblock = () => setTimeout(() => this.allow());
         this.clear();
         viewer.addEventListener('opened', () => this.begin());
@@ -45,10 +45,10 @@ export class Sound extends EventTarget {
         clearTimeout(this.still);
         this.exists = false;
         this.isAsked = false;
-        this.start = 0;          // seconds of the film
-        this.setAt = -Infinity;  // when its time was set
+        this.start = 0;          // time of the film, in seconds
+        this.setAt = -Infinity;  // when the audio's time was set
         this.setTo = 0;
-        this.isFresh = false;    // since then it has run, unmeasured
+        this.isFresh = false;    // it runs since then, and lead is not measured
         this.audio.pause();
         this.allow();
         if (this.audio.src) {
@@ -66,7 +66,7 @@ export class Sound extends EventTarget {
         this.changed();
     }
 
-    // What the worker found; null where it is damaged.
+    // Takes the sound from the worker, or null if it is damaged.
     take(found) {
         if (!found) {
             this.clear();
@@ -90,12 +90,12 @@ export class Sound extends EventTarget {
         this.changed();
     }
 
-    // Whether it is heard while the film plays.
+    // Whether the sound is heard while the film plays.
     get isHeard() {
         return this.exists && !this.muted && !this.isBlocked;
     }
 
-    // The user's word, which is a gesture too.
+    // Turns the sound on or off for the user, whose click is also a gesture.
     toggle() {
         const muted = this.isHeard;
 
@@ -111,7 +111,7 @@ export class Sound extends EventTarget {
         this.changed();
     }
 
-    // A gesture that mutes comes here after it has.
+    // A gesture that mutes the sound arrives here after it has done so.
     allow() {
         const wasBlocked = this.isBlocked;
 
@@ -124,7 +124,7 @@ export class Sound extends EventTarget {
 
     // --- The clock
 
-    // Plays, pauses and sets the time as the viewer's clock wants it.
+    // Plays, pauses and sets the time according to the viewer's clock.
     follow() {
         const { viewer, audio } = this;
         const isWanted = this.isHeard && viewer.playing && !viewer.path;
@@ -148,7 +148,7 @@ export class Sound extends EventTarget {
         this.run(runs && !viewer.waiting && !this.isEarly(seconds));
     }
 
-    // Returns whether the browser can play at that rate.
+    // Sets the rate; returns whether the browser can play at it.
     setRate(rate) {
         const can = rate >= RATES[0] && rate <= RATES[1];
 
@@ -157,13 +157,14 @@ export class Sound extends EventTarget {
         return can;
     }
 
-    // What is heard while a picture is late is not heard again.
+    // While a picture is late, the sound that has played is not played again.
     isEarly(seconds) {
         return this.viewer.isLate() &&
             this.audio.currentTime > seconds + OFF_SECONDS;
     }
 
-    // What runs is set to where the picture will be when it sounds.
+    // Sets the time. If the film runs, it is set to the time that the picture
+    // will have when the sound starts.
     setTime(seconds, runs) {
         const { audio } = this;
         const now = performance.now();
@@ -193,7 +194,7 @@ export class Sound extends EventTarget {
         this.isFresh = false;
     }
 
-    // At its end it would begin anew.
+    // At its end the audio would start from the beginning.
     run(runs) {
         const { audio } = this;
 

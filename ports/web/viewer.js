@@ -1,60 +1,61 @@
 // SPDX-License-Identifier: MIT
 //
-// A canvas that shows a .saga file: any time, from any camera. A worker decodes
-// and sorts, and the graphics processor draws, in any size; or, with exact, the
-// worker draws too: the bits of every decoder, in sizes of the camera's picture.
-// controls.js moves the camera, player.js is an element with controls.
+// A canvas that shows a .saga file at any time, from any camera. A worker
+// decodes and sorts, and the graphics processor draws in any size. With
+// `exact`, the worker also draws, with the same bits as every decoder, in the
+// size of the camera's picture. controls.js moves the camera, player.js is an
+// element with controls.
 //
 //     const viewer = new Viewer(canvas);
 //     await viewer.open('scene.saga');
 //     viewer.selectCamera(2);
 //     viewer.play();
 //
-// Until a file is open there is no camera and no time: what would change them
-// does nothing. setScale holds for every file.
+// Until a file is open there is no camera and no time, and calls that would
+// change them do nothing. setScale applies to all files.
 //
-// While it plays, the next segments are fetched, and the next one is decoded by
-// another worker. Where one is late the clock stands.
+// While it plays, the next segments are fetched, and another worker decodes the
+// next one. If a segment is late, the clock stands.
 //
 // Events: `opened`, `change` (camera, time or playing), `drawn` (viewer.drawn
 // has the picture's numbers), `waiting` and `resumed` (a segment is late, and
-// is there), `progress` (detail: { segment, got, nbytes } of a transfer),
-// `sound` (of askSound), `failed` (detail: a sentence).
+// has come), `progress` (detail: { segment, got, nbytes } of a transfer),
+// `sound` (after askSound), `failed` (detail: a sentence).
 
 import * as cam from './camera.js';
 import { GpuScreen, PlainScreen } from './gpu.js';
 import { Pace } from './pace.js';
 import { keyAt } from './path.js';
 
-const TIME_DEN = 256; // moments between two frames, while it plays
-const REST_MS = 150;  // without a change: the picture rests
-const MOST_MS = 250;  // that the clock goes on at a time
-const WAIT_MS = 200;  // until who waits for a segment is told
-const AHEAD_SECONDS = 10, AHEAD_SEGMENTS = 16; // fetched, at most
+const TIME_DEN = 256; // times between two frames, while it plays
+const REST_MS = 150;  // without a change, after which the picture rests
+const MOST_MS = 250;  // largest step of the clock
+const WAIT_MS = 200;  // for a late segment, until `waiting` is emitted
+const AHEAD_SECONDS = 10, AHEAD_SEGMENTS = 16; // limits of what is fetched
 
-// When the page shows its next picture.
+// Calls back when the page shows its next picture.
 export const onPage = (call) => requestAnimationFrame(call);
 
 export class Viewer extends EventTarget {
     // exact: true for the decoder's own picture, which a browser without WebGL2
-    // has anyway. simd: false for the plain decoder; else what the browser has.
-    // seconds: that decoding a segment may take. screen: what shows pictures
-    // where that is no canvas (engine.js).
+    // always shows. simd: false for the decoder without SIMD; by default SIMD
+    // is used if the browser has it. seconds: limit for decoding a segment.
+    // screen: shows the pictures instead of a canvas (engine.js).
     constructor(canvas, { exact = false, simd, seconds, screen } = {}) {
         super();
         this.canvas = canvas;
         this.screen = screen || GpuScreen.open(canvas) ||
             new PlainScreen(canvas);
         this.exact = exact || !this.screen.takesSplats;
-        this.room = null;       // width and height of the window, if given
+        this.room = null;       // width and height of the window, if set
         this.pace = new Pace();
         this.rest = 0;          // timer
         canvas?.addEventListener('webglcontextrestored', () => this.changed());
         this.simd = simd;
         this.seconds = seconds;
         this.scale = 1;         // of an exact picture, relative to the camera's
-        this.loop = true;       // begins anew at the end
-        this.rate = 1;          // of time, while it plays
+        this.loop = true;       // plays from the start after the end
+        this.rate = 1;          // of playback
         this.wantCrc = false;
         this.nextFrame = onPage;
         this.rig = [];
@@ -70,15 +71,15 @@ export class Viewer extends EventTarget {
         this.info = null;
         this.frame = 0;
         this.playing = false;
-        this.movedAt = -Infinity; // when the camera was
-        this.wanted = null;     // camera of an engine or a headset, for ours
-        this.path = null;       // of key cameras, while it is played
+        this.movedAt = -Infinity; // when the camera was last moved
+        this.wanted = null;     // camera of an engine or a headset, if used
+        this.path = null;       // the path of key cameras that is played
         this.busy = false;      // a picture is being drawn
-        this.stale = false;     // and another one is wanted
+        this.stale = false;     // another picture is needed after it
         this.spare = null;      // a buffer for the next picture
         this.drawn = null;
         this.asked = -1;        // segment of the picture that is being drawn
-        this.looked = null;     // from where segments are asked for
+        this.looked = null;     // the segment from which others are asked for
         clearTimeout(this.late);
         this.waiting = false;
     }
@@ -89,7 +90,8 @@ export class Viewer extends EventTarget {
 
     // --- A file
 
-    // An address, or a File. Resolves once it is open; rejects with a sentence.
+    // Opens an address or a File. Resolves when it is open; rejects with a
+    // sentence.
     open(source) {
         this.clear();
         this.worker = new Worker(new URL('worker.js', import.meta.url),
@@ -125,7 +127,7 @@ export class Viewer extends EventTarget {
         this.home = rig.length ? rig[0].values : cam.standInLens();
         this.focus = rig.length ? cam.focusOf(poses) : [0, 0, 0];
         this.up = rig.length ? cam.upOf(poses) : [0, -1, 0];
-        // Who hears of the file may move its camera at once.
+        // Listeners of `opened` may move the camera at once.
         this.placeCamera(0);
         this.emit('opened');
         this.changed();
@@ -141,7 +143,7 @@ export class Viewer extends EventTarget {
 
     // --- Camera
 
-    // Camera `index` of the rig, to the bit until it is moved.
+    // Selects camera `index` of the rig, which is exact until it is moved.
     selectCamera(index) {
         if (!this.info)
             return;
@@ -157,7 +159,8 @@ export class Viewer extends EventTarget {
         this.findPivot();
     }
 
-    // Drags turn the camera about the point of its axis nearest the focus.
+    // Finds the point about which drags turn the camera: the point of its axis
+    // that is nearest to the focus of the rig.
     findPivot() {
         const forward = cam.forwardOf(this.pose);
         const depth = cam.dot(cam.sub(this.focus, this.pose.centre), forward);
@@ -174,7 +177,7 @@ export class Viewer extends EventTarget {
         this.changed();
     }
 
-    // Radians.
+    // Turns about the pivot by angles in radians.
     orbit(yaw, pitch) {
         if (!this.info)
             return;
@@ -187,7 +190,7 @@ export class Viewer extends EventTarget {
         this.setPose(cam.dollied(this.pose, this.pivot, factor));
     }
 
-    // Pixels of the picture, at the pivot's distance.
+    // Moves by pixels of the picture at the pivot's distance.
     pan(dx, dy) {
         if (!this.info)
             return;
@@ -206,13 +209,13 @@ export class Viewer extends EventTarget {
         this.changed();
     }
 
-    // The decoder's own picture, or the graphics processor's.
+    // Shows the decoder's own picture, or the graphics processor's.
     setExact(exact) {
         this.exact = exact || !this.screen.takesSplats;
         this.changed();
     }
 
-    // Pixels of the window, which the graphics processor fills.
+    // Sets the pixels of the window, which the graphics processor fills.
     setRoom(width, height) {
         const side = (x) => Math.max(1, Math.min(16384, Math.round(x)));
         const room = [side(width), side(height)];
@@ -228,7 +231,8 @@ export class Viewer extends EventTarget {
         return !this.exact && this.room !== null && !this.wanted;
     }
 
-    // Another's camera is drawn until it is null.
+    // Draws the camera `values` of an engine or headset, until it is set to
+    // null.
     want(values) {
         if (values && this.wanted?.every((x, i) => x === values[i]))
             return;
@@ -236,9 +240,9 @@ export class Viewer extends EventTarget {
         this.changed();
     }
 
-    // The camera that is drawn: the rig's own integers where nothing was
-    // moved, and in the camera's own size. While something moves, pictures are
-    // as small as the machine needs.
+    // Returns the camera to draw: the rig's own integers, in the camera's own
+    // size, if nothing was moved. While something moves, pictures may be
+    // smaller on a slow machine.
     values() {
         if (this.wanted)
             return this.wanted;
@@ -256,7 +260,7 @@ export class Viewer extends EventTarget {
             performance.now() - this.movedAt < REST_MS;
     }
 
-    // The picture on the canvas, as ImageData.
+    // Returns the picture on the canvas as ImageData.
     read() {
         return this.screen.read();
     }
@@ -271,7 +275,7 @@ export class Viewer extends EventTarget {
         return point.map((x, i) => (x - this.info.centre[i]) / this.info.unit);
     }
 
-    // null while nothing is open.
+    // Returns the present key camera, or null if no file is open.
     key(seconds = 0) {
         return this.info && { seconds, frame: this.frame, fov: cam.fovOf(this.lens),
             eye: this.toMetres(this.pose.centre),
@@ -290,8 +294,8 @@ export class Viewer extends EventTarget {
             cam.withFov(this.lens, key.fov));
     }
 
-    // Camera and time in a line, to share a view: "camera=2&frame=12", or where a
-    // free camera stands. '' while nothing is open.
+    // Returns camera and time as a line, to share a view: "camera=2&frame=12",
+    // or the position of a free camera; '' if no file is open.
     toState() {
         const text = (numbers) => numbers.map((x) => Number(x.toPrecision(7)))
             .join(',');
@@ -306,7 +310,7 @@ export class Viewer extends EventTarget {
             `&target=${text(target)}&up=${text(up)}`;
     }
 
-    // Returns whether the line says anything that can be obeyed.
+    // Sets camera and time from such a line. Returns whether it had any.
     setState(line) {
         const said = new URLSearchParams(line);
         const numbers = (name) => (said.get(name) || '').split(',').map(Number);
@@ -333,7 +337,7 @@ export class Viewer extends EventTarget {
         return Math.max(0, Math.min(frame, this.info.nFrames - 1 / TIME_DEN));
     }
 
-    // In frames; at rest a whole one.
+    // Goes to a time in frames; at rest it is a whole frame.
     seek(frame) {
         if (!this.info)
             return;
@@ -353,7 +357,7 @@ export class Viewer extends EventTarget {
         this.changed();
     }
 
-    // A clock that is run anew stops the one before it.
+    // Starts the clock, and stops one that runs already.
     runClock() {
         const next = () => this.nextFrame((now) => {
             if (this.clock !== next || !this.playing)
@@ -366,7 +370,7 @@ export class Viewer extends EventTarget {
         next();
     }
 
-    // Pictures of a page and those of a headset come at times of their own.
+    // Sets what triggers pictures: a page and a headset have different clocks.
     setClock(nextFrame) {
         this.nextFrame = nextFrame;
         if (this.playing)
@@ -379,7 +383,7 @@ export class Viewer extends EventTarget {
         this.seek(Math.floor(this.frame));
     }
 
-    // Plays key cameras, then goes on from where they end.
+    // Plays a path of key cameras; the view then stays at its end.
     playPath(keys) {
         if (!this.info)
             return;
@@ -389,7 +393,7 @@ export class Viewer extends EventTarget {
     }
 
     tick(now) {
-        // A page that slept goes on where it was.
+        // After a page has slept, the film continues where it was.
         const passed = Math.max(0, Math.min(MOST_MS, now - this.since)) / 1000;
 
         this.since = now;
@@ -432,7 +436,7 @@ export class Viewer extends EventTarget {
         return this.segments.findLastIndex((s) => s.firstFrame <= frame);
     }
 
-    // The worker is told what comes as soon as another segment is played.
+    // Tells the worker the next segments when another segment begins to play.
     lookAhead() {
         const { segments, info, loop } = this;
         const at = this.segmentAt(this.frame);
@@ -453,7 +457,7 @@ export class Viewer extends EventTarget {
         this.worker.postMessage({ ahead: list });
     }
 
-    // Whether the picture that is asked for needs another segment than the last.
+    // Whether the picture in progress needs another segment than the last one.
     isLate() {
         return this.busy && this.asked !== this.drawn?.segment;
     }
@@ -484,7 +488,7 @@ export class Viewer extends EventTarget {
 
     // --- Pictures
 
-    // One picture at a time; what changes meanwhile makes the next one.
+    // Asks for a picture, one at a time; later changes make the next one.
     changed() {
         if (!this.info)
             return;
@@ -526,8 +530,8 @@ export class Viewer extends EventTarget {
             this.ask();
     }
 
-    // Smaller pictures while something moves, where the machine is slow; a sharp
-    // one once it rests.
+    // Makes pictures smaller while something moves on a slow machine, and draws
+    // a sharp one at rest.
     keepPace() {
         const now = performance.now();
         const { view, draw } = this.drawn.times;

@@ -1,26 +1,26 @@
 // SPDX-License-Identifier: MIT
 //
-// A worker that has one file open and draws it, so that the page stays
-// responsive. It answers `open` and `draw` once, in their order:
+// A worker that opens one file and draws it, so that the page stays responsive.
+// It answers each `open` and `draw` once, in their order:
 //
 //     { open: address or File, simd, seconds } -> { opened } or { failed }
 //     { draw: { values, num, den, make, crc, buffer } } -> { drawn } or
-//         { failed }: what SagaFile's method `make` gives, `draw`, `splats` or
-//         `gaussians`; buffer is used again
-//     { sound: true } -> { sound }: what SagaFile's sound() gives, or null if
-//         that fails, as soon as it is there
-//     { ahead: segments }: the one that is shown, and those that come then;
-//         they are fetched in this order, the second is decoded elsewhere
+//         { failed }: the result of SagaFile's method `make`, which is `draw`,
+//         `splats` or `gaussians`; buffer is reused
+//     { sound: true } -> { sound }: the result of SagaFile's sound(), later, or
+//         null if that fails
+//     { ahead: segments }: the segment that is shown, and the next ones; they
+//         are fetched in this order, and another worker decodes the second
 //
-// and tells now and then { progress: { segment, got, nbytes } }, in bytes; of
-// the head, or of a file that its server gives whole, segment is -1.
+// It also posts { progress: { segment, got, nbytes } }, in bytes. The segment
+// is -1 for the head, and for a file that its server sends as a whole.
 
 import { HttpSource, SagaFile, hasSimd, loadModule } from './saga.js';
 
 const TELL_MS = 50;
 
 let file = null;
-let next = null;       // Next of this file
+let next = null;       // the `Next` of this file
 let plan = [];         // the last `ahead`
 let ahead = false;     // whether what is decoded was decoded ahead of time
 
@@ -32,7 +32,7 @@ class Next {
             { type: 'module' });
         this.worker.postMessage({ head, seconds, module });
         this.made = new Map(); // number -> promise of { block, ms }, or of {}
-        this.resolvers = [];   // of what is being decoded, in order
+        this.resolvers = [];   // of the segments in progress, in order
         this.worker.onmessage = ({ data }) => this.resolvers.shift()(data);
         this.worker.onerror = () => {
             this.prepare = () => {};
@@ -40,8 +40,8 @@ class Next {
         };
     }
 
-    // Two are kept: when a segment begins to be played, the one after it may be
-    // asked for before its own first picture is.
+    // Two segments are kept: when a segment begins to play, the next one may be
+    // asked for before the first picture of this one.
     prepare(number, bytes) {
         if (this.made.has(number))
             return;
@@ -52,7 +52,7 @@ class Next {
             this.made.delete(this.made.keys().next().value);
     }
 
-    // The prepared one, once.
+    // Returns the prepared segment, once.
     async take(number) {
         const made = this.made.get(number);
 
@@ -61,7 +61,7 @@ class Next {
     }
 }
 
-// An address becomes a source that tells how far it is.
+// Makes a source from an address, which reports its progress.
 function watched(source) {
     if (typeof source !== 'string')
         return source;
@@ -77,7 +77,7 @@ function watched(source) {
             (s) => s.offset === offset) ?? -1;
 
         if (file && segment < 0)
-            return; // the sound, for which no picture waits
+            return; // no picture waits for the sound
         told = now;
         postMessage({ progress: { got, nbytes, segment } });
     };
@@ -109,7 +109,7 @@ async function lookAhead(numbers) {
     }
 }
 
-// Takes the segment of a time from where it was decoded ahead.
+// Takes the segment of a time, if it was decoded ahead.
 async function changeSegment(num, den) {
     const { number } = file.find(num, den);
 
@@ -122,7 +122,7 @@ async function changeSegment(num, den) {
         file.adopt(number, block, ms);
 }
 
-// bytes in buffer, if that is large enough for what is not much smaller.
+// Copies bytes into buffer if they fit and do not leave too much of it unused.
 function copyTo(buffer, bytes) {
     const fits = buffer && buffer.byteLength >= bytes.length &&
         buffer.byteLength <= 4 * bytes.length;
@@ -171,7 +171,7 @@ let last = Promise.resolve();
 onmessage = ({ data }) => {
     if (data.ahead) {
         if (file)
-            lookAhead(data.ahead).catch(() => {}); // drawing it tells
+            lookAhead(data.ahead).catch(() => {}); // drawing reports errors
         return;
     }
     if (data.sound) {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 //
 // A viewer's film in a headset, by WebXR. The worker sorts and projects for one
-// camera between the eyes that sees what both see; each eye draws these splats
-// from where it stands, by their depths (engine.js), in one call. A unit of the
-// capture is a metre; who enters stands where the viewer's camera does, upright.
+// camera between the eyes whose field covers those of both. Each eye draws
+// these splats in one call, reprojected by their depths (engine.js). A unit of
+// the capture is a metre. The user starts upright at the viewer's camera.
 
 import * as cam from './camera.js';
 import { FLOATS, FRAGMENT_GLSL, VERTEX_GLSL, floatsOf, isSteep, product, toClip,
@@ -11,7 +11,7 @@ import { FLOATS, FRAGMENT_GLSL, VERTEX_GLSL, floatsOf, isSteep, product, toClip,
 import { link } from './gpu.js';
 import { onPage } from './viewer.js';
 
-const MARGIN = 1.1; // of what the eyes see: heads turn while splats are made
+const MARGIN = 1.1; // of the field, since heads turn while splats are made
 
 const VERTEX = `#version 300 es
 precision highp float;
@@ -38,11 +38,11 @@ export async function hasHeadset() {
     try {
         return Boolean(await navigator.xr?.isSessionSupported('immersive-vr'));
     } catch {
-        return false; // a page that may not ask
+        return false; // the page is not allowed to ask
     }
 }
 
-// The splats of the last picture.
+// Draws the splats of the last picture for each eye.
 class EyeScreen {
     constructor(gl) {
         this.gl = gl;
@@ -79,7 +79,7 @@ class EyeScreen {
         gl.clear(gl.COLOR_BUFFER_BIT);
     }
 
-    // One eye. Its field in pixels of the splats, which were made for another.
+    // Draws for one eye with splats that were made for the camera in between.
     drawEye(clip, projection, { x, y, width, height }) {
         const { gl, program, made } = this;
         const [fx, fy] = made.values.slice(12, 14);
@@ -100,7 +100,7 @@ class EyeScreen {
     }
 }
 
-// From the capture to the headset's space, whose y is up.
+// Returns the matrix from the capture to the headset's space, whose y is up.
 export function standing(viewer) {
     const { pose, up } = viewer;
     const ahead = cam.forwardOf(pose);
@@ -112,7 +112,8 @@ export function standing(viewer) {
         rows.map((row) => -cam.dot(row, eye)), 1);
 }
 
-// What all eyes see from between them, as tangents: left, right, bottom, top.
+// Returns the field that covers those of all eyes from the point between them,
+// as tangents: left, right, bottom, top.
 function fieldOf({ transform, views }) {
     const field = [Infinity, -Infinity, Infinity, -Infinity];
 
@@ -133,7 +134,7 @@ function fieldOf({ transform, views }) {
     return field.map((x) => MARGIN * x);
 }
 
-// The camera between the eyes, with the pixels of the first one.
+// Returns the camera between the eyes, with the pixels of the first eye.
 function valuesBetween(viewer, model, pose, { width, height }) {
     const [l, r, b, t] = fieldOf(pose);
     const [{ projectionMatrix: p }] = pose.views;
@@ -148,8 +149,8 @@ function valuesBetween(viewer, model, pose, { width, height }) {
         Math.round(height * p[5] * (t - b) / 2));
 }
 
-// Enters, at a click or key; the headset's own button plays and pauses.
-// Resolves to the session.
+// Enters the headset, after a click or key; the headset's own button plays and
+// pauses. Resolves to the session.
 export async function enterHeadset(viewer) {
     const session = await navigator.xr.requestSession('immersive-vr');
     const { screen: page, exact } = viewer, { gl } = page;
