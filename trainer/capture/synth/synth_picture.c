@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Pictures and depth of the built-in scenes are drawn and written here, by
- * several threads.
+ * Draws the pictures and depths of the built-in scenes with several threads,
+ * and writes them.
  */
 #include "synth_job.h"
 
@@ -106,8 +106,8 @@ static void picture_done(saga_synth_job *job, int item, bool ok,
 #pragma omp critical(saga_synth)
     {
         job->n_done++;
-        /* The failure of the lowest number is told, whichever came first. -1,
-         * a cancel, is below all of them. */
+        /* The error of the lowest item is kept, whichever came first. A cancel
+         * counts as item -1, so it is below all of them. */
         if (!ok && item < job->first_failed) {
             job->first_failed = item;
             *job->error = *error;
@@ -126,8 +126,8 @@ static bool picture_skipped(saga_synth_job *job, int item)
 {
     bool skip;
 #pragma omp critical(saga_synth)
-    /* Later pictures need not be made; earlier ones go on, since one of them
-     * may fail and be the one to tell. */
+    /* Later pictures need not be made. Earlier ones continue, since one of them
+     * may fail, and its error would then be the one to report. */
     skip = job->first_failed < item;
     return skip;
 }

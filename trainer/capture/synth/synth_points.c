@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Points of the built-in scenes are drawn as structure from motion would find
- * them: textured places that several cameras see, with noise.
+ * Makes points of the built-in scenes as structure from motion would find them:
+ * textured places that several cameras see, with noise.
  */
 #include "synth_job.h"
 
@@ -19,8 +19,8 @@
 static uint32_t next_random(uint64_t *state)
 {
     *state = *state * 6364136223846793005u + 1442695040888963407u;
-    /* A linear congruential step, whose low bits are poor, then a mix of which
-     * only the high half is used. */
+    /* A linear congruential step has poor low bits, so they are mixed in and
+     * only the high half of the product is used. */
     uint64_t x = *state ^ *state >> 33;
     x *= 0xff51afd7ed558ccdu;
     return (uint32_t)(x >> 32);
@@ -31,8 +31,8 @@ static double random_unit(uint64_t *state)
     return (next_random(state) + 0.5) * (1.0 / 4294967296.0);
 }
 
-/* Sums four uniforms, scaled to variance 1: near enough to a Gaussian, and
- * never far out. */
+/* Returns the sum of four uniform numbers, scaled to variance 1. That is nearly
+ * a Gaussian without outliers. */
 static double random_bell(uint64_t *state)
 {
     double sum = -2.0;
@@ -53,7 +53,7 @@ static void radiance_at(const saga_shot *view, const saga_synth_world *world,
     saga_synth_light(world, origin, d, rgb);
 }
 
-/* Says how much the picture changes over 1.5 pixels, in display units 0..1. */
+/* Returns the change of the picture over 1.5 pixels, in display units 0..1. */
 static double contrast(const saga_shot *view, const saga_synth_world *world,
                        const double origin[3], double u, double v,
                        double rgb[3])
@@ -69,7 +69,7 @@ static double contrast(const saga_shot *view, const saga_synth_world *world,
     return sum / 3.0;
 }
 
-/* Says whether a training view but the one it came from sees it unhidden. */
+/* Tells whether any other training view sees the point unhidden. */
 static bool seen_again(const saga_synth_job *job, const saga_synth_world *world,
                        const double point[3], int from)
 {
@@ -83,15 +83,16 @@ static bool seen_again(const saga_synth_job *job, const saga_synth_world *world,
             continue;
         saga_pose_centre(v->rotation, v->translation, origin);
         saga_synth_direction(v, uv[0], uv[1], d);
-        /* That view sees the point if what lies first along the ray is as far.
-         * */
+        /* The view sees the point if the first hit along the ray is at the same
+         * distance. */
         if (fabs(saga_synth_look(world, origin, d).distance - z) < 0.005 * z)
             return true;
     }
     return false;
 }
 
-/* Tries once; noise is as of half a pixel across and three times that along. */
+/* Tries to make one point. Its noise is half a pixel across the ray, and three
+ * times that along it. */
 static bool sample_point(const saga_synth_job *job,
                          const saga_synth_world *world, uint64_t *random,
                          saga_point *point)
@@ -106,8 +107,8 @@ static bool sample_point(const saga_synth_job *job,
     if (view->held_out)
         return false;
     saga_pose_centre(view->rotation, view->translation, origin);
-    /* Points come from where pictures have texture, as those of structure from
-     * motion do; a few from anywhere. */
+    /* As in structure from motion, points come mostly from textured places; a
+     * few come from anywhere. */
     if (dice > 0.06 + 6.0 * contrast(view, world, origin, u, v, rgb))
         return false;
     saga_synth_direction(view, u, v, d);
@@ -138,8 +139,8 @@ bool saga_synth_write_points(const saga_synth_job *job)
     if (!points)
         return false;
     saga_synth_world_at(&world, job->options, 0.0);
-    /* The points are those of moment 0. A scene without texture gives up after
-     * 100 tries for each, and has fewer. */
+    /* The points are those at time 0. In a scene without texture this gives up
+     * after 100 tries per point and returns fewer points. */
     for (long tries = 0; n < (size_t)wanted && tries < 100L * wanted; tries++)
         if (sample_point(job, &world, &random, &points[n]))
             n++;

@@ -8,13 +8,15 @@
 
 /* ----------------------------------------------------------------- tracing */
 
-/* Says whether a ray surely passes a ball by, or leaves it behind. */
+/* Tells whether a ray certainly misses a ball. It may return false for a ray
+ * that misses. */
 static bool passes(const double centre[3], double bound, const ray *r)
 {
     const double v[3] = {centre[0] - r->origin[0], centre[1] - r->origin[1],
                          centre[2] - r->origin[2]};
-    /* Outside the ball, and either it is behind, or the squared distance of the
-     * ray from its centre, v v - b^2 / length2, is above bound^2. */
+    /* The origin is outside the ball, and either the ball is behind, or the
+     * squared distance of the ray from its centre, v v - b^2 / length2, exceeds
+     * bound^2. */
     const double b = dot(v, r->direction);
     const double away = dot(v, v) - bound * bound;
     return away > 0.0 && (b <= 0.0 || b * b < away * r->length2);
@@ -34,16 +36,17 @@ static bool enter_end(const saga_ring_shape *s, const ray *r, bool far_end,
     return true;
 }
 
-/* Enters from outside. The endless cylinder comes first: where it is entered
- * beyond an end, that end's ball decides. */
+/* Finds where a ray from outside enters a capsule. The infinite cylinder is
+ * tested first; if the ray enters it beyond an end, the ball at that end
+ * decides. */
 static bool enter_capsule(const saga_ring_shape *s, const ray *r, double *t,
                           double normal[3])
 {
     const double *const axis = s->frame[0], *const d = r->direction;
     const double v[3] = {r->origin[0] - s->a[0], r->origin[1] - s->a[1],
                          r->origin[2] - s->a[2]};
-    /* Points of the ray whose part at right angles to the axis is as long as
-     * the radius: a t^2 + 2 b t + c = 0. */
+    /* The ray is at the radius's distance from the axis where a t^2 + 2 b t + c
+     * = 0. */
     const double da = dot(d, axis), va = dot(v, axis);
     const double a = r->length2 - da * da;
     const double b = dot(v, d) - va * da;
@@ -51,7 +54,8 @@ static bool enter_capsule(const saga_ring_shape *s, const ray *r, double *t,
     const double disc = b * b - a * c;
     if (s->length == 0.0)
         return enter_end(s, r, false, t, normal);
-    /* Along the axis: it can only enter through the end that it comes from. */
+    /* A ray along the axis can only enter through the end that it comes
+     * from. */
     if (a <= 1e-12 * r->length2)
         return enter_end(s, r, da < 0.0, t, normal);
     if (disc <= 0.0)
@@ -71,7 +75,7 @@ static bool enter_turned(const saga_ring_shape *s, const ray *r, double *t,
     const double low[3] = {-s->half[0], -s->half[1], -s->half[2]};
     double o[3], d[3];
     int axis;
-    /* In the box's own axes its sides are parallel to them. */
+    /* In the box's own axes its sides are parallel to the axes. */
     for (int i = 0; i < 3; i++) {
         const double v[3] = {r->origin[0] - s->a[0], r->origin[1] - s->a[1],
                              r->origin[2] - s->a[2]};
@@ -94,8 +98,8 @@ static void hit_hall(const ray *r, saga_ring_hit *hit)
     int axis = 0;
     *hit = (saga_ring_hit){.distance = 1e30, .shape = -1};
     for (int i = 0; i < 3; i++) {
-        /* From inside each axis has one wall ahead; the
-         * nearest of the three is hit. */
+        /* From inside, each axis has one wall ahead, and the nearest of these
+         * three is hit. */
         const double wall = r->inverse[i] > 0.0 ? high[i] : low[i];
         const double t = (wall - r->origin[i]) * r->inverse[i];
         if (t < hit->distance) {
@@ -140,15 +144,16 @@ saga_ring_hit saga_ring_trace(const saga_ring_state *s, const double origin[3],
 
 /* ----------------------------------------------------------------- shading */
 
-/* Says how much of the light passes a capsule: its edge widens with the
- * distance. `r` runs towards the light, with unit length. */
+/* Returns the fraction of the light that passes a capsule. The shadow's edge
+ * widens with the distance. `r` must run towards the light and have unit
+ * length. */
 static double open_of(const saga_ring_shape *s, const ray *r)
 {
     const double *const axis = s->frame[0], *const d = r->direction;
     const double w[3] = {r->origin[0] - s->a[0], r->origin[1] - s->a[1],
                          r->origin[2] - s->a[2]};
-    /* Where the lines of ray and axis are nearest to
-     * each other; the axis ends. */
+    /* The points where the lines of ray and axis are nearest to each other,
+     * limited to the axis's ends. */
     const double k = dot(d, axis), wd = dot(w, d);
     const double across = 1.0 - k * k;
     double along = across > 1e-9 ? (dot(w, axis) - k * wd) / across : 0.0;
@@ -162,13 +167,14 @@ static double open_of(const saga_ring_shape *s, const ray *r)
     return ramp(s->radius - width, s->radius + width, sqrt(dot(v, v)));
 }
 
-/* Follows the light's path from a place, which the shape it is on does not
- * hide; a box has sharp edges. */
+/* Returns the fraction of the light that reaches a place. The shape with the
+ * place on it casts no shadow there; shadows of boxes have sharp edges. */
 static double lit(const saga_ring_state *s, const saga_ring_hit *hit,
                   const double to_light[3])
 {
     const ray r = make_ray(hit->position, to_light);
-    const double wide = 0.15; /* what open_of adds, up to 5 m away */
+    const double wide = 0.15; /* open_of widens a shadow by this at most, up to
+                               * 5 m away */
     const int first =
         passes(s->body_centre, s->body_bound + wide, &r) ? s->n_body : 0;
     double open = 1.0, t, normal[3];
@@ -185,7 +191,7 @@ static double lit(const saga_ring_state *s, const saga_ring_hit *hit,
     return open;
 }
 
-/* Draws a soft spot of the light on what shines. */
+/* Returns the highlight of the light on a glossy surface. */
 static double spot(const saga_ring_hit *hit, const double direction[3],
                    const double to_light[3])
 {
@@ -195,7 +201,7 @@ static double spot(const saga_ring_hit *hit, const double direction[3],
     for (int i = 0; i < 3; i++)
         m[i] = view[i] - 2.0 * cosine * hit->normal[i];
     double s = clamp01(dot(m, to_light));
-    /* The 16th power of the cosine to the mirrored ray. */
+    /* s^16, where s is the cosine of the angle to the mirrored ray. */
     for (int i = 0; i < 4; i++)
         s *= s;
     return 0.6 * s;
@@ -216,7 +222,7 @@ void saga_ring_radiance(const saga_ring_state *s, const double origin[3],
         return;
     const double facing = dot(hit.normal, to_light);
     const double open = facing > 0.0 ? lit(s, &hit, to_light) : 0.0;
-    /* A second light, opposite and weak, throws no shadow. */
+    /* A second, weak light from the opposite side casts no shadow. */
     const double fill = -(hit.normal[0] * s->plan.light[0] +
                           hit.normal[1] * s->plan.light[1]) / 2.8;
     brighten(rgb, 0.38 + 0.12 * hit.normal[2] +

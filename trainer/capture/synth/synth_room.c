@@ -57,7 +57,7 @@ static void left_wall(double y, double z, double rgb[3])
 static void right_wall(double y, double z, double rgb[3])
 {
     const double row = floor(z / 0.24);
-    /* Every second row of bricks is shifted by half of one. */
+    /* Every second row of bricks is shifted by half a brick. */
     const double shift = y / 0.52 + 0.5 * (row - 2.0 * floor(0.5 * row));
     const double tone =
         lattice((int32_t)floor(shift), (int32_t)row, 31);
@@ -79,7 +79,7 @@ static void floor_boards(double x, double y, double rgb[3])
     brighten(rgb, 0.75 + 0.5 * tone);
     brighten(rgb, 1.0 + 0.5 * grain(5.0 * x, 1.1 * y, 43));
     brighten(rgb, 1.0 - 0.4 * lines(x, 0.34, 0.01));
-    /* The rug is an ellipse, and covers the boards. */
+    /* The rug is an ellipse that covers the boards. */
     const double r = sqrt(x * x + 1.7 * (y + 0.55) * (y + 0.55));
     const double rug = 1.0 - ramp(1.28, 1.30, r);
     double c[3] = {0.42, 0.10, 0.12};
@@ -136,7 +136,7 @@ static void bench_colour(const saga_room_hit *hit, double rgb[3])
     paint(rgb, 0.55, 0.42, 0.16, 0.8 * (1.0 - ramp(0.26, 0.30, r)));
 }
 
-/* Paints faces in the cube's own axes, each with its own colour and a disc. */
+/* Paints the cube in its own axes: each face has its own colour and a disc. */
 static void cube_colour(const saga_room_state *s, const saga_room_hit *hit,
                         double rgb[3])
 {
@@ -145,7 +145,7 @@ static void cube_colour(const saga_room_state *s, const saga_room_hit *hit,
     const double dx = hit->position[0] - cube_centre[0];
     const double dy = hit->position[1] - cube_centre[1];
     const double dz = hit->position[2] - cube_centre[2];
-    /* Back into the cube's own axes, so that the picture turns with it. */
+    /* Coordinates in the cube's own axes, so that its paint turns with it. */
     const double x = s->cube_cos * dx + s->cube_sin * dy;
     const double y = s->cube_cos * dy - s->cube_sin * dx;
     const double nx = s->cube_cos * hit->normal[0] +
@@ -204,7 +204,8 @@ static void albedo(const saga_room_state *s, const saga_room_hit *hit,
 
 /* ------------------------------------------------------------------ motion */
 
-/* It is 0 until 0.4 s, there 0.5 s to 1.6 s, gone from 1.7 s; every 2.5 s. */
+/* Returns the guest's relative size. In each period of 2.5 s it is 0 until 0.4
+ * s, grows to 1 until 0.5 s, shrinks from 1.6 s, and is 0 from 1.7 s. */
 static double guest_size(double seconds)
 {
     const double t = seconds - 2.5 * floor(seconds / 2.5);
@@ -214,10 +215,10 @@ static double guest_size(double seconds)
 void saga_room_at(saga_room_state *state, double seconds)
 {
     static const double still[SAGA_ROOM_N_BALLS][4] = {
-        {0.0, -0.5, 0.20, 0.20},   /* ball; x below */
-        {0.64, 0.36, 0.78, 0.18},  /* guest; radius below */
+        {0.0, -0.5, 0.20, 0.20},   /* the ball; x is set below */
+        {0.64, 0.36, 0.78, 0.18},  /* the guest; its radius is set below */
         {-0.56, 0.42, 0.80, 0.20}, /* mirror */
-        {0.0, 0.0, 0.0, 0.10},     /* bob; below */
+        {0.0, 0.0, 0.0, 0.10},     /* the bob; set below */
         {1.45, 1.25, 1.70, 0.17},  /* lamp */
     };
     double s, c;
@@ -228,13 +229,13 @@ void saga_room_at(saga_room_state *state, double seconds)
     }
     saga_synth_sin_cos(seconds / 3.0, &s, &c);
     state->ball[0][0] = -0.95 * c;
-    /* Rolling: one turn per circumference, 2 pi 0.2 m. */
+    /* The ball rolls: one turn per circumference, which is 2 pi 0.2 m. */
     saga_synth_sin_cos(state->ball[0][0] / (6.283185307179586477 * 0.2),
                        &state->roll_sin, &state->roll_cos);
     state->radius[1] = 0.18 * guest_size(seconds);
     state->ball[1][2] = 0.6 + state->radius[1];
-    /* The cube makes 0.17 turns a second; the bob, below, swings by 0.055 turns
-     * to either side in 2.1 seconds. */
+    /* The cube turns 0.17 times per second. The bob, below, swings by 0.055
+     * turns to either side with a period of 2.1 seconds. */
     saga_synth_sin_cos(0.17 * seconds + 0.03, &state->cube_sin,
                        &state->cube_cos);
     double swing_sin, swing_cos;
@@ -250,7 +251,8 @@ void saga_room_at(saga_room_state *state, double seconds)
 
 /* ----------------------------------------------------------------- tracing */
 
-/* Enters a round rod without caps from p along its axis of given length. */
+/* Finds where a ray enters a round rod without caps, which begins at p and has
+ * the given axis and length. */
 static bool enter_rod(const double p[3], const double axis[3], double length,
                       double radius, const double o[3], const double d[3],
                       double *t, double normal[3])
@@ -261,7 +263,7 @@ static bool enter_rod(const double p[3], const double axis[3], double length,
     const double b = dot(v, d) - va * da;
     const double c = dot(v, v) - va * va - radius * radius;
     const double disc = b * b - a * c;
-    /* Missed, going away from it, or parallel to the axis. */
+    /* The ray misses, moves away, or is parallel to the axis. */
     if (disc <= 0.0 || b >= 0.0 || a <= 0.0)
         return false;
     *t = (-b - sqrt(disc)) / a;
@@ -316,7 +318,8 @@ static void hit_cube(const saga_room_state *s, const ray *r,
     const double low[3] = {-half, -half, -half}, high[3] = {half, half, half};
     double t;
     int axis;
-    /* First the ball around the cube, which is the same however it turns. */
+    /* The ball around the cube is tested first, since it does not depend on the
+     * turn. */
     if (!enter_ball(cube_centre, 1.7321 * half, r->origin, r->direction,
                     r->length2, &t) || t >= hit->distance)
         return;
@@ -335,7 +338,7 @@ static void hit_cube(const saga_room_state *s, const ray *r,
     set_hit(hit, t, SAGA_ROOM_CUBE);
     double n[3] = {0};
     n[axis] = d2[axis] > 0.0 ? -1.0 : 1.0;
-    /* The normal turns back into the room's axes. */
+    /* The normal is turned back into the room's axes. */
     hit->normal[0] = s->cube_cos * n[0] - s->cube_sin * n[1];
     hit->normal[1] = s->cube_cos * n[1] + s->cube_sin * n[0];
     hit->normal[2] = n[2];
@@ -397,8 +400,8 @@ saga_room_hit saga_room_trace(const saga_room_state *state,
 
 static const double light[3] = {-1.3, -2.0, 2.45};
 
-/* Casts a soft disc of shadow from each ball, and from the cube as if it were
- * one; the penumbra widens with the distance. */
+/* Returns the light that a ball's soft shadow leaves; the cube's shadow is that
+ * of a ball. The penumbra widens with the distance. */
 static double shadow_of(const double centre[3], double radius,
                         const double p[3], const double to_light[3])
 {
@@ -417,7 +420,7 @@ static double lit(const saga_room_state *s, const saga_room_hit *hit,
                   const double to_light[3])
 {
     double open = 1.0;
-    /* Not the lamp, which comes last and has no shadow of its own. */
+    /* The lamp, which is the last ball, casts no shadow. */
     for (int i = 0; i < SAGA_ROOM_N_BALLS - 1; i++)
         if ((int)hit->object != SAGA_ROOM_BALL + i)
             open *= shadow_of(s->ball[i], s->radius[i], hit->position,
@@ -427,7 +430,7 @@ static double lit(const saga_room_state *s, const saga_room_hit *hit,
     return open;
 }
 
-/* Floor and walls are darker where the bench stands close. */
+/* Darkens floor and walls near the bench. */
 static double near_bench(const double p[3])
 {
     double d2 = 0.0;
@@ -449,7 +452,7 @@ static void diffuse(const saga_room_state *s, const saga_room_hit *hit,
     const double distance2 = dot(to_light, to_light);
     normalise(to_light);
     const double facing = dot(hit->normal, to_light);
-    /* Light from all round, a little more from above. */
+    /* Ambient light, slightly more from above. */
     double bright = 0.34 + 0.10 * hit->normal[2];
     if (hit->object == SAGA_ROOM_WALLS)
         bright *= near_bench(hit->position);
@@ -463,8 +466,8 @@ static void diffuse(const saga_room_state *s, const saga_room_hit *hit,
     brighten(rgb, bright);
 }
 
-/* The glossy ball mirrors the room once, more at grazing angles, and the light
- * as a soft spot. */
+/* Adds the reflections of the glossy ball: the room once, more at grazing
+ * angles, and a soft highlight of the light. */
 static void add_gloss(const saga_room_state *s, const saga_room_hit *hit,
                       const double direction[3], double rgb[3])
 {
@@ -474,13 +477,14 @@ static void add_gloss(const saga_room_state *s, const saga_room_hit *hit,
     const double cosine = -dot(view, hit->normal);
     for (int i = 0; i < 3; i++) {
         mirrored[i] = view[i] + 2.0 * cosine * hit->normal[i];
-        /* Off the surface, so that the mirrored ray
-         * does not meet it at once. */
+        /* The origin is moved off the surface, so that the mirrored ray does
+         * not hit it. */
         origin[i] = hit->position[i] + 1e-6 * hit->normal[i];
     }
     const saga_room_hit other = saga_room_trace(s, origin, mirrored);
     diffuse(s, &other, seen);
-    /* More at grazing angles, by a power as in Schlick's approximation. */
+    /* The reflection grows at grazing angles by a power, as in Schlick's
+     * approximation. */
     const double g = 1.0 - clamp01(cosine);
     const double strength = 0.35 + 0.5 * g * g * g;
     double to_light[3] = {light[0] - hit->position[0],
@@ -488,7 +492,7 @@ static void add_gloss(const saga_room_state *s, const saga_room_hit *hit,
                           light[2] - hit->position[2]};
     normalise(to_light);
     double spot = clamp01(dot(mirrored, to_light));
-    /* The 32nd power of the cosine to the mirrored ray. */
+    /* The 32nd power of the cosine of the angle to the mirrored ray. */
     for (int i = 0; i < 5; i++)
         spot *= spot;
     for (int i = 0; i < 3; i++)

@@ -35,7 +35,8 @@ double saga_capture_forgive(const saga_capture *capture, int view, int frame,
     return mask ? (double)n_counting / (double)n : 1.0;
 }
 
-/* Most pictures of all training or held-out views that stand for them. */
+/* Most pictures that represent all training views together, or all held-out
+ * views. */
 enum { MAX_PICTURES = 60 };
 
 static int views_like(const saga_capture *c, bool held_out)
@@ -54,7 +55,7 @@ int saga_capture_sample(const saga_capture *c, int view, int index)
 
     if (c->views[view].n_missing == c->n_frames)
         return -1;
-    /* Each view shows one frame at least, even if that makes more pictures than
+    /* Each view contributes at least one frame, even if that exceeds
      * MAX_PICTURES. */
     n = n < 1 ? 1 : n > c->n_frames ? c->n_frames : n;
     return index < n ? saga_capture_near(

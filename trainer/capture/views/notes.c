@@ -17,7 +17,8 @@ void saga_note(char *notes, const char *format, ...)
     va_start(args, format);
     (void)vsnprintf(line, sizeof line, format, args);
     va_end(args);
-    /* Paths in it may be in another encoding, or cut inside a character. */
+    /* Paths in a note may have another encoding, or be cut inside a
+     * character. */
     saga_utf8_copy(notes + used, SAGA_NOTES_NBYTES - used - 1, line,
                    strlen(line));
     const size_t end = strlen(notes);

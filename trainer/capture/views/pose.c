@@ -10,7 +10,7 @@ bool saga_pose_from_quaternion(const double wxyz[4], double rotation[9])
                       wxyz[2] * wxyz[2] + wxyz[3] * wxyz[3];
     if (!(n2 > 1e-12 && n2 < 1e12))
         return false;
-    /* Division by the squared length lets quaternions have any length. */
+    /* Dividing by the squared length allows quaternions of any length. */
     const double w = wxyz[0], x = wxyz[1], y = wxyz[2], z = wxyz[3];
     const double s = 2.0 / n2;
     const double r[9] = {
@@ -48,7 +48,8 @@ static double dot(const double a[3], const double b[3])
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-/* Tells how far the rows are from orthonormal; NaN if any of them is. */
+/* Returns the largest deviation of the rows from orthonormal; NaN if a row has
+ * NaN. */
 static double defect(const double r[9])
 {
     double worst = 0.0;
@@ -62,12 +63,12 @@ static double defect(const double r[9])
     return worst;
 }
 
-/* Newton's iteration to the nearest rotation, R <- (R + R^-T) / 2; the rows of
- * R^-T are cross products over the determinant. */
+/* Makes r the nearest rotation by Newton's iteration R <- (R + R^-T) / 2. The
+ * rows of R^-T are cross products divided by the determinant. */
 static void nearest_rotation(double r[9])
 {
     for (int round = 0; round < 6; round++) {
-        /* The error is squared by each round and begins below 0.01. */
+        /* Each round squares the error, which begins below 0.01. */
         double inv[9];
         cross(r + 3, r + 6, inv);
         cross(r + 6, r, inv + 3);
@@ -86,12 +87,12 @@ bool saga_pose_from_axes(const double right[3], const double down[3],
     memcpy(r, right, 3 * sizeof *r);
     memcpy(r + 3, down, 3 * sizeof *r);
     memcpy(r + 6, forward, 3 * sizeof *r);
-    /* Rounding to three digits passes; a scale that is off by more than half a
-     * per cent does not. */
+    /* A rotation rounded to three digits passes; one whose scale is off by more
+     * than half a per cent does not. */
     if (!(defect(r) < 0.01) || !isfinite(centre[0]) ||
         !isfinite(centre[1]) || !isfinite(centre[2]))
         return false;
-    /* right x down is forward; where it is not, the axes are mirrored. */
+    /* If right x down is not forward, the axes are mirrored. */
     cross(r, r + 3, c);
     if (dot(c, r + 6) < 0.0)
         return false;
@@ -104,7 +105,7 @@ bool saga_pose_from_axes(const double right[3], const double down[3],
 bool saga_pose_from_opengl(const double rows[12], double rotation[9],
                            double translation[3])
 {
-    double axis[4][3]; /* columns of camera to world, in OpenCV axes */
+    double axis[4][3]; /* columns of camera to world, in OpenCV's axes */
     for (int i = 0; i < 3; i++) {
         const double *const row = rows + 4 * i;
         /* OpenGL has y up and z backwards, OpenCV y down and z forward. */

@@ -8,7 +8,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Computes how far from the centre a fisheye puts what is at an angle. */
+/* Returns the radius at which a fisheye lens shows a given angle from its
+ * axis. */
 static double fisheye_radius(const saga_lens *l, double angle)
 {
     const double a2 = angle * angle;
@@ -19,8 +20,8 @@ static double fisheye_radius(const saga_lens *l, double angle)
 
 void saga_lens_project(const saga_lens *lens, double x, double y, double uv[2])
 {
-    /* Equirectangular: longitude and latitude of the direction, turned into the
-     * axes of the whole picture. */
+    /* Equirectangular: the longitude and latitude of the direction in the axes
+     * of the whole picture. */
     if (lens->equirect) {
         const double *const m = lens->turn;
         const double d[3] = {m[0] * x + m[1] * y + m[2],
@@ -31,8 +32,8 @@ void saga_lens_project(const saga_lens *lens, double x, double y, double uv[2])
                 lens->cy;
         return;
     }
-    /* Fisheye: the direction in the picture stays, at the radius of the
-     * angle. */
+    /* Fisheye: the direction in the picture is kept; the angle gives the
+     * radius. */
     if (lens->fisheye) {
         const double r = sqrt(x * x + y * y);
         const double part =
@@ -41,8 +42,8 @@ void saga_lens_project(const saga_lens *lens, double x, double y, double uv[2])
         uv[1] = lens->fy * y * part + lens->cy;
         return;
     }
-    /* Others: g along the radius, then p1 and p2 for a lens that is not
-     * centred. */
+    /* Other lenses: the factor g along the radius, then p1 and p2 for a
+     * decentred lens. */
     const double r2 = x * x + y * y;
     const double g =
         1.0 + r2 * (lens->k1 + r2 * (lens->k2 + r2 * lens->k3));
@@ -61,19 +62,20 @@ bool saga_lens_is_pinhole(const saga_lens *lens)
            lens->p2 == 0.0;
 }
 
-/* Returns the side of a face of an equirectangular picture at full size. */
+/* Returns the side in pixels of a full-size face of an equirectangular
+ * picture. */
 static int face_side(const saga_lens *lens)
 {
     return (int)fmin(2.0 * lens->fx, SAGA_MAX_SIDE);
 }
 
-/* Computes the source position of a pinhole position when focals are lens
- * focals times s. */
+/* Sets uv to the source position for a position (u, v) in the pinhole picture,
+ * whose focal lengths are the lens's times s. */
 static void source_of(const saga_lens *lens, double s, double u, double v,
                       double uv[2])
 {
     const double half = face_side(lens) / 2.0;
-    /* A face has 90 degrees: half a side is tan(45 degrees) = 1. */
+    /* A face spans 90 degrees, so half a side is tan(45 degrees) = 1. */
     if (lens->equirect) {
         saga_lens_project(lens, (u - half) / half, (v - half) / half, uv);
         return;
@@ -82,8 +84,8 @@ static void source_of(const saga_lens *lens, double s, double u, double v,
                       (v - lens->cy) / (lens->fy * s), uv);
 }
 
-/* r g(r^2) must grow all the way out: beyond a fold the model shows the same
- * pixels a second time, mirrored. So must a fisheye's radius. */
+/* Tells whether the distorted radius, r g(r^2) or the fisheye's, grows up to
+ * r_max. Beyond a fold the model would show pixels a second time, mirrored. */
 static bool grows_until(const saga_lens *lens, double r_max)
 {
     const double step = atan(r_max) / 256.0;
@@ -93,8 +95,9 @@ static bool grows_until(const saga_lens *lens, double r_max)
             return false;
     for (int i = 0; !lens->fisheye && i <= 256; i++) {
         const double r2 = r_max * r_max * (i / 256.0) * (i / 256.0);
-        /* d/dr (r g) = 1 + 3 k1 r^2 + 5 k2 r^4 + 7 k3 r^6. Below 0.05 twenty
-         * pixels of the pinhole show one of the source. */
+        /* d/dr (r g) = 1 + 3 k1 r^2 + 5 k2 r^4 + 7 k3 r^6. If it is below 0.05,
+         * more than twenty pixels of the pinhole show one pixel of the
+         * source. */
         const double slope =
             1.0 +
             r2 * (3.0 * lens->k1 +
@@ -105,8 +108,8 @@ static bool grows_until(const saga_lens *lens, double r_max)
     return true;
 }
 
-/* Tangent of half the widest angle that a fisheye's pinhole picture has, 110
- * degrees: wider ones spend their pixels on their borders. */
+/* Tangent of half of 110 degrees, which is the widest angle for a fisheye's
+ * pinhole picture, because a wider one spends most pixels on its border. */
 static const double WIDEST = 1.428;
 
 static bool covers(const saga_lens *lens, double s, int i, int j, int width,
@@ -118,8 +121,9 @@ static bool covers(const saga_lens *lens, double s, int i, int j, int width,
            uv[1] <= height - 0.5;
 }
 
-/* Inside follows from the border: the map is continuous and, as far as
- * grows_until looks, one to one. */
+/* Tells whether all pixels have a source. It is enough to test the border,
+ * because the map is continuous and, as far as grows_until tests, one to
+ * one. */
 static bool all_valid(const saga_lens *lens, double s, int width, int height)
 {
     /* The corner that is farthest from the axis, at z = 1. */
@@ -140,25 +144,26 @@ static bool all_valid(const saga_lens *lens, double s, int width, int height)
     return true;
 }
 
-/* Returns the smallest s that is valid together with everything from there to
- * the first valid value at or above 1; 0 if there is none up to 4. */
+/* Returns the focal scale s: the smallest valid one that is connected by valid
+ * values to the first valid one at or above 1. Returns 0 if none up to 4 is
+ * valid. */
 static double choose_scale(const saga_lens *lens, int width, int height)
 {
-    /* Up by 2 % at a time to the first factor that is valid. */
+    /* s grows by 2 % at a time until it is valid. */
     double good = 1.0;
     while (!all_valid(lens, good, width, height)) {
         good *= 1.02;
         if (good > 4.0)
             return 0.0;
     }
-    /* Down again, to a wider view, while that stays valid. */
+    /* Then s shrinks, which widens the view, as long as it stays valid. */
     double bad = good / 1.02;
     while (bad > 0.25 && all_valid(lens, bad, width, height)) {
         good = bad;
         bad /= 1.02;
     }
-    /* Halving between the last valid factor and the next below it: the 2 %
-     * shrink to 2e-14. */
+    /* Bisection between the last valid s and the invalid one below it; 40
+     * halvings reduce the 2 % to 2e-14. */
     for (int i = 0; i < 40; i++) {
         const double middle = 0.5 * (good + bad);
         if (all_valid(lens, middle, width, height))
@@ -209,8 +214,8 @@ bool saga_remap_plan(saga_remap *remap, const saga_lens *lens, int width,
                          "undistort the pictures first", "distortion k1 %g, "
                          "k2 %g, k3 %g, p1 %g, p2 %g folds the picture",
                          lens->k1, lens->k2, lens->k3, lens->p1, lens->p2);
-    /* Positions count from the corner of the picture, so that 1/N of them is
-     * the same place at 1/N of the size. */
+    /* Positions are measured from the picture's corner, so dividing them by N
+     * keeps the place at 1/N of the size. */
     const double s = remap->focal_scale / scale;
     remap->fx = lens->fx * s;
     remap->fy = lens->fy * s;
@@ -221,16 +226,16 @@ bool saga_remap_plan(saga_remap *remap, const saga_lens *lens, int width,
 
 uint64_t saga_remap_nbytes(const saga_remap *remap, const saga_lens *lens)
 {
-    /* 4 bytes of a tap and 2 of fractions. */
+    /* 4 bytes for a tap and 2 for its fractions. */
     return saga_lens_is_pinhole(lens)
                ? 0
                : (uint64_t)remap->full_width *
                      (uint64_t)remap->full_height * 6;
 }
 
-/* Returns the position of the upper left of four taps and the way to the next,
- * in 1/256, kept so that tap + 1 is inside; at the last one the fraction is
- * 255/256. */
+/* Returns the first of two neighbouring taps for a position along one axis. The
+ * fraction is the position between them in 1/256. tap + 1 is always inside the
+ * picture; at the last pixel the fraction is 255/256. */
 static int split_position(double position, int size, uint8_t *fraction)
 {
     if (size < 2) {
@@ -279,7 +284,7 @@ void saga_remap_free(saga_remap *remap)
     remap->fractions = NULL;
 }
 
-/* Adds one full-size pinhole pixel to sum[3], scaled by 65536. */
+/* Adds a full-size pixel of the pinhole picture, times 65536, to sum[3]. */
 static inline void add_bilinear(const saga_remap *remap, const uint8_t *source,
                                 size_t i, uint64_t sum[3])
 {
@@ -301,7 +306,7 @@ static void box_pixel(const saga_remap *remap, const uint8_t *source, int x,
                       int y, uint8_t *rgb)
 {
     const size_t n = (size_t)remap->scale, w = (size_t)remap->full_width;
-    /* 64 x 64 pixels of 255 x 65536 need more than 32 bits. */
+    /* The sum of 64 x 64 pixels of 255 x 65536 exceeds 32 bits. */
     uint64_t sum[3] = {0};
     for (size_t b = 0; b < n; b++)
         for (size_t a = 0; a < n; a++) {
@@ -313,8 +318,8 @@ static void box_pixel(const saga_remap *remap, const uint8_t *source, int x,
                 for (size_t c = 0; c < 3; c++)
                     sum[c] += source[3 * i + c];
         }
-    /* Bilinear sums are scaled by 2^8 for each axis; the division below is the
-     * only rounding. */
+    /* Bilinear values are scaled by 2^8 for each axis. The division below is
+     * the only rounding. */
     const uint64_t unit = remap->taps ? n * n << 16 : n * n;
     for (size_t c = 0; c < 3; c++)
         rgb[c] = (uint8_t)((sum[c] + unit / 2) / unit);
@@ -333,8 +338,8 @@ void saga_remap_rgb(const saga_remap *remap, const uint8_t *source,
             box_pixel(remap, source, x, y, rgb);
 }
 
-/* Returns the sample in the middle of the box, for even N the one right below.
- */
+/* Samples depth at the middle of each box; if N is even, at the pixel to the
+ * lower right of the middle. */
 void saga_remap_depth(const saga_remap *remap, const float *source,
                       float *depth)
 {
@@ -343,8 +348,8 @@ void saga_remap_depth(const saga_remap *remap, const float *source,
         for (size_t x = 0; x < (size_t)remap->width; x++) {
             size_t i = (y * n + n / 2) * (size_t)remap->full_width + x * n +
                        n / 2;
-            /* The nearest of the four taps: between two depths there may be
-             * nothing. */
+            /* The nearest of the four taps is taken, since an average of two
+             * depths may lie where there is nothing. */
             if (remap->taps) {
                 const uint8_t *const f = &remap->fractions[2 * i];
                 i = remap->taps[i] + (f[0] >= 128 ? 1u : 0u) +
