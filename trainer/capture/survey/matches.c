@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * Eight matches give a fundamental matrix. Of many eights, drawn from the
- * surest matches first, that counts which most of all matches obey, computed
- * again from these (random samples and consensus, with local optimisation).
+ * Finds the fundamental matrix F of two views from matches, some of which are
+ * wrong. Eight matches determine an F. Many eights are drawn, from the most
+ * certain matches first, and the F that most matches obey is computed again
+ * from these (random samples and consensus, with local optimisation).
  */
 #include "matches.h"
 
@@ -14,24 +15,29 @@
 
 enum {
     EIGHT = 8,               /* matches that determine F up to its scale */
-    N_TRIES = 600,           /* a third of the matches right: 8 of 8 are so in
-                              * one of 6,500 tries; the surest ones are mostly
-                              * three quarters, one of 10 */
+    N_TRIES = 600,           /* if a third of the matches are right, one draw in
+                              * 6,500 has eight right; if three quarters, as of
+                              * the best, one in 10 */
     N_REFITS = 4,
-    FEW = 16                 /* that agree, or chance may have done it: */
+    FEW = 16                 /* fewer agreeing matches may be chance */
 };
 
-#define SURE 0.01            /* tries end where the chance that none of them
-                              * was right is as small as that */
-#define FEW_PART 0.3         /* beside eight, 3 % of wrong ones lie within 2 of
-                              * 270 pixels of any line */
-#define SECOND_BEST 0.85     /* as far as that, or it is not by far */
-#define SAME_PLACE 4.0       /* pixels: one corner in two sizes */
+/* Draws end when the chance that all of them had a wrong match is below
+ * this. */
+#define SURE 0.01
+/* Least fraction of the matches that must agree. Of wrong matches about 3 % lie
+ * within 2 of 270 pixels of any line. */
+#define FEW_PART 0.3
+/* A match is kept if its distance is below this, relative to the distance of
+ * the second-best place. */
+#define SECOND_BEST 0.85
+#define SAME_PLACE 4.0       /* pixels: nearer features are one corner in two
+                              * sizes */
 
 /* ------------------------------------------------------------------ pairing */
 
-/* Cosine of two descriptions; sums in eight parts, which a compiler keeps in
- * vectors. */
+/* Returns the cosine of two descriptors. The eight partial sums let a compiler
+ * use vectors. */
 static float alike(const saga_feature *a, const saga_feature *b)
 {
     float sum[8] = {0.0f};
@@ -52,8 +58,8 @@ static bool same_place(const saga_feature *a, const saga_feature *b)
     return fabs(a->x - b->x) < SAME_PLACE && fabs(a->y - b->y) < SAME_PLACE;
 }
 
-/* Returns the feature nearest to one, of those that are allowed; *doubt is the
- * distance to it, in parts of that to the nearest at another place. */
+/* Returns the allowed feature that is nearest to f. *doubt is its distance
+ * divided by that of the nearest feature at another place. */
 static size_t nearest(const saga_feature *f, const saga_features *to,
                       const saga_match_rule *rule, bool back, double *doubt)
 {
@@ -69,13 +75,13 @@ static size_t nearest(const saga_feature *f, const saga_features *to,
     for (size_t i = 0; i < to->n; i++)
         if (cosine[i] > second && !same_place(&to->list[i], &to->list[best]))
             second = cosine[i];
-    /* |a - b|^2 = 2 - 2 cos of unit vectors. */
+    /* |a - b|^2 = 2 - 2 cos for unit vectors. */
     *doubt = sqrt(fmax(1.0 - (double)cosine[best], 0.0) /
                   fmax(1.0 - (double)second, 1e-9));
     return best;
 }
 
-/* Tells whether a match at such places is there already. */
+/* Tells whether a match between these places is already in the list. */
 static bool is_known(const saga_match *m, size_t n, const saga_feature *a,
                      const saga_feature *b)
 {
@@ -105,7 +111,8 @@ size_t saga_matches_find(saga_match *matches, const saga_features *a,
         double doubt, back;
         const size_t k = nearest(from, b, rule, false, &doubt);
         const saga_feature *const to = &b->list[k];
-        /* The way back has to end at the same place, if in another size. */
+        /* The match back must end at the same place, though possibly in another
+         * size. */
         if (doubt > SECOND_BEST ||
             saga_feature_likeness(from, to) < alike_least ||
             is_known(matches, n, from, to) ||
@@ -121,8 +128,8 @@ size_t saga_matches_find(saga_match *matches, const saga_features *a,
 
 /* --------------------------------------------------------------- agreement */
 
-/* Middle and spread of the points of one picture: matrices of numbers around 1
- * are well conditioned (Hartley's normalisation). */
+/* Centre and spread of the points in one picture. Numbers around 1 make the
+ * matrices well conditioned (Hartley's normalisation). */
 typedef struct frame { double middle[2], spread; } frame;
 
 static void make_frame(frame *f, const saga_match *m, size_t n, int second)
@@ -147,8 +154,8 @@ static void put(double to[3], const frame *f, const double p[2])
 
 typedef struct fit { frame a, b; double f[9]; } fit;
 
-/* F has the least sum of squares of (b, 1)^T F (a, 1) over n matches: the
- * eigenvector of the least eigenvalue of the sum of products. */
+/* Sets F to the least-squares solution of (b, 1)^T F (a, 1) = 0 over n matches,
+ * which is the eigenvector with the least eigenvalue of the sum of products. */
 static void solve(fit *t, const saga_match *const *m, size_t n)
 {
     saga_matrix sum, v;
@@ -168,8 +175,8 @@ static void solve(fit *t, const saga_match *const *m, size_t n)
         t->f[k] = v[k][8];
 }
 
-/* The larger distance, in pixels, of the two points of a match from each
- * other's lines. */
+/* Returns the distance in pixels of a match's points from each other's epipolar
+ * lines, whichever is larger. */
 static double distance(const fit *t, const saga_match *m)
 {
     double a[3], b[3], la[3] = {0.0}, lb[3] = {0.0}, product = 0.0;
@@ -195,7 +202,7 @@ static size_t obey(const saga_match **ones, const fit *t, const saga_match *m,
     return count;
 }
 
-/* Draws eight different ones of the first n. */
+/* Draws eight different matches from the first n. */
 static void draw(const saga_match **ones, const saga_match *m, size_t n,
                  saga_rng r, size_t try)
 {
@@ -211,8 +218,8 @@ static void draw(const saga_match **ones, const saga_match *m, size_t n,
     }
 }
 
-/* If `most` of n matches are right, eight are so with a chance of p; all of i
- * tries fail with (1 - p)^i. */
+/* Tells whether i draws are enough. If `most` of n matches are right, a draw is
+ * right with probability p, so all i draws fail with (1 - p)^i. */
 static bool enough(size_t i, size_t most, size_t n)
 {
     const double p = pow((double)most / (double)n, EIGHT);
@@ -231,7 +238,8 @@ size_t saga_matches_agree(saga_match *matches, size_t n, double within,
     make_frame(&t.a, matches, n, 0);
     make_frame(&t.b, matches, n, 1);
     for (size_t i = 0; i < N_TRIES && !enough(i, most, n); i++) {
-        /* From the surest sixteen at first, from all in the end. */
+        /* Draws come from the 16 most certain matches at first, and from all in
+         * the end. */
         draw(ones, matches, FEW + (n - FEW) * i / N_TRIES, r, i);
         solve(&t, ones, EIGHT);
         size_t count = obey(ones, &t, matches, n, within);

@@ -10,8 +10,9 @@
 #include <string.h>
 
 enum {
-    NEIGHBOURS = 4           /* of each of more views: the nearest ones, and
-                              * the next ones in the list */
+    NEIGHBOURS = 4           /* numbers of pairs for each of many views: with
+                              * the nearest views, and with the next ones in the
+                              * list */
 };
 
 /* ----------------------------------------------------------------- features */
@@ -21,7 +22,7 @@ static bool find_features(saga_pairs *p, saga_error *error)
     const saga_capture *const c = p->capture;
     p->features = saga_calloc((size_t)c->n_views, sizeof *p->features,
                               "the features", error);
-    /* One thread's errors are told apart by their own place. */
+    /* Each view has an error of its own, because threads must not share one. */
     saga_error *const errors = saga_calloc((size_t)c->n_views, sizeof *errors,
                                            "the features", error);
     bool ok = p->features && errors;
@@ -50,8 +51,8 @@ static double between(const saga_shot *a, const saga_shot *b)
     return hypot(hypot(x[0] - y[0], x[1] - y[1]), x[2] - y[2]);
 }
 
-/* Marks the pairs of a view among many: the next ones in the list, and the
- * nearest by poses that may be wrong. */
+/* Marks the pairs to compare for one of many views: the next views in the list,
+ * and the nearest ones by poses, which may be wrong. */
 static void mark_neighbours(bool *compared, const saga_capture *c, int v)
 {
     const int n = c->n_views;
@@ -59,7 +60,8 @@ static void mark_neighbours(bool *compared, const saga_capture *c, int v)
     for (int w = 0; w < n; w++) {
         const double own = between(&c->views[v], &c->views[w]);
         int i = n_near;
-        /* The nearest so far, in order; of equal ones the first. */
+        /* `near` is sorted by distance; of equal distances the first view comes
+         * first. */
         while (i > 0 && own < between(&c->views[v], &c->views[near[i - 1]]))
             i--;
         if (w == v || i == NEIGHBOURS)
@@ -118,7 +120,8 @@ size_t saga_pair_agree(saga_match *matches, const saga_pairs *pairs,
 {
     const size_t n = saga_matches_find(matches, &pairs->features[p->a],
                                        &pairs->features[p->b], NULL);
-    /* A stream of its own: a pair's result does not depend on other pairs. */
+    /* The random numbers depend on the pair only, so a pair's result does not
+     * depend on other pairs. */
     return saga_matches_agree(matches, n, pairs->within,
                               (uint64_t)p->a * SAGA_MAX_VIEWS +
                               (uint64_t)p->b);

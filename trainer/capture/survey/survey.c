@@ -14,24 +14,28 @@
 #include <string.h>
 
 enum {
-    GRID = 12,             /* rays of a camera, a side */
+    GRID = 12,             /* rays per side for each camera */
     MOST_PLACES = 20000,
     MOST_COMPARED = 200000000,
-    FEW_PLACES = 8,        /* points, or nothing is said */
+    FEW_PLACES = 8,        /* with fewer points or rays nothing is reported */
     FEW_COLOURS = 30,
-    FEW_FEATURES = 50      /* of a picture, or nothing is told by few matches */
+    FEW_FEATURES = 50      /* with fewer features in a picture, few matches are
+                            * no evidence */
 };
 
-/* Judgements; each is a guess from the captures we have. */
-#define FAR_APART 25.0     /* degrees: primitives seen from two such sides only
-                            * are rarely the same */
+/* Limits of the judgements; each is an estimate from the captures that we
+ * have. */
+/* In degrees. Views further apart rarely show the same primitives. */
+#define FAR_APART 25.0
 #define FEW_VIEWS 6
 #define LITTLE_OVERLAP 0.25
 #define OFF_PIXELS 2.0
 #define OFF_STOPS 0.2
-#define ONE_PLACE 0.5      /* degrees between cameras that should see the same;
-                            * nothing that is filmed on purpose is nearer */
-#define ONE_WAY 0.98       /* cosine of their axes: 10 degrees */
+/* In degrees between cameras at the same place, which should see the same.
+ * Cameras are not placed that close on purpose. */
+#define ONE_PLACE 0.5
+#define ONE_WAY 0.98       /* cosine of the angle between their axes, 10
+                            * degrees */
 
 typedef struct places {
     double (*at)[3];       /* (n) */
@@ -54,9 +58,8 @@ static void note(saga_survey *s, const char *format, ...)
 
 /* ------------------------------------------------------------------- places */
 
-/* Where the axes of all cameras come nearest to each other: the x with the
- * least sum of squared distances, by Cramer's rule. False if they are parallel.
- */
+/* Finds the point with the least sum of squared distances from the axes of all
+ * cameras, by Cramer's rule. Returns false if the axes are parallel. */
 static bool axes_meet(const saga_capture *c, double x[3])
 {
     double m[3][3] = {{0}}, b[3] = {0};
@@ -65,8 +68,8 @@ static bool axes_meet(const saga_capture *c, double x[3])
         double centre[3];
         saga_pose_centre(c->views[v].rotation, c->views[v].translation,
                          centre);
-        /* The projection I - a a^T takes away what lies along the axis: x
-         * solves sum (I - a a^T) x = sum (I - a a^T) centre. */
+        /* The projection I - a a^T removes the part along the axis; x solves
+         * sum (I - a a^T) x = sum (I - a a^T) centre. */
         for (int i = 0; i < 3; i++)
             for (int j = 0; j < 3; j++) {
                 const double part = (i == j) - axis[i] * axis[j];
@@ -78,12 +81,12 @@ static bool axes_meet(const saga_capture *c, double x[3])
         m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) -
         m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0]) +
         m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0]);
-    /* det is 0 for parallel axes, and at most (2 n / 3)^3 for axes all
-     * round. */
+    /* det is 0 for parallel axes, and at most (2 n / 3)^3 for axes in all
+     * directions. */
     if (!(fabs(det) > 1e-4 * pow(c->n_views, 3)))
         return false;
     for (int k = 0; k < 3; k++) {
-        /* Cramer: the right side takes the place of column k. */
+        /* Cramer's rule: the right side replaces column k. */
         double n[3][3];
         memcpy(n, m, sizeof n);
         for (int i = 0; i < 3; i++)
@@ -95,8 +98,8 @@ static bool axes_meet(const saga_capture *c, double x[3])
     return true;
 }
 
-/* Without points: rays of each camera as far as the axes' meeting, or four
- * times the size of the rig. */
+/* Makes places for a capture without points: on rays of each camera, at the
+ * depth where the axes meet, or at four times the size of the rig. */
 static void lift_grid(places *p, const saga_capture *c)
 {
     double meeting[3], size = 0.0, first[3], centre[3];
@@ -113,7 +116,8 @@ static void lift_grid(places *p, const saga_capture *c)
         const saga_shot *const s = &c->views[v];
         const double far = 4.0 * (size > 0.0 ? size : 1.0);
         double cam[3] = {0.0, 0.0, far};
-        /* The depth of the meeting, where it is in front of this camera. */
+        /* The depth at which the axes meet, if that is in front of this
+         * camera. */
         if (meet)
             saga_view_transform(s, meeting, cam);
         const double z = cam[2] > 0.0 ? cam[2] : far;
@@ -129,7 +133,8 @@ static bool find_places(places *p, const saga_capture *c, saga_error *error)
 {
     const bool points = c->n_points >= FEW_PLACES;
     const size_t n = points ? c->n_points : (size_t)c->n_views * GRID * GRID;
-    /* Every two views are compared at every place. */
+    /* Every pair of views is compared at every place, which limits their
+     * number. */
     const size_t most = MOST_COMPARED / (size_t)c->n_views /
                         (size_t)c->n_views + 200;
     const size_t step = n / (most < MOST_PLACES ? most : MOST_PLACES) + 1;
@@ -140,7 +145,7 @@ static bool find_places(places *p, const saga_capture *c, saga_error *error)
         lift_grid(p, c);
     for (size_t i = 0; points && i < n; i++)
         memcpy(p->at[i], c->points[i].position, sizeof *p->at);
-    /* Every step-th place stays. */
+    /* Every step-th place is kept. */
     p->n = 0;
     for (size_t i = 0; i < n; i += step)
         memmove(p->at[p->n++], p->at[i], sizeof *p->at);
@@ -154,7 +159,8 @@ static bool find_places(places *p, const saga_capture *c, saga_error *error)
     return x != NULL;
 }
 
-/* The pixel of a place in a view; -1 where the view does not see it. */
+/* Returns the index of the pixel that shows a place in a view, or -1 if the
+ * view does not see it. */
 static long pixel_of(const saga_shot *s, const double place[3])
 {
     double uv[2], depth;
@@ -189,7 +195,7 @@ static void find_nearest(saga_survey *survey, const saga_capture *c,
         for (int w = 0; w < c->n_views; w++) {
             direction_from(middle, &c->views[w], b);
             const double cosine = a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-            /* Rounding may bring a cosine beyond 1. */
+            /* Rounding may make the cosine larger than 1. */
             const double angle =
                 acos(fmin(fmax(cosine, -1.0), 1.0)) * 57.29577951308232;
             if (w == v || (one->nearest >= 0 && angle >= one->angle))
@@ -200,7 +206,7 @@ static void find_nearest(saga_survey *survey, const saga_capture *c,
     }
 }
 
-/* seen (n_views, n): whether a view sees a place. */
+/* seen (n_views, n) tells whether a view sees a place. */
 static void find_overlap(saga_survey *survey, const saga_capture *c,
                          const places *p, const bool *seen)
 {
@@ -225,8 +231,8 @@ static void find_overlap(saga_survey *survey, const saga_capture *c,
 
 /* ------------------------------------------------------------------ colours */
 
-/* The colour that a view shows at a place in the first frame; display values.
- * */
+/* Sets rgb to the display colour that a view's first frame shows at a place.
+ * Returns false if it does not show the place. */
 static bool colour_at(const saga_capture *c, int v, const double place[3],
                       double rgb[3])
 {
@@ -239,7 +245,8 @@ static bool colour_at(const saga_capture *c, int v, const double place[3],
     return pixel >= 0;
 }
 
-/* The median colour of a place over all views that see it; how many. */
+/* Sets rgb to the median colour of a place over the views that see it, and
+ * returns their number. */
 static size_t common_colour(const saga_capture *c, const double place[3],
                             double *scratch, double rgb[3])
 {
@@ -250,7 +257,8 @@ static size_t common_colour(const saga_capture *c, const double place[3],
         if (!colour_at(c, v, place, one))
             continue;
         for (size_t k = 0; k < 3; k++)
-            /* scratch is (3, n_views): each channel has a median of its own. */
+            /* scratch is (3, n_views), because each channel has its own
+             * median. */
             scratch[k * most + n] = one[k];
         n++;
     }
@@ -259,14 +267,15 @@ static size_t common_colour(const saga_capture *c, const double place[3],
     return n;
 }
 
-/* Compares a view with the common colours: (places, 3), NaN where fewer than
- * three views see a place. */
+/* Compares a view's colours with the common ones, (places, 3), which are NaN if
+ * fewer than three views see the place. */
 static void compare_view(saga_survey_view *one, const saga_capture *c, int v,
                          const places *p, const double *common, double *x)
 {
     size_t n = 0;
     double rgb[3];
-    /* Exposure: the median of log2 of light against the others'. */
+    /* Exposure: the median of log2 of the light relative to the common
+     * colours. */
     for (size_t i = 0; i < p->n; i++)
         if (!isnan(common[3 * i]) && colour_at(c, v, p->at[i], rgb) &&
             saga_exposure_compare(x + n, rgb, common + 3 * i))
@@ -274,7 +283,7 @@ static void compare_view(saga_survey_view *one, const saga_capture *c, int v,
     one->stops = n >= FEW_COLOURS ? saga_median(x, n) : (double)NAN;
     const double gain = isnan(one->stops)
         ? 1.0 : saga_exposure_gain(one->stops);
-    /* Colour: what differs once that is evened out. */
+    /* Colour: the difference that remains after the exposure is corrected. */
     n = 0;
     for (size_t i = 0; i < p->n; i++) {
         if (isnan(common[3 * i]) || !colour_at(c, v, p->at[i], rgb))
@@ -295,7 +304,7 @@ static bool compare_colours(saga_survey *survey, const saga_capture *c,
     double *const x = saga_alloc(p->n + 3 * (size_t)c->n_views, sizeof *x,
                                  "the colours", error);
     const bool ok = common && x;
-    /* x is scratch of the median over views first, of that over places then. */
+    /* x is scratch memory, first for medians over views, then over places. */
     for (size_t i = 0; ok && i < p->n; i++)
         if (common_colour(c, p->at[i], x, common + 3 * i) < 3)
             common[3 * i] = (double)NAN;
@@ -323,8 +332,8 @@ static void judge_rig(saga_survey *s, const saga_capture *c)
     if (c->moves)
         note(s, "One camera that moves sees each moment from one side: how "
              "what moves looks from elsewhere at that moment is a guess.");
-    /* More than six cameras, or at least three that have points and stand
-     * close. */
+    /* Free views need more than six cameras, or at least three close ones with
+     * points. */
     s->free_views = n > FEW_VIEWS ||
                     (n > 2 && points && s->typical_angle < FAR_APART);
     if (n == 1 && !s->free_views)
@@ -345,8 +354,9 @@ static void judge_rig(saga_survey *s, const saga_capture *c)
              "COLMAP model or ply_file_path helps.");
 }
 
-/* Says so where a camera is not as good as synchronous; whole frames, where
- * they are as likely, are what cameras lose. */
+/* Notes if a camera is not synchronous. If a whole number of frames is within
+ * the tolerance, that number is reported, because cameras usually lose whole
+ * frames. */
 static void judge_late(saga_survey *s, const char *name,
                        const saga_lateness *late)
 {
@@ -360,7 +370,7 @@ static void judge_late(saga_survey *s, const char *name,
                                                        : late->frames);
 }
 
-/* Says in words with which mistake undone the pictures fit. */
+/* Describes the mistake that, once undone, makes the pictures fit. */
 static void judge_mistake(saga_survey *s, const saga_capture *c)
 {
     static const char *const forms[SAGA_POSE_FORMS] = {
@@ -370,7 +380,8 @@ static void judge_mistake(saga_survey *s, const saga_capture *c)
     const saga_calibration *const fit = &s->calibration;
     const saga_mistake *const m = &fit->mistake;
     char what[200] = "", lens[100] = "";
-    /* A file of OpenGL's axes has OpenCV's where none are left to reverse. */
+    /* In a file with OpenGL's axes, undoing no reversal means that the file's
+     * axes are really OpenCV's. */
     const bool odd_axes = m->form == SAGA_POSE_RIGHT || !c->opengl
         ? m->after : !m->after;
     if (m->swapped[0] >= 0)
@@ -396,7 +407,7 @@ static void judge_mistake(saga_survey *s, const saga_capture *c)
          fit->n_fit, fit->n_fit_then, what, lens);
 }
 
-/* Says whether poses and lenses are right, by the matches. */
+/* Notes whether poses and lenses fit the matches. */
 static void judge_calibration(saga_survey *s, const saga_capture *c)
 {
     const saga_calibration *const fit = &s->calibration;
@@ -418,7 +429,8 @@ static void judge_calibration(saga_survey *s, const saga_capture *c)
                  c->views[v].name, fit->off[v]);
 }
 
-/* Cameras at one place that look one way have to see the same. */
+/* Notes if two cameras at one place with the same direction do not see the
+ * same. */
 static void judge_twin(saga_survey *s, const saga_capture *c, int v)
 {
     const saga_survey_view *const one = &s->views[v];
@@ -460,8 +472,8 @@ static void judge_view(saga_survey *s, const saga_capture *c, int v)
              c->n_frames);
 }
 
-/* How late views are is told by how much changes in them, and by matches where
- * cameras fit the pictures; of both the surer one counts. */
+/* Finds how late views are by how much changes in them and, if the cameras fit
+ * the pictures, by matches. The more certain result is used. */
 static bool take_late(saga_survey *s, const saga_capture *c, saga_error *error)
 {
     const bool fits = !s->calibration.found && !s->calibration.bad;
@@ -490,8 +502,8 @@ static bool measure(saga_survey *s, const saga_capture *c, places *p,
     double *const angle =
         saga_alloc(n_views, sizeof *angle, "the angles", error);
     const bool ok = seen && angle;
-    /* Each place is projected into each view once; overlaps are counted from
-     * what is seen. */
+    /* Each place is projected into each view once; overlaps are computed from
+     * the result. */
     for (size_t v = 0; ok && v < n_views; v++)
         for (size_t i = 0; i < n; i++)
             seen[n * v + i] = pixel_of(&c->views[v], p->at[i]) >= 0;

@@ -14,7 +14,8 @@ static void cross(double out[3], const double a[3], const double b[3])
     out[2] = a[0] * b[1] - a[1] * b[0];
 }
 
-/* Completes own axes: the first is given, the second lies near `side`. */
+/* Completes a frame of axes. The first axis is given, and the second is the
+ * part of `side` at right angles to it. */
 static void complete(double frame[3][3], const double side[3])
 {
     const double along = dot(frame[0], side);
@@ -37,7 +38,8 @@ saga_ring_shape saga_ring_capsule(const double a[3], const double b[3],
     s.length = sqrt(dot(s.frame[0], s.frame[0]));
     normalise(s.frame[0]);
     complete(s.frame, side);
-    /* A ray that misses this ball, which holds all of it, is done. */
+    /* All of the shape lies in a ball of this radius, so a ray that misses the
+     * ball misses the shape. */
     s.bound = 0.5 * s.length + radius;
     return s;
 }
@@ -55,12 +57,12 @@ saga_ring_shape saga_ring_ball(const double centre[3], double radius,
 
 /* -------------------------------------------------------------------- pose */
 
-/* The runner has own axes: forward, left, up, leaning into the curve. */
+/* The runner's axes are forward, left and up; they lean into the curve. */
 typedef struct pose {
     const saga_ring_plan *plan;
     double t;                /* seconds */
     double axes[3][3];
-    double chest[3][3];      /* twisted against the hips */
+    double chest[3][3];      /* the axes, twisted against the hips */
     double pelvis[3];
     saga_ring_shape *to;
     int n;
@@ -75,27 +77,29 @@ static void reach(double out[3], const double from[3], double axes[3][3],
                  flu[2] * axes[2][i];
 }
 
-/* Finds the end of a limb that hangs down at 0 turns, points forward at 1/4 and
- * up at 1/2; `out` is how far it points to the left. */
+/* Finds the end of a limb, which hangs down at 0 turns, points forward at 1/4
+ * and up at 1/2. `length_out` has its length and how far it points to the
+ * left. */
 static void limb(double end[3], const double from[3], double axes[3][3],
                  double turns, const double length_out[2])
 {
     double s, c;
     saga_synth_sin_cos(turns, &s, &c);
     const double l = length_out[0], o = length_out[1];
-    /* The length that is left in the plane of forward and up. */
+    /* The length that remains in the plane of forward and up. */
     const double in = l * sqrt(1.0 - o * o);
     const double flu[3] = {in * s, l * o, -in * c};
     reach(end, from, axes, flu);
 }
 
-/* Limbs swing across the left axis, trunk and hips lie along it. */
+/* Adds a capsule of the body. Limbs swing across the left axis; trunk and hips
+ * lie along it. */
 static void add(pose *p, const double a[3], const double b[3], double radius,
                 enum saga_ring_object object)
 {
     const double v[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
     const double left = dot(v, p->axes[1]);
-    /* Own axes need a second direction that is not along the capsule. */
+    /* Its second axis must not be parallel to the capsule. */
     const int side = left * left > 0.8 * dot(v, v) ? 0 : 1;
     p->to[p->n++] = saga_ring_capsule(a, b, radius * p->plan->girth,
                                       p->axes[side], object);
@@ -110,7 +114,7 @@ static void add_ball(pose *p, const double centre[3], double radius,
 
 /* ------------------------------------------------------------------- steps */
 
-/* A leg has these joints, from the hip on. */
+/* The joints of a leg, from the hip. */
 typedef struct leg {
     double hip[3], knee[3], ankle[3], toe[3];
 } leg;
@@ -121,13 +125,13 @@ static void bend_leg(leg *l, pose *p, const double pelvis[3], int side)
     const double phase = p->plan->stride * p->t + 0.5 * side;
     const double sign = side ? -1.0 : 1.0;
     double swing, unused, lift;
-    /* The legs are half a stride apart. A foot lifts while its thigh comes
+    /* The legs are half a stride apart. A foot is lifted while its thigh moves
      * forward. */
     saga_synth_sin_cos(phase, &swing, &unused);
     saga_synth_sin_cos(phase + 0.06, &unused, &lift);
     lift = lift > 0.0 ? lift * lift : 0.0;
     const double thigh = 0.03 + 0.11 * swing;
-    /* In turns: a lifted foot bends the knee by up to a quarter. */
+    /* In turns: a lifted foot bends the knee by up to a quarter turn. */
     const double shin = thigh - 0.03 - 0.25 * lift;
     const double at[3] = {0.0, 0.10 * k * sign, 0.0};
     reach(l->hip, pelvis, p->axes, at);
@@ -145,19 +149,19 @@ static void add_leg(pose *p, const leg *l)
     add(p, l->ankle, l->toe, 0.046, SAGA_RING_SHOE);
 }
 
-/* The lower foot stands on the floor: the pelvis is as high as that takes. */
+/* Sets the pelvis's height so that the lower foot stands on the floor. */
 static void stand(pose *p, leg legs[2])
 {
     double low = 0.0;
-    /* First as if the pelvis were on the floor, to
-     * see how low the feet come. */
+    /* The first pass has the pelvis on the floor, to find how low the feet
+     * reach. */
     p->pelvis[2] = 0.0;
     for (int side = 0; side < 2; side++) {
         bend_leg(&legs[side], p, p->pelvis, side);
         low = legs[side].ankle[2] < low ? legs[side].ankle[2] : low;
         low = legs[side].toe[2] < low ? legs[side].toe[2] : low;
     }
-    /* Then as high as that, and by the radius of a foot. */
+    /* The pelvis is raised by that, and by the radius of a foot. */
     p->pelvis[2] = 0.046 * p->plan->girth - low;
     for (int side = 0; side < 2; side++)
         bend_leg(&legs[side], p, p->pelvis, side);
@@ -170,7 +174,7 @@ static void place(pose *p)
     double s, c;
     saga_synth_sin_cos(plan->path_start + plan->path_turn * p->t, &s, &c);
     const double side[3] = {-way * c, -way * s, 0.0}; /* left: inwards */
-    /* Forward, and inwards into the curve. */
+    /* The runner leans forward and inwards into the curve. */
     const double lean[3] = {-0.10 * c - 0.16 * way * s,
                             -0.10 * s + 0.16 * way * c, 1.0};
     p->pelvis[0] = plan->path_radius * c;
@@ -197,19 +201,19 @@ static void twist(pose *p, double turns)
     }
 }
 
-/* This holds the angles of upper arm and forearm, and how far the arm points
+/* Angles of upper arm and forearm in turns, and how far the arm points
  * sideways. */
 typedef struct arm {
     double upper, fore, out;
 } arm;
 
-/* The arm goes up and back until 0.10 s before the ball goes, then through to
- * the front within 0.2 s. */
+/* Returns the pose of the throwing arm. It moves up and back until 0.10 s
+ * before the release, then to the front within 0.2 s. */
 static arm throwing(const saga_ring_plan *plan, double t, arm swinging)
 {
     const double s = t - SAGA_RING_ROUND * floor(t / SAGA_RING_ROUND) -
                      plan->release;
-    /* Seconds from the release in this round: up,
+    /* The seconds since the release in this round drive three phases: up,
      * through, and back to swinging. */
     const double up = ramp(-0.32, -0.12, s), through = ramp(-0.10, 0.12, s);
     const double over = ramp(0.25, 0.55, s);
@@ -253,7 +257,7 @@ static void add_arms(pose *p, const double neck[3], double hand[3])
 {
     const double k = p->plan->size;
     double swing, unused, left_hand[3], shoulder[2][3];
-    /* Arms swing against the legs, and against each other. */
+    /* Arms swing opposite to the legs and to each other. */
     saga_synth_sin_cos(p->plan->stride * p->t, &swing, &unused);
     for (int side = 0; side < 2; side++)
         reach(shoulder[side], neck, p->chest, (const double[3]){
@@ -294,7 +298,8 @@ int saga_ring_body(saga_ring_shape *to, double hand[3],
     pose p = {.plan = plan, .t = seconds, .to = to};
     double swing, unused, neck[3];
     leg legs[2];
-    /* From the path upwards: each part begins where the one before ends. */
+    /* The body is built from the path upwards: each part begins where the
+     * previous one ends. */
     place(&p);
     stand(&p, legs);
     saga_synth_sin_cos(plan->stride * seconds, &swing, &unused);

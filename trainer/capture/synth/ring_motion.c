@@ -12,13 +12,14 @@ double saga_ring_draw(uint32_t seed, int index, double lo, double hi)
     return mix(lo, hi, lattice(index, 0, seed * 0x9e3779b1u + 77u));
 }
 
-/* Mixes hue, 0..6 from red over green and blue, saturation, brightness. */
+/* Computes a colour from its hue (0..6 from red through green and blue),
+ * saturation and brightness. */
 static void tint(double rgb[3], double hue, double saturation, double bright)
 {
     for (int i = 0; i < 3; i++) {
         double x = hue + (i == 0 ? 0.0 : i == 1 ? 4.0 : 2.0);
-        /* A channel is full within 1/6 turn of its own hue, and falls to 0 over
-         * the next: the hexagon of HSV. */
+        /* A channel is full within 1/6 turn of its hue, and falls to 0 over the
+         * next 1/6: the hexagon of HSV. */
         x -= 6.0 * floor(x / 6.0);
         rgb[i] = bright * mix(1.0, clamp01(fabs(x - 3.0) - 1.0), saturation);
     }
@@ -86,8 +87,8 @@ void saga_ring_draw_plan(saga_ring_plan *p, uint32_t seed)
 
 static void fold(double *x, double *way, double limit)
 {
-    /* A way to and fro between -limit and limit is a triangle wave of the
-     * straight way, of period 4 limit. */
+    /* Reflections between -limit and limit turn a straight path into a triangle
+     * wave with period 4 limit. */
     const double turns = (*x + limit) / (4.0 * limit);
     const double y = 4.0 * limit * (turns - floor(turns));
     *way = y < 2.0 * limit ? 1.0 : -1.0;
@@ -103,7 +104,8 @@ void saga_ring_fly(double at[3], const double from[3], const double speed[3],
     at[0] = from[0];
     at[1] = from[1];
     for (int bounce = 0; bounce < 12; bounce++) {
-        /* When z + up t - g t^2 / 2 is the floor's height, the later root. */
+        /* The time at which z + up t - g t^2 / 2 reaches the floor, which is
+         * the later root. */
         const double lands =
             (up + sqrt(up * up + 2.0 * g * (z - floor_z))) / g;
         const double t = left < lands ? left : lands;
@@ -113,7 +115,8 @@ void saga_ring_fly(double at[3], const double from[3], const double speed[3],
         left -= t;
         if (!(left > 0.0))
             break;
-        /* It lands at g lands - up, and keeps a part of that upwards. */
+        /* The ball lands at the speed g lands - up, and keeps a part of it
+         * upwards. */
         up = again * (g * lands - up);
         z = at[2] = floor_z;
         keep *= along;
@@ -122,7 +125,8 @@ void saga_ring_fly(double at[3], const double from[3], const double speed[3],
     fold(&at[1], &way, SAGA_RING_HALL - SAGA_RING_BALL_RADIUS);
 }
 
-/* Finds how fast it must leave to land where it is aimed. */
+/* Computes the speed with which the ball must leave the hand to land where it
+ * is aimed. */
 static void throw_speed(double speed[3], const double hand[3],
                         const saga_ring_plan *p, double seconds)
 {
@@ -136,7 +140,7 @@ static void throw_speed(double speed[3], const double hand[3],
                0.5 * 9.81 * p->flight;
 }
 
-/* Sets own axes that turn about a slanted axis. */
+/* Sets axes that turn about a slanted axis. */
 static void spin(double frame[3][3], double turns)
 {
     static const double axis[3][3] = {
@@ -159,8 +163,8 @@ static void add_thrown(saga_ring_state *s, const double hand[3])
     saga_ring_shape unused[SAGA_RING_BODY_SHAPES];
     double from[3], speed[3], at[3], frame[3][3];
     memcpy(at, hand, sizeof at);
-    /* Where the hand was at the release, which no later pose knows: the body
-     * once more, for that moment. */
+    /* The position of the hand at the release follows from the body's pose at
+     * that time, which is computed once more. */
     if (since > 0.0) {
         saga_ring_body(unused, from, p, round + p->release);
         throw_speed(speed, from, p, round + p->release);
@@ -252,8 +256,8 @@ static void bound_body(saga_ring_state *s)
         double v[3];
         for (int k = 0; k < 3; k++)
             v[k] = s->shape[i].centre[k] - s->body_centre[k];
-        /* The ball around all of the body: a ray that
-         * misses it skips the body. */
+        /* The ball around the whole body; a ray that misses it skips the
+         * body. */
         const double r = sqrt(dot(v, v)) + s->shape[i].bound;
         s->body_bound = r > s->body_bound ? r : s->body_bound;
     }

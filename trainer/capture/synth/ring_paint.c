@@ -5,10 +5,11 @@
 
 #include <string.h>
 
-/* The colours of the plan. */
+/* Indices of the plan's colours. */
 enum {
     C_SHIRT, C_STRIPE, C_TROUSERS, C_CHECK, C_HAIR, C_SHOE, C_BALL, C_SEAM,
-    C_COMER, C_GOER, C_CRATE, C_GROUND, C_MAT, C_WALL /* and one more */
+    C_COMER, C_GOER, C_CRATE, C_GROUND, C_MAT, C_WALL /* and those that
+                                                       * follow */
 };
 
 static void dye(double rgb[3], const saga_ring_plan *p, int colour,
@@ -18,7 +19,7 @@ static void dye(double rgb[3], const saga_ring_plan *p, int colour,
     paint(rgb, c[0], c[1], c[2], amount);
 }
 
-/* Draws stripes of width 1/2 with edges soft over `soft`, 0 or 1. */
+/* Returns 0 or 1 for stripes of width 1/2, whose edges are soft over `soft`. */
 static double stripes(double x, double soft)
 {
     const double d = fabs(x - floor(x + 0.5));
@@ -44,7 +45,7 @@ static void trousers(const saga_ring_plan *p, const double at[3],
     brighten(rgb, 1.0 + 0.5 * grain(18.0 * at[0], 3.0 * at[2], p->salt + 2));
 }
 
-/* at is forward, left, up. */
+/* `at` is forward, left, up. */
 static void head(const saga_ring_plan *p, const double at[3], double rgb[3])
 {
     const double l = fabs(at[1]), u = at[2], f = at[0];
@@ -81,7 +82,8 @@ static void goer(const saga_ring_plan *p, const double at[3], double rgb[3])
                                             p->salt + 6), 0.08));
 }
 
-/* Finds the two coordinates of a box's face, and its number. */
+/* Sets `at` to the coordinates on a box's face, and returns the face's
+ * number. */
 static int face_of(const saga_ring_shape *b, const saga_ring_hit *hit,
                    double at[2])
 {
@@ -93,8 +95,8 @@ static int face_of(const saga_ring_shape *b, const saga_ring_hit *hit,
                              hit->position[2] - b->a[2]};
         local[i] = dot(b->frame[i], v);
         normal[i] = dot(b->frame[i], hit->normal);
-        /* In its own axes a box's normal is +-1 along one
-         * of them, 0 along others. */
+        /* In the box's own axes the normal is +-1 along one axis and 0 along
+         * the others. */
         axis = fabs(normal[i]) > 0.5 ? i : axis;
     }
     at[0] = local[axis == 0 ? 1 : 0];
@@ -122,12 +124,12 @@ static void crate(const saga_ring_plan *p, int face, const double at[2],
     brighten(rgb, 1.0 - 0.5 * lines(at[0] - 0.1, 0.20, 0.008));
 }
 
-/* Paints the picture of a number: a hash's colours in a ramp, with three discs
+/* Paints picture `number`: a ramp between colours from a hash, with three discs
  * and a grid of cells. */
 static void picture(int32_t number, const double at[2], uint32_t salt,
                     double rgb[3])
 {
-    /* Cells of 0.19 m, each as bright as its hash says. */
+    /* Cells of 0.19 m have a brightness from their hash. */
     const int32_t x = (int32_t)floor(at[0] / 0.19);
     const int32_t y = (int32_t)floor(at[1] / 0.19);
     for (int c = 0; c < 3; c++) {
@@ -146,7 +148,7 @@ static void picture(int32_t number, const double at[2], uint32_t salt,
     }
 }
 
-/* Rates of up to 120 frames a second get a new picture each. */
+/* Paints a display, which shows a new picture 120 times per second. */
 static bool display(const saga_ring_state *s, int shape, int face,
                     const double at[2], double rgb[3])
 {
@@ -155,7 +157,7 @@ static bool display(const saga_ring_state *s, int shape, int face,
                            ? b->half[1] - fabs(at[0])
                            : b->half[2] - fabs(at[1]);
     paint(rgb, 0.05, 0.05, 0.06, 1.0);
-    /* Only the face to the hall shows pictures, within a rim. */
+    /* Only the face towards the hall shows pictures, inside a rim. */
     if (face != 0 || rim < 0.05)
         return false;
     const double n = floor(120.0 * s->seconds + 0.5);
@@ -166,18 +168,18 @@ static bool display(const saga_ring_state *s, int shape, int face,
 
 /* --------------------------------------------------------------------- hall */
 
-/* Paints boards, and in the middle a mat of cells that are light or dark. */
+/* Paints boards, and a mat with light and dark cells in the middle. */
 static void ground(const saga_ring_plan *p, double x, double y, double rgb[3])
 {
     const double board = floor(x / 0.30);
-    /* Boards are 0.30 m wide and 1.1 m long, each row
-     * shifted by its own hash. */
+    /* Boards are 0.30 m wide and 1.1 m long; each row is shifted by its own
+     * hash. */
     const double along = y + 1.7 * lattice((int32_t)board, 1, p->salt + 10);
     const double tone = lattice((int32_t)board, (int32_t)floor(along / 1.1),
                                 p->salt + 11);
-    const double *const t = p->light; /* any direction will do */
+    const double *const t = p->light; /* any direction would do */
     const double n = 1.0 / sqrt(t[0] * t[0] + t[1] * t[1]);
-    /* The mat is turned against the boards. */
+    /* The mat is turned relative to the boards. */
     const double u = n * (t[0] * x + t[1] * y), v = n * (t[0] * y - t[1] * x);
     const double cell = lattice((int32_t)floor(u / 0.16),
                                 (int32_t)floor(v / 0.16), p->salt + 12);
@@ -227,7 +229,7 @@ static void tiles(const saga_ring_plan *p, double a, double z, double rgb[3])
           0.8 * fmax(lines(a, 0.45, 0.01), lines(z, 0.45, 0.01)));
 }
 
-/* Each wall has two posters, of rings or of cells. */
+/* Paints two posters on a wall, with rings or with cells. */
 static void posters(const saga_ring_plan *p, int wall, const double at[2],
                     double rgb[3])
 {
@@ -271,8 +273,8 @@ static void wall(const saga_ring_plan *p, const saga_ring_hit *hit,
     posters(p, number, at, rgb);
 }
 
-/* A capsule's texture goes by how far along it in metres, and its normal in its
- * own axes; a ball's by the normal alone. */
+/* Sets texture coordinates. For a capsule they are the position along it in
+ * metres and the normal in its own axes; for a ball, the normal alone. */
 static void around(const saga_ring_shape *s, const saga_ring_hit *hit,
                    double at[3])
 {
@@ -292,7 +294,8 @@ bool saga_ring_albedo(const saga_ring_state *s, const saga_ring_hit *hit,
         hit->shape < 0 ? NULL : &s->shape[hit->shape];
     double at[3] = {0.0};
     int face = 0;
-    /* Textures go by places on the shape, so they move and turn with it. */
+    /* Texture coordinates are relative to the shape, so that textures move and
+     * turn with it. */
     if (shape && shape->is_box)
         face = face_of(shape, hit, at);
     else if (shape)

@@ -60,7 +60,7 @@ static bool fill_folder(saga_synth_job *job)
     if (!saga_synth_make_folders(job) || !saga_synth_write_pictures(job) ||
         !saga_synth_write_points(job) || !saga_synth_write_json(job))
         return false;
-    /* All or nothing: the name is there only once the capture is whole. */
+    /* The capture gets its name only once it is complete. */
     return rename(job->folder, job->target) == 0 ||
            saga_fail_errno(job->error, job->target, "remove it or choose "
                            "another name", "is in the way");

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Cameras of the built-in scenes stand on an arc, or all round.
+ * Places the cameras of the built-in scenes, on an arc or in a ring.
  */
 #include "synth_job.h"
 
@@ -11,8 +11,8 @@
 #include <math.h>
 #include <stdio.h>
 
-/* Held-out views lie between training views, never at an arc's end if
- * avoidable. */
+/* Tells whether a view is held out. Such views lie between training views, and
+ * at an arc's end only if there is no other choice. */
 static bool is_held_out(const saga_synth_options *o, int index)
 {
     for (int k = 0; k < o->n_hold_out; k++)
@@ -21,7 +21,7 @@ static bool is_held_out(const saga_synth_options *o, int index)
     return false;
 }
 
-/* A stand says where a camera is, what it looks at, and its focal length in
+/* The position of a camera, the point that it looks at, and its focal length in
  * widths of the picture. */
 typedef struct stand {
     double centre[3], target[3], focal;
@@ -30,7 +30,7 @@ typedef struct stand {
 static stand stand_on_arc(const saga_synth_options *o, int index)
 {
     stand a = {.target = {0.0, 0.45, 0.82}, .focal = 0.9};
-    /* 50 degrees of an arc, at two heights in turn. */
+    /* The arc spans 50 degrees; heights alternate between two values. */
     const double turn = (-25.0 + 50.0 * index / (o->n_cameras - 1)) / 360.0;
     double s, c;
     saga_synth_sin_cos(turn, &s, &c);
@@ -40,7 +40,8 @@ static stand stand_on_arc(const saga_synth_options *o, int index)
     return a;
 }
 
-/* Goes all round, as people put tripods: evenly, but not quite. */
+/* Places a camera in a ring, evenly except for random offsets, as people place
+ * tripods. */
 static stand stand_on_ring(const saga_synth_options *o, int index)
 {
     stand a = {.target = {0.0, 0.0, 0.92}, .focal = 0.8};
@@ -81,7 +82,7 @@ void saga_synth_view(const saga_synth_options *options, int index,
                         .original_width = options->width,
                         .original_height = options->height,
                         .focal_scale = 1.0};
-    /* Square pixels, and the principal point in the picture's middle. */
+    /* Pixels are square, and the principal point is the picture's centre. */
     view->fx = view->fy = at.focal * options->width;
     view->cx = 0.5 * options->width;
     view->cy = 0.5 * options->height;

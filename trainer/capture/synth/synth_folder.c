@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The folder of a built-in scene is made beside its place, and removed where
- * something fails.
+ * Makes the folder of a built-in scene under a temporary name, and removes it
+ * if something fails.
  */
 #include "synth_job.h"
 
