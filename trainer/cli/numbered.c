@@ -6,8 +6,8 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Finds the %d of a name and the n characters of it; NULL if there is none, or
- * something else. */
+/* Returns the %d in a name and sets *n to its length; NULL if there is none or
+ * another %. */
 static const char *find_number(const char *name, int *width, size_t *n)
 {
     const char *const at = strchr(name, '%');

@@ -11,12 +11,13 @@
 #define SPZ_EXTENSION "KHR_gaussian_splatting_compression_spz_2"
 #define AGAIN "export it again"
 
-/* A file, taken apart. */
+/* A glTF file, divided into its parts. */
 typedef struct {
     const char *path;
     json_t *root;
-    saga_bytes bin;          /* a part of the file's bytes */
-    const json_t *primitive, *splats; /* and its extension */
+    saga_bytes bin;          /* the binary chunk, inside the file's bytes */
+    const json_t *primitive, *splats; /* its primitive of splats, and that
+                                       * primitive's extension */
     saga_error *error;
 } glb;
 
@@ -29,7 +30,7 @@ static const json_t *item(const glb *g, const char *list, json_int_t i)
     return i < 0 ? NULL : json_array_get(array, (size_t)i);
 }
 
-/* Returns a member, -1 if it is missing or no integer. */
+/* Returns an integer member, or -1 if it is missing or not an integer. */
 static json_int_t integer(const json_t *object, const char *name)
 {
     const json_t *const v = json_object_get(object, name);
@@ -37,7 +38,7 @@ static json_int_t integer(const json_t *object, const char *name)
     return json_is_integer(v) ? json_integer_value(v) : -1;
 }
 
-/* Does the same for a member that may be missing: then it is 0. */
+/* Returns an integer member that may be missing, which means 0. */
 static json_int_t offset(const json_t *object, const char *name)
 {
     return json_object_get(object, name) ? integer(object, name) : 0;
@@ -50,7 +51,7 @@ static const json_t *extension(const json_t *object, const char *name)
 
 /* --- Chunks -------------------------------------------------------------- */
 
-/* Takes a chunk of this type. */
+/* Reads a chunk, which must have this type. */
 static bool take_chunk(saga_bytes *chunk, saga_cursor *c, uint32_t type)
 {
     const size_t n = (size_t)saga_take_le(c, 4);
@@ -83,8 +84,8 @@ static bool open_glb(glb *g, const saga_bytes *bytes)
 
 /* --- The primitive ------------------------------------------------------- */
 
-/* Returns the mesh that has the one primitive of splats, -1 if there is none or
- * there are several. */
+/* Returns the mesh that has the only primitive of splats, or -1 if there is
+ * none or more than one. */
 static json_int_t find_primitive(glb *g)
 {
     json_int_t mesh = -1;
@@ -112,7 +113,8 @@ static json_int_t find_primitive(glb *g)
     return -1;
 }
 
-/* Is a list of numbers, where there is one, that of no change? */
+/* Tells whether a list of numbers is missing or has the values that change
+ * nothing. */
 static bool is_neutral(const json_t *list, const double *neutral)
 {
     for (size_t i = 0; i < json_array_size(list); i++)
@@ -148,8 +150,8 @@ static json_int_t parent_of(const glb *g, json_int_t child)
     return -1;
 }
 
-/* Fails if a node places the mesh elsewhere: turning harmonics is left to who
- * exports. */
+/* Fails if a node moves or turns the mesh, because turned harmonics are not
+ * supported. */
 static bool check_nodes(const glb *g, json_int_t mesh)
 {
     const size_t n = json_array_size(json_object_get(g->root, "nodes"));
@@ -158,7 +160,8 @@ static bool check_nodes(const glb *g, json_int_t mesh)
     while (item(g, "nodes", at) && integer(item(g, "nodes", at), "mesh") !=
            mesh)
         at++;
-    /* From there upwards, n nodes at most: a bad file may have a cycle. */
+    /* Walks towards the root, for at most n nodes, since a bad file may have a
+     * cycle. */
     for (size_t i = 0; i < n && item(g, "nodes", at); i++) {
         if (is_placed(item(g, "nodes", at)))
             return saga_fail(g->error, g->path, "apply it to the splats",
@@ -181,16 +184,18 @@ static bool check_splats(const glb *g)
 
 /* --- Arrays -------------------------------------------------------------- */
 
-/* An accessor, checked: all of its elements lie in the file. */
+/* A checked accessor: all of its elements lie in the file. */
 typedef struct {
     const uint8_t *data;
     size_t n, stride;
-    int n_components, size;  /* of an element; bytes of a component */
+    int n_components, size;  /* components of an element; bytes of a
+                              * component */
     bool is_signed, is_float;
-    double unit;             /* what the largest integer stands for, or 1 */
+    double unit;             /* the integer that stands for 1; 1 if integers
+                              * stand for themselves */
 } accessor;
 
-/* Finds the bytes of a view. */
+/* Finds the bytes of a buffer view. */
 static bool find_view(const uint8_t **data, size_t *nbytes, const glb *g,
                       json_int_t index)
 {
@@ -198,7 +203,7 @@ static bool find_view(const uint8_t **data, size_t *nbytes, const glb *g,
     const json_int_t at = offset(view, "byteOffset");
     const json_int_t n = integer(view, "byteLength");
 
-    /* Buffer 0 is the binary chunk if it has no address. */
+    /* Buffer 0 is the binary chunk if it has no URI. */
     if (!view || integer(view, "buffer") != 0 || at < 0 || n < 0 ||
         json_object_get(item(g, "buffers", 0), "uri") ||
         (size_t)at > g->bin.nbytes || (size_t)n > g->bin.nbytes - (size_t)at)
@@ -244,7 +249,7 @@ static int components_of(const json_t *of)
          : strcmp(type, "VEC3") == 0 ? 3 : strcmp(type, "VEC4") == 0 ? 4 : 0;
 }
 
-/* Finds the array of an attribute that must be there. */
+/* Finds the array of a required attribute. */
 static bool find_accessor(accessor *a, const glb *g, const char *name,
                           int n_components)
 {
@@ -283,7 +288,7 @@ static double value_of(const accessor *a, size_t i, int k)
 {
     const uint8_t *const p = a->data + a->stride * i + (size_t)(k * a->size);
     const uint32_t bits = (uint32_t)saga_load_le(p, a->size);
-    /* The sign bit counts negative. */
+    /* The sign bit has a negative value. */
     const int64_t sign = a->is_signed ? (int64_t)1 << (8 * a->size - 1) : 0;
 
     if (a->is_float)
@@ -335,11 +340,11 @@ static void take_splat(saga_cloud *cloud, size_t i, const accessor *a)
 
     for (int k = 0; k < 3; k++) {
         cloud->mean[3 * i + (size_t)k] = (float)value_of(&a[MEAN], i, k);
-        /* A scale of 0 is as thin as a number can be, and a plane. */
+        /* A scale of 0 has no logarithm; 1e-30 replaces it. */
         cloud->log_scale[3 * i + (size_t)k] =
             (float)log(fmax(value_of(&a[SCALE], i, k), 1e-30));
     }
-    /* The real part comes last in the file. */
+    /* glTF stores the real part last. */
     for (int k = 0; k < 4; k++)
         cloud->quat[4 * i + (size_t)((k + 1) % 4)] =
             (float)value_of(&a[ROTATION], i, k);
@@ -363,8 +368,8 @@ static bool read_arrays(saga_cloud *cloud, const glb *g)
     return true;
 }
 
-/* Reads splats that are packed as SPZ. Its reader gives PLY's axes, as if the
- * view were a file. */
+/* Reads splats that are packed as SPZ. Like a file, the SPZ data is converted
+ * to PLY's axes. */
 static bool read_packed(saga_cloud *cloud, const glb *g, const json_t *packed)
 {
     saga_bytes part;

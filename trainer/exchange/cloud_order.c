@@ -32,7 +32,7 @@ static void find_bounds(double least[3], double most[3], const saga_cloud *c)
     }
 }
 
-/* Bit b of axis a goes to bit 3 b + a. */
+/* Interleaves the bits: bit b of axis a becomes bit 3 b + a. */
 static uint32_t key_of(const float x[3], const double least[3],
                        const double most[3])
 {

@@ -20,13 +20,14 @@ const char *const saga_packed_words[PACKED_WORDS] = {
     "packed_position", "packed_rotation", "packed_scale", "packed_color"
 };
 
-/* Logarithms beyond these are no sizes, and would widen a chunk's range. */
+/* Scales with larger logarithms make no sense and would widen the range of
+ * their chunk. */
 #define MOST_LOG_SCALE 20.0f
 
-/* A cloud in the order of its file. */
+/* A cloud that is written in another order. */
 typedef struct {
     const saga_cloud *cloud;
-    const uint32_t *order;   /* (n) */
+    const uint32_t *order;   /* (n) indices of splats in the file's order */
     FILE *file;
 } writer;
 
@@ -68,7 +69,8 @@ static void find_ranges(packed_ranges *r, const writer *w, size_t first)
     }
 }
 
-/* Returns where in its range a value is, as an integer of so many bits. */
+/* Returns the place of a value in its range, as an integer with this number of
+ * bits. */
 static uint32_t part_of(float v, const float range[2][3], int a, int bits)
 {
     const double least = (double)range[0][a];
@@ -86,8 +88,8 @@ static uint32_t rotation_word(const float q[4])
     for (uint32_t k = 1; k < 4; k++)
         if (fabsf(q[k]) > fabsf(q[largest]))
             largest = k;
-    /* -sqrt(1/2)..sqrt(1/2) become 0..1023; the largest one becomes
-     * positive. */
+    /* -sqrt(1/2)..sqrt(1/2) become 0..1023. The quaternion's sign is chosen so
+     * that its largest component is positive. */
     word = largest;
     for (uint32_t k = 0; k < 4; k++)
         if (k != largest) {
@@ -118,14 +120,14 @@ static void put_words(uint8_t **at, const saga_cloud *c, size_t i,
                     (uint32_t)lrint(255.0 * opacity), 4);
 }
 
-/* Writes the bytes of f_rest: all of red first, then green. */
+/* Writes the bytes of f_rest for splat i: red first, then green, then blue. */
 static bool write_rest(const writer *w, size_t i)
 {
     const size_t n = (size_t)saga_n_harmonics(w->cloud->degree);
     const float *const colour = w->cloud->colour + 3 * n * i;
     uint8_t bytes[PACKED_MOST_REST], *at = bytes;
 
-    /* A step is 8/256, and a byte stands for the middle of its step. */
+    /* A step is 8/256; a byte stands for the middle of its step. */
     for (size_t c = 0; c < 3; c++)
         for (size_t k = 1; k < n; k++)
             *at++ = (uint8_t)fmin(fmax(floor(
@@ -198,7 +200,7 @@ static bool write_all(const writer *w)
 static bool write_packed(const char *path, saga_cloud *cloud,
                          saga_error *error)
 {
-    /* Neighbours share a chunk, so that its range is small. */
+    /* Neighbouring splats share a chunk, so that its ranges are small. */
     uint32_t *const order = saga_cloud_order(cloud, error);
     writer w = { .cloud = cloud, .order = order };
     saga_output out;

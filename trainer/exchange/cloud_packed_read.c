@@ -7,17 +7,19 @@
 
 enum { MOST_LINE = 128, NO_ELEMENT = 0, CHUNK, VERTEX, SH, N_ELEMENTS };
 
-/* What a header says: how many of each element, and of its properties. */
+/* The contents of a header: the number of each element and of its
+ * properties. */
 typedef struct {
     uint64_t count[N_ELEMENTS];
     int n_columns[N_ELEMENTS];
-    int element;             /* whose properties come */
+    int element;             /* the element whose properties follow */
     bool is_binary;
 } header;
 
 /* --- Header -------------------------------------------------------------- */
 
-/* Takes a line without its end, cut to fit; false at the end of the data. */
+/* Reads a line without its end, cut to the buffer's size. Returns false at the
+ * end of the data. */
 static bool take_line(char line[MOST_LINE], saga_cursor *c)
 {
     const size_t left = saga_left(c);
@@ -34,7 +36,7 @@ static bool take_line(char line[MOST_LINE], saga_cursor *c)
     return true;
 }
 
-/* Elements come in their order, each once. */
+/* Elements must come in this order, each once. */
 static bool take_element(header *h, const char *name, uint64_t n)
 {
     static const char *const names[N_ELEMENTS] = { "", "chunk", "vertex",
@@ -49,7 +51,7 @@ static bool take_element(header *h, const char *name, uint64_t n)
     return false;
 }
 
-/* Properties come in their order as well. */
+/* Properties must come in this order as well. */
 static bool take_property(header *h, const char *type, const char *name)
 {
     static const char *const types[N_ELEMENTS] = { "", "float", "uint",
@@ -81,7 +83,7 @@ static bool take_header_line(header *h, const char *line)
     return strncmp(line, "comment", 7) == 0 || strcmp(line, "ply") == 0;
 }
 
-/* Returns the degree of n values of f_rest, -1 if there is none. */
+/* Returns the degree for which f_rest has n values, or -1 if there is none. */
 static int degree_of(int n)
 {
     for (int degree = 0; degree <= SAGA_MAX_DEGREE; degree++)
@@ -109,7 +111,7 @@ static bool check_header(const header *h, size_t left, const char *path,
                          (unsigned long long)n,
                          (unsigned long long)h->count[CHUNK],
                          (unsigned long long)h->count[SH]);
-    /* Counts are below 2^32, so that this is below 2^40. */
+    /* Counts are below 2^32, so the sum is below 2^40. */
     return h->count[CHUNK] * (uint64_t)(4 * ranges) +
            n * (uint64_t)(4 * PACKED_WORDS + h->n_columns[SH]) <= left ||
            saga_fail(error, path, "copy it again", "announces %llu splats, but "
@@ -134,7 +136,7 @@ static bool take_header(header *h, saga_cursor *c, const char *path,
 
 /* --- Splats -------------------------------------------------------------- */
 
-/* The arrays behind the header. */
+/* The arrays after the header. */
 typedef struct {
     const uint8_t *ranges, *words, *rest;
     int n_columns, n_rest;
@@ -154,7 +156,7 @@ static void load_ranges(packed_ranges *r, const arrays *from, size_t chunk)
     }
 }
 
-/* The value of some bits of a word within its range. */
+/* Returns the value of some bits of a word within a range. */
 static float value_of(uint32_t word, int shift, int bits, float least,
                       float most)
 {
@@ -190,8 +192,8 @@ static void load_rotation(float q[4], uint32_t word)
     q[largest] = (float)sqrt(fmax(1.0 - square, 0.0));
 }
 
-/* A byte stands for the middle of its step, but the first and the last for the
- * ends. */
+/* Converts a byte, which stands for the middle of its step; the first and the
+ * last byte stand for the ends of the range. */
 static float load_rest(uint8_t b)
 {
     const double part = b == 0 ? 0.0 : b == 255 ? 1.0 : (b + 0.5) / 256.0;
@@ -218,7 +220,7 @@ static void take_splat(saga_cloud *cloud, size_t i, const arrays *from,
         colour[c] = (float)(((double)value_of(word[3], 24 - 8 * c, 8,
                                               r->rgb[0][c], r->rgb[1][c]) -
                              0.5) / SAGA_HARMONIC_0);
-    /* f_rest has all of red first, then green, then blue. */
+    /* f_rest lists red first, then green, then blue. */
     for (size_t c = 0; c < 3; c++)
         for (size_t k = 1; k < n; k++)
             colour[3 * k + c] = load_rest(rest[c * (n - 1) + k - 1]);
@@ -250,7 +252,7 @@ bool saga_packed_read(saga_cloud *cloud, const saga_bytes *bytes,
     return true;
 }
 
-/* Is it a PLY whose first element is a chunk? */
+/* Tells whether a file is a PLY whose first element is a chunk. */
 bool saga_is_packed(const saga_bytes *bytes)
 {
     saga_cursor c = { bytes->data, bytes->data + bytes->nbytes, false };

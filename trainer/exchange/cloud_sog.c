@@ -15,18 +15,18 @@
 #include <stdlib.h>
 #include <webp/encode.h>
 
-/* Numbers between these have SOG_CODES codes. */
+/* A range of numbers, coded with SOG_CODES equal steps. */
 typedef struct {
     double least, most;
 } range;
 
-/* A cloud on its way into a file. */
+/* A cloud while its file is written. */
 typedef struct {
     const saga_cloud *cloud;
-    uint32_t *order;         /* (n) */
-    size_t width, height;    /* of pictures of splats */
+    uint32_t *order;         /* (n) indices of splats in the file's order */
+    size_t width, height;    /* size of the pictures with a pixel per splat */
     range mean[3], scale, sh0, rest;
-    uint8_t *rgba;           /* of the picture in the making */
+    uint8_t *rgba;           /* pixels of the current picture */
     saga_zip_out zip;
     const char *path;
     saga_error *error;
@@ -45,7 +45,8 @@ static void widen(range *r, double v)
     r->most = fmax(r->most, v);
 }
 
-/* What is kept of a coordinate: steps are fine near the origin. */
+/* Returns the stored value of a coordinate; its steps are fine near the
+ * origin. */
 static double kept(float x)
 {
     return copysign(log1p(fabs((double)x)), (double)x);
@@ -69,7 +70,7 @@ static void find_ranges(writer *w)
     }
 }
 
-/* Returns the nearest of `most` + 1 equal steps of a range. */
+/* Returns the number of the nearest of `most` + 1 equal steps in a range. */
 static uint32_t code_of(const range *r, double v, double most)
 {
     const double extent = r->most - r->least;
@@ -116,8 +117,8 @@ static void put_quat(uint8_t p[4], const writer *w, size_t i)
     for (int k = 1; k < 4; k++)
         if (fabsf(q[k]) > fabsf(q[largest]))
             largest = k;
-    /* The largest one becomes positive; the others are -sqrt(1/2)..sqrt(1/2),
-     * and become 0..255. */
+    /* The largest component is made positive. The others, from -sqrt(1/2) to
+     * sqrt(1/2), become 0..255. */
     for (int k = 0; k < 4; k++)
         if (k != largest) {
             const double v = (double)(q[largest] < 0.0f ? -q[k] : q[k]);
@@ -151,7 +152,7 @@ static bool add_picture(writer *w, const char *name, size_t width,
     return ok;
 }
 
-/* Adds a picture of a pixel for each splat; those behind the last are 0. */
+/* Adds a picture with a pixel per splat; pixels after the last splat are 0. */
 static bool add_splats(writer *w, const char *name, put_pixel_fn *put)
 {
     memset(w->rgba, 0, 4 * w->width * w->height);
@@ -164,7 +165,7 @@ static bool add_splats(writer *w, const char *name, put_pixel_fn *put)
     return add_picture(w, name, w->width, w->height);
 }
 
-/* Adds the palette, in which row k is that of splat k of the order. */
+/* Adds the palette. Its row k belongs to splat k of the order. */
 static bool add_palette(writer *w)
 {
     const size_t n = n_rest(w), width = SOG_ROWS_ABREAST * n;
@@ -286,7 +287,8 @@ static bool write_sog(const char *path, saga_cloud *cloud, saga_error *error)
         return saga_fail(error, path, "give --sh 0", "SOG has no room for the "
                          "harmonics of %zu splats, more than %d", cloud->n,
                          SOG_MOST_ROWS);
-    /* A square, and room for the palette's last line. */
+    /* Pictures are square as far as possible. rgba also has room for the
+     * palette with its last line. */
     w.width = (size_t)ceil(sqrt((double)cloud->n));
     w.height = (cloud->n + w.width - 1) / w.width;
     w.order = saga_cloud_order(cloud, error);

@@ -13,7 +13,7 @@ enum { MOST_SPLATS = 1 << 28 }; /* pixels of a WebP picture */
 
 #define AGAIN "export it again"
 
-/* A picture of the set; its pixels are R, G, B, A. */
+/* A picture of the set, with pixels R, G, B, A. */
 typedef struct {
     uint8_t *rgba;           /* released with WebPFree */
     size_t width, height;
@@ -21,7 +21,7 @@ typedef struct {
 
 enum { MEANS_L, MEANS_U, SCALES, QUATS, SH0, CENTROIDS, LABELS, N_PICTURES };
 
-/* Where a picture's name stands: number `index` of meta.KEY.files. */
+/* The place of a picture's name in meta.json: item `index` of KEY.files. */
 static const struct {
     const char *key;
     size_t index;
@@ -30,15 +30,16 @@ static const struct {
     { "sh0", 0 }, { "shN", 0 }, { "shN", 1 }
 };
 
-/* A file, taken apart. */
+/* A SOG file, divided into its parts. */
 typedef struct {
     const char *path;
     saga_zip zip;
-    bool is_zip;             /* else the pictures lie beside the text */
+    bool is_zip;             /* otherwise the pictures lie beside meta.json */
     json_t *meta;
-    size_t n, n_rows;        /* splats; rows of the palette */
+    size_t n, n_rows;        /* number of splats; number of rows of the
+                              * palette */
     int degree;
-    double least[3], most[3]; /* of what is kept of positions */
+    double least[3], most[3]; /* range of the stored positions */
     double scale[SOG_CODES], sh0[SOG_CODES], rest[SOG_CODES];
     picture pictures[N_PICTURES];
     saga_error *error;
@@ -51,7 +52,7 @@ static const json_t *entry(const sog *s, const char *key, const char *name)
     return json_object_get(json_object_get(s->meta, key), name);
 }
 
-/* Takes a list of n numbers. */
+/* Reads a list of n numbers. */
 static bool take_numbers(double *to, size_t n, const sog *s, const char *key,
                          const char *name)
 {
@@ -65,7 +66,7 @@ static bool take_numbers(double *to, size_t n, const sog *s, const char *key,
     return true;
 }
 
-/* Takes the numbers that belong to harmonics above the constant one. */
+/* Reads the codes of the harmonics above the constant one. */
 static bool take_palette(sog *s)
 {
     const json_int_t bands = json_integer_value(entry(s, "shN", "bands"));
@@ -118,7 +119,7 @@ static bool open_meta(sog *s, const saga_bytes *bytes)
 
 /* --- Pictures ------------------------------------------------------------ */
 
-/* Reads a file that lies beside the text, and nowhere else. */
+/* Reads a file beside meta.json; its name must not lead anywhere else. */
 static bool read_beside(saga_bytes *bytes, const sog *s, const char *name)
 {
     const char *const slash = strrchr(s->path, '/');
@@ -142,7 +143,7 @@ static bool read_beside(saga_bytes *bytes, const sog *s, const char *name)
 static bool decode(picture *p, const sog *s, const saga_bytes *bytes,
                    const char *name)
 {
-    /* A splat has 15 pixels at most; a small picture may have a few more. */
+    /* Each splat has at most 15 pixels; small pictures may have a few more. */
     const size_t most = 16 * s->n + 65536;
     int width, height;
 
@@ -178,7 +179,8 @@ static bool read_picture(sog *s, int i)
     return ok;
 }
 
-/* The palette has its own size; all others have a pixel for each splat. */
+/* Checks a picture's size. The palette has its own; all others need a pixel for
+ * each splat. */
 static bool check_size(const sog *s, int i)
 {
     const picture *const p = &s->pictures[i];

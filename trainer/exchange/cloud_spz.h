@@ -23,7 +23,7 @@
 enum {
     SPZ_MAGIC = 0x5053474e,  /* "NGSP" */
     SPZ_HEADER_NBYTES = 16, SPZ_OPEN_HEADER_NBYTES = 32,
-    SPZ_QUAT_STEPS = 511     /* of a component, which has a sign as well */
+    SPZ_QUAT_STEPS = 511     /* bits of a component, and a sign bit */
 };
 
 /* A colour's byte covers more than 0..1 of the constant harmonic's. */

@@ -12,22 +12,24 @@
 enum {
     GZIP_0 = 0x1f, GZIP_1 = 0x8b,
     N_ARRAYS = 6,
-    MOST_DEGREE = 4,         /* of a file; what lies above ours is left out */
+    MOST_DEGREE = 4,         /* highest degree in a file; harmonics above
+                              * SAGA_MAX_DEGREE are dropped */
     HAS_EXTENSIONS = 2,      /* a flag */
     MOST_EXTENSIONS_NBYTES = 4096,
-    COORDINATE_SYSTEM = (int)0xADBE0003, /* an extension */
+    COORDINATE_SYSTEM = (int)0xADBE0003, /* type of an extension */
     MOST_SHIFT = 30,
-    GZIP_RATIO = 1032,       /* deflate shrinks no more than that */
-    ZSTD_RATIO = 1 << 15     /* a block of 128 kB has 4 bytes at least */
+    GZIP_RATIO = 1032,       /* deflate's highest ratio */
+    ZSTD_RATIO = 1 << 15     /* zstd's: a block of 128 kB takes at least 4
+                              * bytes */
 };
 
-/* The fields of both headers, and which arrays follow. */
+/* The fields that both headers have, and the arrays that follow. */
 typedef struct {
     uint32_t version, n;
     int degree, fraction_bits;
     unsigned flags;
-    size_t each[N_ARRAYS];   /* bytes of a splat in each array */
-    size_t nbytes;           /* of all arrays */
+    size_t each[N_ARRAYS];   /* bytes per splat in each array */
+    size_t nbytes;           /* bytes of all arrays */
     const char *path;
 } spz_head;
 
@@ -35,7 +37,7 @@ enum { POSITION, OPACITY, COLOUR, SCALE, ROTATION, REST };
 
 /* --- Header -------------------------------------------------------------- */
 
-/* Takes the 16 bytes that all versions begin with. */
+/* Reads the 16 bytes with which all versions begin. */
 static bool take_head(spz_head *h, const uint8_t *p, saga_error *error)
 {
     h->version = (uint32_t)saga_load_le(p + 4, 4);
@@ -67,12 +69,12 @@ static void find_arrays(spz_head *h)
     h->nbytes = 0;
     for (int i = 0; i < N_ARRAYS; i++) {
         h->each[i] = each[i];
-        /* 2^32 splats of 92 bytes at most: no overflow in 64 bits. */
+        /* 2^32 splats with at most 92 bytes each cannot overflow 64 bits. */
         h->nbytes += each[i] * h->n;
     }
 }
 
-/* Allocates the arrays, if packed bytes can hold so many. */
+/* Allocates the arrays, if the packed bytes can hold that much. */
 static uint8_t *alloc_arrays(const spz_head *h, size_t packed_nbytes,
                              size_t ratio, saga_error *error)
 {
@@ -84,13 +86,13 @@ static uint8_t *alloc_arrays(const spz_head *h, size_t packed_nbytes,
     return saga_alloc(h->nbytes, 1, h->path, error);
 }
 
-/* Finds the axes among the extensions, records of a type, a length and so many
- * bytes; those of other types are passed over. */
+/* Finds the axes among the extensions. These are records with a type, a length
+ * and that number of bytes; records of other types are skipped. */
 static bool find_axis(int *axis, const spz_head *h, saga_cursor c,
                       saga_error *error)
 {
-    /* Right up back, as the format has it; right down front, which is PLY's;
-     * left up front, which is glTF's. */
+    /* Right up back is the format's default, right down front is PLY's, and
+     * left up front is glTF's. */
     enum { UNSAID = 0, RUB = 4, RDF = 6, LUF = 7 };
     uint64_t axes = RUB;
 
@@ -111,7 +113,7 @@ static bool find_axis(int *axis, const spz_head *h, saga_cursor c,
 
 /* --- Arrays -------------------------------------------------------------- */
 
-/* Unpacks n bytes; fewer are an error. */
+/* Unpacks exactly n bytes. */
 static bool inflate_some(z_stream *z, uint8_t *to, size_t n)
 {
     int status = Z_OK;
@@ -123,8 +125,8 @@ static bool inflate_some(z_stream *z, uint8_t *to, size_t n)
     return z->avail_out == 0 && (status == Z_OK || status == Z_STREAM_END);
 }
 
-/* Unpacks what is behind the arrays, with the stream's checksum at its end. The
- * first bytes are kept, *n of them. */
+/* Unpacks what follows the arrays, and checks the stream's checksum. The first
+ * bytes are kept, and *n is their number. */
 static bool inflate_rest(z_stream *z, uint8_t to[MOST_EXTENSIONS_NBYTES],
                          size_t *n)
 {
@@ -181,7 +183,7 @@ static uint8_t *read_gzip(spz_head *h, int *axis, const saga_bytes *bytes,
     z_stream z = { .next_in = bytes->data, .avail_in = (uInt)bytes->nbytes };
     uint8_t *arrays = NULL;
 
-    /* 16 asks for the header of gzip. */
+    /* 16 selects gzip's header. */
     if (bytes->nbytes > UINT32_MAX ||
         inflateInit2(&z, MAX_WBITS + 16) != Z_OK)
         saga_no_memory(0, h->path, error);
@@ -191,8 +193,8 @@ static uint8_t *read_gzip(spz_head *h, int *axis, const saga_bytes *bytes,
     return arrays;
 }
 
-/* Unpacks the streams, of which the table has the lengths; an array of no bytes
- * has none. */
+/* Unpacks the streams, whose lengths are in the table. An empty array has no
+ * stream. */
 static bool unpack_streams(uint8_t *to, const spz_head *h, saga_cursor table,
                            saga_cursor c)
 {
@@ -227,7 +229,7 @@ static uint8_t *read_zstd(spz_head *h, int *axis, const saga_bytes *bytes,
     if (!take_head(h, p, error))
         return NULL;
     find_arrays(h);
-    /* A table of two lengths of each stream, then the streams. */
+    /* The table has two lengths for each stream; the streams follow it. */
     table_nbytes = 16 * (size_t)p[15];
     at = (size_t)saga_load_le(p + 16, 4);
     if (at < SPZ_OPEN_HEADER_NBYTES || at > bytes->nbytes ||
@@ -254,7 +256,7 @@ static uint8_t *read_zstd(spz_head *h, int *axis, const saga_bytes *bytes,
 
 /* --- Splats -------------------------------------------------------------- */
 
-/* A number of 24 bits, whose highest is the sign. */
+/* Reads a number of 24 bits in two's complement. */
 static float load_position(const uint8_t *p, int fraction_bits)
 {
     const int32_t v = (int32_t)saga_load_le(p, 3);
@@ -262,7 +264,8 @@ static float load_position(const uint8_t *p, int fraction_bits)
     return (float)ldexp(v & 0x800000 ? v - 0x1000000 : v, -fraction_bits);
 }
 
-/* The component that is left out makes the length 1 and is not negative. */
+/* Returns the component that was left out: it is not negative, and makes the
+ * length 1. */
 static float left_out(const double others[3])
 {
     const double square = others[0] * others[0] + others[1] * others[1] +
@@ -271,7 +274,7 @@ static float left_out(const double others[3])
     return (float)sqrt(fmax(1.0 - square, 0.0));
 }
 
-/* Version 2: x, y and z in -1..1. */
+/* Version 2 stores x, y and z in -1..1. */
 static void load_first_three(float wxyz[4], const uint8_t *p)
 {
     double v[3];
@@ -283,8 +286,8 @@ static void load_first_three(float wxyz[4], const uint8_t *p)
     wxyz[0] = left_out(v);
 }
 
-/* Two bits for the one that is left out, then 10 for each of the others, of x,
- * y, z, w: a sign and a size of at most sqrt(1/2). */
+/* Two bits tell which of x, y, z, w is left out. Each of the others has 10
+ * bits: a sign and a magnitude of at most sqrt(1/2). */
 static void load_smallest_three(float wxyz[4], const uint8_t *p)
 {
     const uint32_t word = (uint32_t)saga_load_le(p, 4), largest = word >> 30;

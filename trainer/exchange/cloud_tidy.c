@@ -4,18 +4,18 @@
 #include <math.h>
 #include <string.h>
 
-/* Splats that are wholly opaque may have an infinite logit. */
+/* Fully opaque splats may have an infinite logit; it is cut here. */
 #define MOST_LOGIT 16.0f
 
-/* Below the decoder's cut of 1/256 nothing is drawn. */
+/* The decoder draws nothing below an opacity of 1/256, which has this logit. */
 #define LEAST_LOGIT (-5.54f)
 
-/* Larger numbers have no meaning as any attribute. */
+/* Larger numbers make no sense for any attribute. */
 #define MOST_NUMBER 1e6f
 
 static bool are_sound(const float *v, size_t n)
 {
-    /* The comparison is so written that NaN fails it. */
+    /* The comparison is written so that NaN fails it. */
     for (size_t i = 0; i < n; i++)
         if (!(fabsf(v[i]) <= MOST_NUMBER))
             return false;
@@ -32,7 +32,7 @@ static bool is_sound(const saga_cloud *c, size_t i)
            c->logit[i] >= LEAST_LOGIT;
 }
 
-/* Quaternions may come in any length; one of length 0 is no rotation. */
+/* Gives a quaternion the length 1; length 0 means no rotation. */
 static void make_unit(float q[4])
 {
     double square = 0.0;

@@ -11,26 +11,25 @@
 enum {
     LOCAL = 0x04034b50, MEMBER = 0x02014b50, END = 0x06054b50,
     LOCAL_NBYTES = 30, MEMBER_NBYTES = 46, END_NBYTES = 22,
-    NEEDED = 20,             /* version 2.0 of the format */
-    FIRST_DAY = 0x0021       /* 1980-01-01, the least date that there is */
+    NEEDED = 20,             /* version 2.0 of ZIP */
+    FIRST_DAY = 0x0021       /* 1980-01-01, ZIP's earliest date */
 };
 
-/* Puts the fields that a member's own header and its entry in the directory
- * have in common. */
+/* Writes the fields that a member's own header and its entry in the directory
+ * share. */
 static void put_fields(uint8_t **at, const char *name, uint32_t crc, size_t n)
 {
     saga_put_le(at, NEEDED, 2);
-    saga_put_le(at, 0, 4); /* flags, stored */
-    saga_put_le(at, 0, 2); /* the time */
+    saga_put_le(at, 0, 4); /* flags: none; method: stored */
+    saga_put_le(at, 0, 2); /* time */
     saga_put_le(at, FIRST_DAY, 2);
     saga_put_le(at, crc, 4);
     saga_put_le(at, (uint32_t)n, 4);
     saga_put_le(at, (uint32_t)n, 4);
     saga_put_le(at, (uint32_t)strlen(name), 2);
-    saga_put_le(at, 0, 2); /* nothing more */
+    saga_put_le(at, 0, 2); /* no extra field */
 }
 
-/* Adds the member's entry to the directory. */
 static bool remember(saga_zip_out *zip, const char *name, uint32_t crc,
                      size_t n, saga_error *error)
 {
@@ -47,7 +46,8 @@ static bool remember(saga_zip_out *zip, const char *name, uint32_t crc,
     saga_put_le(&at, MEMBER, 4);
     saga_put_le(&at, NEEDED, 2);
     put_fields(&at, name, crc, n);
-    /* No comment, the first disk, no attributes; where its header is. */
+    /* No comment, first disk, no attributes; then the offset of the member's
+     * header. */
     memset(at, 0, 10);
     at += 10;
     saga_put_le(&at, (uint32_t)zip->nbytes, 4);
@@ -83,7 +83,7 @@ bool saga_zip_end(saga_zip_out *zip, bool ok)
     uint8_t end[END_NBYTES] = { 0 }, *at = end;
 
     saga_put_le(&at, END, 4);
-    saga_put_le(&at, 0, 4); /* the first disk */
+    saga_put_le(&at, 0, 4); /* numbers of disks: the first */
     saga_put_le(&at, (uint32_t)zip->n_members, 2);
     saga_put_le(&at, (uint32_t)zip->n_members, 2);
     saga_put_le(&at, (uint32_t)zip->directory_nbytes, 4);

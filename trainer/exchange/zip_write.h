@@ -13,13 +13,13 @@
 #include <stdint.h>
 #include <stdio.h>
 
-/* It begins with file and path alone. */
+/* The caller sets only file and path before the first member. */
 typedef struct saga_zip_out {
     FILE *file;
     const char *path;        /* for messages */
     uint8_t *directory;
     size_t directory_nbytes, n_members;
-    uint64_t nbytes;         /* written */
+    uint64_t nbytes;         /* bytes written */
 } saga_zip_out;
 
 /* Adds a member; the archive stays below 2^32 bytes. */

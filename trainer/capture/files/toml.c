@@ -10,30 +10,30 @@
 #include <string.h>
 
 enum {
-    MOST_TEXT = 1024,        /* bytes of a key, a string or a number */
-    MOST_DEPTH = 8           /* lists in lists, tables in tables; jansson frees
-                              * nested values by recursion */
+    MOST_TEXT = 1024,        /* limit for a key, a string or a number */
+    MOST_DEPTH = 8           /* limit for nested lists or tables, because
+                              * jansson frees nested values by recursion */
 };
 
 typedef struct toml_reader {
     const char *path;
     const uint8_t *next, *end;
     int line;
-    json_t *root, *table;    /* the tree; the table that receives keys */
+    json_t *root, *table;    /* the tree; the table to which keys are added */
     saga_error *error;
 } toml_reader;
 
 static bool bad(const toml_reader *r, const char *what)
 {
-    /* Without memory a table may be missing that the file has. */
+    /* If memory ran out, a table may be missing from the tree. */
     if (saga_json_starved())
         return saga_no_memory(0, r->path, r->error);
     return saga_fail(r->error, r->path, "export the calibration again",
                      "line %d: %s", r->line, what);
 }
 
-/* Returns the next byte. It is 0 at the end, and for a byte 0, which nothing
- * allows. */
+/* Returns the next byte, or 0 at the end. A byte 0 in the file is an error in
+ * any place. */
 static int look(const toml_reader *r)
 {
     return r->next < r->end ? *r->next : 0;
@@ -54,7 +54,7 @@ static void skip_blanks(toml_reader *r)
         ;
 }
 
-/* Skips what may stand behind a value in its line. */
+/* Skips blanks and a comment at the end of a line. */
 static void skip_comment(toml_reader *r)
 {
     skip_blanks(r);
@@ -79,7 +79,7 @@ static bool is_bare(int c)
            (c >= 'A' && c <= 'Z') || c == '_' || c == '-';
 }
 
-/* Takes a string of one line, "basic" or 'literal'. */
+/* Reads a string of one line, "basic" or 'literal'. */
 static bool take_string(toml_reader *r, char text[MOST_TEXT])
 {
     const int quote = look(r);
@@ -91,7 +91,7 @@ static bool take_string(toml_reader *r, char text[MOST_TEXT])
             return bad(r, "a string does not end, or is too long");
         r->next++;
         if (c == '\\' && quote == '"') {
-            /* Names and paths need no other escape. */
+            /* Names and paths need no other escapes. */
             c = look(r);
             if (c != '\\' && c != '"')
                 return bad(r, "a string has an escape other than \\\\ and "
@@ -118,7 +118,7 @@ static bool take_key(toml_reader *r, char text[MOST_TEXT])
 
 /* ------------------------------------------------------------------- values */
 
-/* Takes true, false or a number, whose digits may have _ between them. */
+/* Reads true, false or a number, whose digits may have _ between them. */
 static json_t *take_word(toml_reader *r)
 {
     char text[MOST_TEXT], *end;
@@ -148,12 +148,13 @@ static json_t *take_scalar(toml_reader *r)
     return take_string(r, text) ? json_string(text) : NULL;
 }
 
-/* Takes a list; `lists` has the open lists, the outermost first. */
+/* Reads a list. `lists` holds the open lists, the outermost first. */
 static json_t *take_list(toml_reader *r)
 {
     json_t *lists[MOST_DEPTH];
     int depth = 0;
-    bool ok = true, after = false; /* a value, so that a comma must follow */
+    bool ok = true, after = false; /* a value was read, so a comma must
+                                    * follow */
     lists[0] = json_array();
     (void)take(r, '[');
     while (ok && depth >= 0) {
@@ -186,7 +187,7 @@ static json_t *take_list(toml_reader *r)
 
 /* -------------------------------------------------------------------- lines */
 
-/* Goes to the table of a header "[a.b]", which is made if it is new. */
+/* Goes to the table of a header "[a.b]", which is made if it does not exist. */
 static bool take_header(toml_reader *r)
 {
     char key[MOST_TEXT];

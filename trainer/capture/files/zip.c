@@ -8,14 +8,14 @@
 #define ZLIB_CONST
 #include <zlib.h>
 
-/* Lengths of ZIP's records without what is variable in them. */
+/* Sizes of ZIP's records without their parts of variable length. */
 enum { END_NBYTES = 22, MEMBER_NBYTES = 46, LOCAL_NBYTES = 30 };
 enum { STORED = 0, DEFLATED = 8 };
 
 typedef struct {
     uint32_t method, crc;
-    size_t packed_nbytes, nbytes; /* in the file, and as they were */
-    size_t local;                 /* where its own header is */
+    size_t packed_nbytes, nbytes; /* packed and unpacked size */
+    size_t local;                 /* offset of the member's own header */
 } member;
 
 static uint32_t load(const uint8_t *p, int n)
@@ -28,7 +28,8 @@ static bool has_magic(const uint8_t *p, uint8_t a, uint8_t b)
     return p[0] == 'P' && p[1] == 'K' && p[2] == a && p[3] == b;
 }
 
-/* The end record is the file's last one, in front of a comment. */
+/* Finds the end record. It is the last record of the file and may have a
+ * comment. */
 static bool find_directory(saga_zip *zip)
 {
     const saga_bytes *const b = &zip->bytes;
@@ -37,11 +38,12 @@ static bool find_directory(saga_zip *zip)
          back <= END_NBYTES + 65535u; back++) {
         const uint8_t *const p = b->data + b->nbytes - back;
 
-        /* A comment may stand behind the record, so its magic is looked for
-         * from the end backwards. */
+        /* The comment follows the record, so the magic is searched backwards
+         * from the end. */
         if (!has_magic(p, 5, 6))
             continue;
-        /* The number of members stands at 10, where their list begins at 16. */
+        /* The number of members is at offset 10, the offset of their list at
+         * 16. */
         zip->n_members = load(p + 10, 2);
         zip->directory = load(p + 16, 4);
         return zip->directory <= b->nbytes - back;
@@ -55,7 +57,7 @@ bool saga_zip_open(saga_zip *zip, const saga_bytes *bytes, const char *path)
     return find_directory(zip);
 }
 
-/* Tells whether n bytes at p are the name. */
+/* Tells whether the n bytes at p are the name. */
 static bool is_name(const uint8_t *p, size_t n, const char *name)
 {
     return n == strlen(name) && memcmp(p, name, n) == 0;
@@ -73,7 +75,7 @@ static bool find(member *m, const saga_zip *zip, const char *name)
 
         if (!p || !its_name || !has_magic(p, 1, 2))
             return false;
-        /* Behind the name stand what is extra and a comment, passed over. */
+        /* The extra field and the comment after the name are skipped. */
         saga_take(&c, (size_t)load(p + 30, 2) + load(p + 32, 2));
         if (!is_name(its_name, n, name))
             continue;
@@ -92,8 +94,8 @@ bool saga_zip_has(const saga_zip *zip, const char *name)
     return find(&m, zip, name);
 }
 
-/* Returns a member's bytes in the file, behind its own header; NULL where there
- * are fewer. */
+/* Returns a member's packed bytes, which follow its own header, or NULL if the
+ * file ends before they do. */
 static const uint8_t *packed(const saga_zip *zip, const member *m)
 {
     saga_cursor c = { zip->bytes.data,
@@ -104,13 +106,13 @@ static const uint8_t *packed(const saga_zip *zip, const member *m)
     p = saga_take(&c, LOCAL_NBYTES);
     if (!p || !has_magic(p, 3, 4))
         return NULL;
-    /* Name and extra stand here once more, the latter often of another
-     * length. */
+    /* The name and the extra field are repeated here; the extra field's length
+     * may differ. */
     saga_take(&c, (size_t)load(p + 26, 2) + load(p + 28, 2));
     return saga_take(&c, m->packed_nbytes);
 }
 
-/* Unpacks all of a member; deflate cannot shrink more than 1032 times. */
+/* Unpacks a whole member. Deflate packs at most 1032 bytes into one. */
 static bool unpack(uint8_t *to, const uint8_t *from, const member *m)
 {
     z_stream z = { .next_in = from, .avail_in = (uInt)m->packed_nbytes,
@@ -121,7 +123,7 @@ static bool unpack(uint8_t *to, const uint8_t *from, const member *m)
         memcpy(to, from, m->nbytes);
         return true;
     }
-    /* A negative size says that there is no zlib header around the data. */
+    /* A negative window size means that the data has no zlib header. */
     if (inflateInit2(&z, -MAX_WBITS) != Z_OK)
         return false;
     ok = inflate(&z, Z_FINISH) == Z_STREAM_END && z.avail_out == 0;
@@ -150,7 +152,7 @@ bool saga_zip_read(saga_bytes *to, const saga_zip *zip, const char *name,
         return saga_fail(error, zip->path, "save it stored or deflated",
                          "holds %s in a form that is not understood, or is "
                          "cut short", name);
-    /* With a NUL behind the last byte. */
+    /* A NUL follows the last byte. */
     to->data = saga_calloc(m.nbytes + 1, 1, zip->path, error);
     if (!to->data)
         return false;

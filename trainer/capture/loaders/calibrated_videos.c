@@ -31,14 +31,14 @@
 #include <string.h>
 #include <strings.h>
 
-/* Distances of cameras beyond this are no metres: no board is found from so far
- * away. */
+/* If cameras are further apart, the unit is not the metre, because no board is
+ * found from so far away. */
 static const double largest_rig_metres = 50.0;
 
 typedef struct calibration {
     saga_listing *listing;
-    const char *path;         /* of the TOML file */
-    double (*sizes)[2];       /* (n_sources) pictures that were calibrated */
+    const char *path;         /* path of the TOML file */
+    double (*sizes)[2];       /* (n_sources) size of the calibrated pictures */
     char **videos;            /* (n_videos) paths, sorted */
     int n_videos;
     saga_error *error;
@@ -87,8 +87,8 @@ static bool find_file(char **file, int *n, const char *folder,
 
 /* ------------------------------------------------------------------ numbers */
 
-/* Reads a list of at most `most` numbers, or a list of such lists as one. Sets
- * *n to their number; false if it is anything else. */
+/* Reads a list of at most `most` numbers, or a list of such lists as one list,
+ * and sets *n to their number. Returns false for anything else. */
 static bool get_numbers(const json_t *list, double *to, size_t most, size_t *n)
 {
     *n = 0;
@@ -136,8 +136,8 @@ static bool read_distortion(const calibration *c, saga_source *s,
     size_t n;
     if (!get_numbers(list, k, MOST, &n))
         return bad_value(c, s, "distortions", "a list of numbers");
-    /* Of longer models, the rational one and the tilted sensor, zeros are the
-     * short one. */
+    /* Longer models (rational, tilted sensor) with zeros equal the short
+     * one. */
     for (size_t i = n_known; i < n; i++)
         if (k[i] != 0.0)
             return saga_fail(c->error, c->path, s->lens.fisheye
@@ -200,7 +200,8 @@ static void name_camera(saga_source *s, const char *key, const json_t *table)
 {
     const char *const name = json_string_value(json_object_get(table, "name"));
     char text[SAGA_NAME_NBYTES + 8];
-    /* Caliscope's cameras are numbers, for videos cam_0.mp4. */
+    /* Caliscope names cameras by numbers; their videos are cam_0.mp4 and so
+     * on. */
     (void)snprintf(text, sizeof text, "%s%.*s",
                    !name && strspn(key, "0123456789") == strlen(key) ? "cam_"
                                                                      : "",
@@ -226,7 +227,8 @@ static bool add_camera(calibration *c, const char *key, const json_t *table)
     saga_source *const s = &more[n - 1];
     *s = (saga_source){.video = NULL};
     name_camera(s, key, table);
-    /* Calibration may have given up on a camera, or its user. */
+    /* The calibration may have failed for a camera, or the user may have
+     * excluded it. */
     if (json_is_true(json_object_get(table, "ignore")) ||
         !json_object_get(table, "rotation") ||
         !json_object_get(table, "translation")) {
@@ -245,7 +247,7 @@ static bool read_cameras(calibration *c)
     bool ok = root != NULL;
     const char *key;
     json_t *table;
-    /* Tables without intrinsics, such as "metadata", are no cameras. */
+    /* Tables without intrinsics, such as "metadata", are not cameras. */
     json_object_foreach (array ? array : root, key, table)
         if (ok && json_object_get(table, "matrix"))
             ok = add_camera(c, key, table);
@@ -266,7 +268,7 @@ static bool is_video(const char *name)
     static const char *const endings[] = {".mp4", ".mov", ".avi", ".mkv",
                                           ".webm"};
     const char *const dot = strrchr(name, '.');
-    /* "._cam_0.mp4" is what one system leaves beside each file of another. */
+    /* macOS leaves a file "._cam_0.mp4" beside each file on foreign disks. */
     const size_t n = name[0] == '.' ? 0 : sizeof endings / sizeof endings[0];
     for (size_t i = 0; dot && i < n; i++)
         if (strcasecmp(dot, endings[i]) == 0)
@@ -325,9 +327,9 @@ static bool find_videos(calibration *c, const char *folder)
 
 /* ----------------------------------------------------- which is whose video */
 
-/* These are the ways in which a video's name without extension tells its
- * camera, the surest first: "trial" of camera "trial", "walk-camA" of "A",
- * "port_3" of "cam_03". */
+/* The rules by which a video's name without extension belongs to a camera, the
+ * most certain first: "trial" to camera "trial", "walk-camA" to "A", "port_3"
+ * to "cam_03". */
 static bool is_same(const char *camera, const char *video, size_t n)
 {
     return strlen(camera) == n && strncasecmp(camera, video, n) == 0;
@@ -358,7 +360,8 @@ static bool belongs(const calibration *c, int rule, int camera, int video)
                        (size_t)(strrchr(base, '.') - base));
 }
 
-/* Returns the one video that belongs to a camera and to no other; -1: none. */
+/* Returns the only video that belongs to a camera and to no other camera, or
+ * -1. */
 static int video_of(const calibration *c, int rule, int camera)
 {
     int found = -1;
@@ -374,7 +377,7 @@ static int video_of(const calibration *c, int rule, int camera)
     return found;
 }
 
-/* Returns the rule that finds most cameras' videos; -1 if none finds any. */
+/* Returns the rule by which most cameras have a video, or -1 if none has. */
 static int best_rule(const calibration *c)
 {
     int best = -1, most = 0;
@@ -417,11 +420,12 @@ static bool give_videos(calibration *c, const char *folder)
 
 /* ----------------------------------------------------------- filling in */
 
-/* Scales a lens to the pictures that the video has. */
+/* Scales a lens to the size of the video's pictures. */
 static bool fit_size(const calibration *c, saga_source *s, const double size[2])
 {
     const double sx = s->width / size[0], sy = s->height / size[1];
-    /* More than 1 % between the axes is a crop, which no scale undoes. */
+    /* A ratio of axes that differs by more than 1 % means that the pictures
+     * were cropped, which scaling cannot undo. */
     if (!(fabs(sx / sy - 1.0) <= 0.01))
         return saga_fail(c->error, c->path, "calibrate with pictures as they "
                          "are filmed, neither turned nor cropped", "%s was "
@@ -439,7 +443,8 @@ static bool fit_size(const calibration *c, saga_source *s, const double size[2])
     return true;
 }
 
-/* A file with an unknown unit is in that of its board, often millimetres. */
+/* Notes the unit of length. A file without one uses the unit of its board,
+ * often millimetres. */
 static void tell_unit(saga_listing *l)
 {
     double farthest = 0.0;
