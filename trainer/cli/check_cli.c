@@ -97,6 +97,7 @@ static json_t *report_of(const saga_survey *s, const saga_capture *c,
     json_t *const forecast = json_array();
     saga_forecast f = { .n_segments = 1 };
 
+    /* Lists: cameras, notes of the survey, forecasts of the presets. */
     for (int v = 0; v < c->n_views; v++)
         saga_put_item(views, view_of(s, c, v));
     for (int i = 0; i < s->n_notes; i++)
@@ -186,11 +187,15 @@ static int check(const char *name, const options *o)
     saga_capture c;
     int status = SAGA_EXIT_OK;
 
+    /* If the capture exists, the fault is in its data, otherwise in the command
+     * line. */
     if (!load(&c, name, o, &no_overlap, &error))
         return saga_cli_error(saga_path_is_folder(name) ||
                               saga_path_is_file(name) ? SAGA_EXIT_DATA
                                                       : SAGA_EXIT_USAGE,
                               "check: %s", error.message);
+    /* A missing overlap is an error only if no mistake in the poses explains
+     * it. */
     if (!saga_survey_make(&survey, &c, &error) ||
         (o->html && !saga_check_page(o->html, name, &survey, &c, &error)) ||
         (o->fix && !saga_check_fix(o->fix, name, &survey, &c, &error)))

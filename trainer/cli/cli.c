@@ -311,6 +311,7 @@ static int take_option(const saga_command *c, void *values, int argc,
     const saga_cli_option *const o = find_option(c, name, n);
     const char *value = equals ? equals + 1 : NULL;
 
+    /* The option must exist, and have a value exactly if it takes one. */
     if (!o)
         return unknown_option(c, name);
     if (!o->value && equals)

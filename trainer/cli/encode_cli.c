@@ -155,6 +155,8 @@ static int encode_command(int argc, char **argv)
     if (status)
         return status;
     saga_cli_catch_signals(ask_to_stop);
+    /* Everything that could make the command fail after hours is checked
+     * first. */
     status = saga_encode_check_options(&o, &s.preset, &s.ablation);
     if (!status && (o.json || o.sweep))
         status = saga_cli_json_can_tell("encode", s.capture_name);

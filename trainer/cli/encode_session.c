@@ -42,6 +42,7 @@ bool saga_encode_training(void *user, const saga_train_progress *p)
     char text[120];
     int n = 0;
 
+    /* The beginning names the segment, if there are several. */
     if (p->segment == SAGA_TRAIN_BASE)
         n = snprintf(text, sizeof text, "base: ");
     else if (s->n_segments > 1)
@@ -51,6 +52,7 @@ bool saga_encode_training(void *user, const saga_train_progress *p)
                   p->iteration, p->n_iterations);
     saga_encode_complain(s);
     saga_encode_log_write(&s->log, p, saga_clock_seconds() - s->log_began);
+    /* PSNR and bits are shown as soon as they are known. */
     if (p->psnr > 0)
         n += snprintf(text + n, sizeof text - (size_t)n, "  %.2f dB",
                       p->psnr);

@@ -213,12 +213,14 @@ static json_t *protocol_of(const session *s)
     const int first = s->eval.first_frame;
     json_t *const o = json_object();
 
+    /* The source of the decoded pictures. */
     saga_put_text(o, "decoder", s->is_folder
                   ? "another codec's, 8 bits"
                   : "integer, from the closed file, 8 bits");
     saga_put_text(o, "/pictures", s->is_folder
                   ? "as another codec left them, 8 bits"
                   : "of the integer decoder, from the file alone, 8 bits");
+    /* Frames of the capture, and the frames of the file that show them. */
     saga_put_text(o, "capture", s->capture_name);
     saga_put_text(o, "format", c->format);
     saga_put(o, "frames", json_pack("[ii]", c->first_frame,
@@ -228,6 +230,7 @@ static json_t *protocol_of(const session *s)
     saga_put_int(o, "/n_views", c->n_views);
     saga_put(o, "file_frames", json_pack("[ii]", first, first + c->n_frames));
     saga_put_flag(o, "/is_part", is_part(s->o));
+    /* Sizes, and the metrics' definitions. */
     saga_put(o, "cameras", cameras_of(&s->eval));
     saga_put_flag(o, "/is_one_size", is_one_size(&s->eval));
     saga_put_int(o, "scale", c->scale);
@@ -499,6 +502,7 @@ static int run(int argc, char **argv)
     s.file_name = names[0];
     s.capture_name = names[1];
     s.is_folder = saga_path_is_folder(s.file_name);
+    /* A name that JSON cannot hold is refused before the work. */
     for (int i = 0; !status && o.json && i < 2; i++)
         status = saga_cli_json_can_tell("eval", names[i]);
     if (!status)

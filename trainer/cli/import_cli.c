@@ -89,6 +89,8 @@ static bool list_folder(session *s, DIR *dir)
     const saga_cloud_format *first = NULL;
     bool ok = true;
 
+    /* Files of other kinds are ignored, but two formats of splats are
+     * ambiguous. */
     for (struct dirent *e; ok && (e = readdir(dir)) != NULL;) {
         const saga_cloud_format *const f = saga_cloud_format_of(e->d_name);
 

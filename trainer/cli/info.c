@@ -261,6 +261,8 @@ static json_t *camera_of(const subject *s, const saga_camera *c, uint32_t i,
     saga_naming naming;
     char called[24];
 
+    /* Numbers in fixed point become real numbers: rotations have 30 fraction
+     * bits, focal lengths and principal points 16. */
     naming_of(&naming, s, i);
     snprintf(called, sizeof called, "number %" PRIu32, number);
     for (int k = 0; k < 9; k++)

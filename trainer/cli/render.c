@@ -436,6 +436,7 @@ static int run(int argc, char **argv)
 
     if (status != SAGA_CLI_GO_ON)
         return status;
+    /* Checks that need no file come first, then the path, then the file. */
     status = check_options(&o);
     if (status)
         return status;

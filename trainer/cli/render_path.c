@@ -358,6 +358,7 @@ static bool read_json(saga_path *path, const char *name, saga_error *error)
 
     if (!saga_read_file(&bytes, name, error))
         return false;
+    /* Out of memory is distinguished from invalid JSON. */
     saga_json_watch();
     root = json_loadb((const char *)bytes.data, bytes.nbytes, 0, &problem);
     saga_bytes_free(&bytes);

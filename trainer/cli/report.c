@@ -71,12 +71,14 @@ static bool read_picture(session *s, char **text, const char *path,
     bool ok = true;
 
     *text = NULL;
+    /* Results may name any path; only files below their own folder are read. */
     if (!saga_path_is_file(path))
         why = "is not there";
     else if (!real)
         why = "does not lie in its folder or below; put it there";
     else
         ok = saga_read_file(&bytes, real, &s->error);
+    /* Only pictures are included, whatever the file's name. */
     if (ok && !why) {
         address = address_of(&bytes);
         why = address ? NULL : "is no PNG and no JPEG";
@@ -102,6 +104,7 @@ static bool add_picture(session *s, json_t *list, const json_t *result,
     char name[SERIES_NBYTES];
     char *text;
 
+    /* A view without a picture, or with one that was left out, is no error. */
     if (!path)
         return true;
     if (!read_picture(s, &text, path, of->path))

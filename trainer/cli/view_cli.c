@@ -135,10 +135,12 @@ static char *describe(session *s, const options *opt, const char *name)
     saga_json_watch();
     list = json_array();
     o = json_object();
+    /* Drawing the pictures also checks that the file can be decoded in time. */
     ok = saga_film_open_within(&film, name, &s->bytes, opt->seconds,
                                &s->error);
     ok = ok && add_pictures(list, &film, &s->error);
     saga_film_close(&film);
+    /* The data has the file's address, the CRCs and the limit for decoding. */
     json_object_set_new(o, "src", json_string(s->path));
     json_object_set_new(o, "pictures", list);
     json_object_set_new(o, "seconds", json_integer(opt->seconds));

@@ -384,11 +384,13 @@ bool saga_encoder_finish(saga_encoder *e, uint8_t **bytes, size_t *n,
 
     if (e->header.n_segments == 0)
         return saga_fail(error, NULL, REMEDY, "there is no segment");
+    /* The order of the file: header, index, networks, base, names, segments. */
     ok = write_header(e, &out, error) && write_index(e, &out, error) &&
          append(&out, e->networks.p, e->networks.n, error) &&
          (!e->base.n || append(&out, e->base.p, e->base.n, error)) &&
          (!e->names.n || append(&out, e->names.p, e->names.n, error)) &&
          write_segments(e, &out, error);
+    /* CRCs come last, then a decoder's check of the header. */
     if (ok)
         saga_file_sign(out.p, out.n, e->header.header_nbytes);
     if (!ok || !probe(&out, error)) {

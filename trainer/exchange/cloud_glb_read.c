@@ -95,6 +95,7 @@ static json_int_t find_primitive(glb *g)
         const json_t *const list =
             json_object_get(item(g, "meshes", i), "primitives");
 
+        /* The last one found is kept; it counts only if it is the only one. */
         for (size_t k = 0; k < json_array_size(list); k++) {
             const json_t *const p = json_array_get(list, k);
 
@@ -229,6 +230,7 @@ static bool set_type(accessor *a, const json_t *of)
     };
     const json_int_t type = integer(of, "componentType");
 
+    /* Normalised integers are divided by the largest one. */
     for (size_t i = 0; i < sizeof types / sizeof types[0]; i++)
         if (types[i].type == type) {
             a->size = types[i].size;

@@ -238,12 +238,14 @@ bool saga_packed_read(saga_cloud *cloud, const saga_bytes *bytes,
     if (!take_header(&h, &c, path, error))
         return false;
     n = (size_t)h.count[VERTEX];
+    /* The arrays follow the header without gaps. */
     from = (arrays){ .n_columns = h.n_columns[CHUNK],
                      .n_rest = h.n_columns[SH], .ranges = c.next };
     from.words = from.ranges + h.count[CHUNK] * (size_t)(4 * from.n_columns);
     from.rest = from.words + 4 * PACKED_WORDS * n;
     if (!saga_cloud_alloc(cloud, n, degree_of(from.n_rest), error))
         return false;
+    /* A chunk's ranges serve all of its splats. */
     for (size_t i = 0; i < n; i++) {
         if (i % PACKED_CHUNK == 0)
             load_ranges(&ranges, &from, i / PACKED_CHUNK);

@@ -79,6 +79,8 @@ static bool write_picture(const comparison *c, int view, int frame)
     char *path;
     bool ok;
 
+    /* Only the middle frame is written, or the nearest one that the view
+     * has. */
     if (!c->options->pictures ||
         frame != saga_capture_near(c->capture, view, c->eval->n_frames / 2))
         return true;

@@ -50,6 +50,8 @@ static bool begin(saga_still *s, const saga_capture *part, int n_frames,
     const size_t n = (size_t)part->n_views;
     saga_capture *const c = &s->capture;
 
+    /* The new capture has the part's properties, but pictures and points of its
+     * own. */
     *c = *part;
     c->n_frames = n_pictures(n_frames);
     c->notes[0] = '\0';
@@ -63,6 +65,8 @@ static bool begin(saga_still *s, const saga_capture *part, int n_frames,
         return false;
     if (part->n_points)
         memcpy(c->points, part->points, part->n_points * sizeof *c->points);
+    /* n_views grows with each view, so that a failure frees only what
+     * exists. */
     for (size_t v = 0; v < n; v++) {
         c->n_views++;
         if (!begin_view(&c->views[v], &part->views[v], c->n_frames, error))

@@ -59,10 +59,12 @@ static void compare(saga_exposure_pair *to, const saga_pictures *p,
     saga_plane_sweep w;
     saga_patch patch;
 
+    /* The depth at which the pixel's patch looks most like the other views. */
     if (!saga_plane_begin(&w, p, s.view, s.frame, at[0], at[1]) ||
         !sum_of(own, &w.own) || !saga_plane_find(&found, &w))
         return;
     saga_view_lift(views + s.view, w.uv, found.depth, x);
+    /* The nearest views that show this point give one pair each. */
     for (int i = 0; i < w.n_near; i++) {
         if (!saga_view_project(views + w.near[i], x, uv, &z) ||
             !saga_patch_between(&patch, p, w.near[i], s.frame, uv[0], uv[1]) ||

@@ -210,6 +210,8 @@ static double spacing(const saga_flat_sight *s, const along *order, size_t k,
     int found = 0;
     size_t j;
 
+    /* Points are sorted by x: a search ends where the distance in x alone
+     * exceeds the third-best distance. */
     for (j = k + 1; j < n; j++) {
         const double dx = order[j].x - order[k].x;
 
@@ -224,6 +226,7 @@ static double spacing(const saga_flat_sight *s, const along *order, size_t k,
             break;
         note_neighbour(best, between(s, order, k, j));
     }
+    /* Fewer neighbours may exist than were wanted. */
     for (int i = 0; i < N_NEIGHBOURS; i++)
         if (best[i] < INFINITY) {
             sum += best[i];

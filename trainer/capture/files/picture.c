@@ -23,6 +23,7 @@ static bool picture_kind(const char *path, enum picture_kind *kind,
                                "files", "picture cannot be opened");
     const size_t n = fread(magic, 1, sizeof magic, file);
     fclose(file);
+    /* The first bytes tell the format, whatever the extension says. */
     if (n >= 8 && memcmp(magic, "\x89PNG\r\n\x1a\n", 8) == 0)
         *kind = PICTURE_PNG;
     else if (n >= 4 && memcmp(magic, "\x76\x2f\x31\x01", 4) == 0)

@@ -194,6 +194,8 @@ static bool take_header(toml_reader *r)
     r->table = r->root;
     if (look(r) == '[')
         return bad(r, "a list of tables is no calibration");
+    /* Each part of a name "a.b" goes one table deeper; the depth is limited,
+     * since jansson frees by recursion. */
     for (int depth = 0; depth == 0 || take(r, '.'); depth++) {
         skip_blanks(r);
         if (depth == MOST_DEPTH)

@@ -153,6 +153,7 @@ bool saga_video_probe(saga_video_info *info, const char *path,
                          "video", "video is missing");
     if (!run_ffprobe(path, still, text, sizeof text, error))
         return false;
+    /* ffprobe's answer is checked before it is trusted. */
     const long width = field_number(text, "width");
     const long height = field_number(text, "height");
     const long n = field_number(text, "nb_read_packets");

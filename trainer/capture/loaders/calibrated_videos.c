@@ -67,6 +67,7 @@ static bool find_file(char **file, int *n, const char *folder,
     DIR *dir;
     bool ok = true;
     *file = NULL;
+    /* A file of this name takes precedence over all others. */
     *n = saga_folder_has(folder, first);
     if (*n == 1)
         return (*file = saga_path_join(folder, first, error)) != NULL;
@@ -291,6 +292,7 @@ static bool add_videos(calibration *c, const char *folder)
     for (struct dirent *e; dir && ok && (e = readdir(dir)) != NULL;) {
         if (!is_video(e->d_name))
             continue;
+        /* The list grows by one; its paths are freed with the calibration. */
         char **const more = saga_realloc(c->videos, (size_t)c->n_videos + 1,
                                          sizeof *more, folder, c->error);
         ok = more != NULL;
@@ -303,6 +305,7 @@ static bool add_videos(calibration *c, const char *folder)
     }
     if (dir)
         closedir(dir);
+    /* readdir has no defined order. */
     if (c->n_videos > 0)
         qsort(c->videos, (size_t)c->n_videos, sizeof *c->videos, by_text);
     return ok;
@@ -402,6 +405,8 @@ static bool give_videos(calibration *c, const char *folder)
                          "example cam_0.mp4", "no name of its %d videos tells "
                          "one camera of %d; the first camera is %s",
                          c->n_videos, l->n_sources, l->sources[0].name);
+    /* Each camera takes the video that the rule gives it; the other videos are
+     * only counted. */
     int n_used = 0;
     for (int i = 0; i < l->n_sources; i++) {
         const int v = video_of(c, rule, i);

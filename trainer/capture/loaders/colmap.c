@@ -355,6 +355,8 @@ static bool text_cameras(const colmap_job *job, saga_cursor *c)
         char name[32];
         int used = 0;
         double size[2], params[MAX_PARAMS] = {0};
+        /* A line has the id, the model's name, width and height, and the
+         * parameters. */
         if (!take_id(&line, &id, UINT32_MAX) ||
             sscanf(line, " %31s%n", name, &used) != 1)
             return cut_short(job, "camera", i);

@@ -92,6 +92,8 @@ bool saga_colmap_take_points(saga_listing *listing, const saga_colmap *model,
         const bool finite = isfinite(p->position[0]) &&
                             isfinite(p->position[1]) &&
                             isfinite(p->position[2]);
+        /* A point is kept only if two training views see it, so that held-out
+         * views add no knowledge. */
         n_bad += finite ? 0 : 1;
         n_few += finite && n < 2 ? 1 : 0;
         if (!finite || n < 2)

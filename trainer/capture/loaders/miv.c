@@ -447,6 +447,7 @@ static bool add_cameras(miv_reader *r)
     r->fps = json_is_number(fps) ? json_number_value(fps) : 0.0;
     if (json_is_true(json_object_get(r->root, "lengthsInMeters")))
         r->listing->metres = 1.0;
+    /* Cameras that are no sources are skipped. */
     for (size_t i = 0; ok && i < json_array_size(cameras); i++) {
         miv_camera c = {.json = json_array_get(cameras, i)};
         c.name = json_string_value(json_object_get(c.json, "Name"));
@@ -508,6 +509,8 @@ static bool list(saga_listing *listing, const char *folder,
     char *const json = first_with(folder, ".json", error);
     r.path = json ? saga_path_join(folder, json, error) : NULL;
     r.root = r.path ? saga_json_read(r.path, error) : NULL;
+    /* All sources must be known before their names, frame counts and held-out
+     * views are settled. */
     bool ok = r.root && add_cameras(&r);
     if (ok)
         saga_listing_tell_apart(listing);

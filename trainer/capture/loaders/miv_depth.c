@@ -105,6 +105,7 @@ static bool add_points(saga_listing *l, rows *r, const saga_miv_depth *d,
                        int step, saga_error *error)
 {
     for (int y = step / 2; y < d->height; y += step) {
+        /* There is room for a point per pixel of the row; fewer are added. */
         saga_point *const more =
             saga_realloc(l->points, l->n_points + (size_t)d->width,
                          sizeof *more, d->depth, error);

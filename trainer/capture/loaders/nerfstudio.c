@@ -78,6 +78,7 @@ static char *picture_path(const saga_transforms *r, const char *file)
     char *const path = join(r, file);
     if (!path || saga_path_is_file(path))
         return path;
+    /* Without a file of that name, each known extension is tried. */
     const size_t n = strlen(path) + sizeof ".jpeg";
     char *const longer = saga_alloc(n, 1, path, r->error);
     for (size_t i = 0; longer && i < sizeof endings / sizeof endings[0]; i++) {
@@ -149,6 +150,7 @@ static bool fill_pictures(saga_transforms *r, saga_source *s,
     s->masks = saga_calloc((size_t)n, sizeof *s->masks, r->path, r->error);
     bool ok = s->pictures && s->depths && s->masks;
     for (int k = 0; ok && k < n; k++) {
+        /* A picture is missing if it has no entry, or no file. */
         char *const path = at[k] ? picture_path(r, at[k]->file) : NULL;
         if (path && saga_path_is_file(path)) {
             s->pictures[k] = path;
@@ -159,6 +161,7 @@ static bool fill_pictures(saga_transforms *r, saga_source *s,
                                                           : at[k]->file;
             r->n_missing++;
         }
+        /* Its depth and its mask, if the entry names them. */
         if (ok && at[k] && at[k]->depth) {
             s->depths[k] = join(r, at[k]->depth);
             ok = s->depths[k] != NULL;

@@ -201,6 +201,7 @@ static double disagreement(const saga_listing *listing,
     for (int i = 0; i < listing->n_sources; i++) {
         const saga_source *const s = &listing->sources[i];
         double a[3], b[3], d2 = 0.0, r2 = 0.0;
+        /* The rig's size is the largest distance from the first camera. */
         saga_pose_centre(s->rotation, s->translation, a);
         if (i == 0)
             memcpy(first, a, sizeof first);
@@ -210,6 +211,7 @@ static double disagreement(const saga_listing *listing,
         if (image_of[i] < 0)
             continue;
         const saga_colmap_image *const m = &model->images[image_of[i]];
+        /* How far apart the two centres of this camera are. */
         saga_pose_centre(m->rotation, m->translation, b);
         for (int k = 0; k < 3; k++)
             d2 += (a[k] - b[k]) * (a[k] - b[k]);

@@ -257,6 +257,7 @@ static bool take_points(saga_listing *l, const saga_npy *rows,
     l->points = saga_alloc(rows->rows, sizeof *l->points, path, error);
     for (size_t i = 0; l->points && i < rows->rows; i++) {
         const double *const x = rows->data + rows->cols * i;
+        /* A point that is not finite is overwritten by the next one. */
         saga_point *const p = &l->points[l->n_points];
         if (!isfinite(x[0]) || !isfinite(x[1]) || !isfinite(x[2]))
             continue;
@@ -281,6 +282,7 @@ static bool read_points(saga_listing *l, const char *folder, saga_error *error)
     if (!path)
         return false;
     bool ok = true;
+    /* The file is optional. */
     if (!saga_path_is_file(path)) {
         saga_note(l->notes, "points: none (no init_pt_cld.npz)");
     } else {

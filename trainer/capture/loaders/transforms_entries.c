@@ -304,6 +304,7 @@ static bool mark_list(saga_transforms *r, const char *key, bool inverted)
     if (!names)
         return false;
     bool ok = true;
+    /* The names are sorted, so that each entry can be searched by bisection. */
     for (size_t i = 0; ok && i < n; i++) {
         names[i] = json_string_value(json_array_get(list, i));
         if (!names[i])
@@ -313,6 +314,7 @@ static bool mark_list(saga_transforms *r, const char *key, bool inverted)
     if (ok && n > 0)
         qsort(names, n, sizeof *names, by_string);
     ok = ok && all_known(r, key, names, n);
+    /* An entry that an earlier list holds out stays held out. */
     for (int i = 0; ok && i < r->n_entries; i++) {
         const bool listed = n > 0 && bsearch(&r->entries[i].file, names, n,
                                              sizeof *names, by_string);

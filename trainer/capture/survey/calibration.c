@@ -317,6 +317,7 @@ static bool colour_at(double rgb[3], const saga_capture *c, int v,
     const int frame = saga_capture_near(c, v, 0);
     const uint8_t *const all = saga_capture_frame(c, v, frame);
     const int x = (int)p[0], y = (int)p[1];
+    /* The patch must lie inside the picture. */
     if (x < PATCH || y < PATCH || x >= shot->width - PATCH ||
         y >= shot->height - PATCH)
         return false;
@@ -327,6 +328,7 @@ static bool colour_at(double rgb[3], const saga_capture *c, int v,
                 rgb[k] += all[((size_t)j * (size_t)shot->width + (size_t)i) *
                               3 + (size_t)k];
     for (int k = 0; k < 3; k++) {
+        /* Mean levels outside 10 to 240 are too noisy or may be clipped. */
         rgb[k] /= (2 * PATCH + 1) * (2 * PATCH + 1);
         if (rgb[k] < 10.0 || rgb[k] > 240.0)
             return false;

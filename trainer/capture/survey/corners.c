@@ -222,11 +222,13 @@ static size_t spread(corner *list, size_t n, const image *images, int n_images)
     size_t taken[N_SIZES][GRID * GRID] = {{0}}, most[N_SIZES];
     double area = 0.0;
     size_t kept = 0;
+    /* The limit for each cell, by the image's fraction of the total area. */
     for (int i = 0; i < n_images; i++)
         area += (double)n_pixels(&images[i]);
     for (int i = 0; i < n_images; i++)
         most[i] = (size_t)ceil(SAGA_FEATURES_MOST / area *
                                (double)n_pixels(&images[i]) / (GRID * GRID));
+    /* The strongest corners are taken first, until their cell is full. */
     qsort(list, n, sizeof *list, by_strength);
     for (size_t i = 0; i < n && kept < SAGA_FEATURES_MOST; i++) {
         const corner c = list[i];

@@ -86,10 +86,12 @@ static bool list_pairs(saga_pairs *p, saga_error *error)
     size_t most = 0;
     if (!compared)
         return false;
+    /* Few views are all compared, many only with their neighbours. */
     if (n <= SAGA_ALL_PAIRS)
         memset(compared, true, square * sizeof *compared);
     for (int v = 0; v < n && n > SAGA_ALL_PAIRS; v++)
         mark_neighbours(compared, p->capture, v);
+    /* The number of pairs is counted first, to allocate the list. */
     for (int v = 0; v < n; v++)
         for (int w = v + 1; w < n; w++)
             most += compared[v * n + w];

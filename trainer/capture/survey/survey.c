@@ -453,6 +453,7 @@ static void judge_view(saga_survey *s, const saga_capture *c, int v)
 {
     const saga_survey_view *const one = &s->views[v];
     const saga_shot *const shot = &c->views[v];
+    /* Each check adds a note if its limit is exceeded. */
     if (one->overlap < LITTLE_OVERLAP)
         note(s, "%s shares %.0f %% of what it sees with any other camera: its "
              "own part cannot be placed in depth.", shot->name,
@@ -529,6 +530,7 @@ bool saga_survey_make(saga_survey *survey, const saga_capture *capture,
                                 sizeof *survey->views, "the views", error);
     for (int v = 0; survey->views && v < capture->n_views; v++)
         survey->views[v].stops = survey->views[v].colour = (double)NAN;
+    /* Measurements, which can fail. */
     const bool ok = survey->views && measure(survey, capture, &p, error) &&
                     saga_calibration_find(&survey->calibration, capture,
                                           error) &&
@@ -536,9 +538,11 @@ bool saga_survey_make(saga_survey *survey, const saga_capture *capture,
     free(p.at);
     if (!ok)
         return false;
+    /* Exposure is measured at points if possible, otherwise at matches. */
     for (int v = 0; v < capture->n_views; v++)
         if (isnan(survey->views[v].stops))
             survey->views[v].stops = survey->calibration.stops[v];
+    /* Judgements, which only add notes. */
     judge_calibration(survey, capture);
     judge_rig(survey, capture);
     for (int v = 0; v < capture->n_views; v++)

@@ -69,6 +69,7 @@ static bool fill_folder(saga_synth_job *job)
 bool saga_synth_write(const char *folder, const saga_synth_options *options,
                       saga_error *error)
 {
+    /* Options and cameras come first, since they write nothing. */
     saga_synth_job job = {.options = options, .error = error, .target = folder,
                      .first_failed = INT32_MAX};
     *error = (saga_error){ "" };
@@ -80,6 +81,7 @@ bool saga_synth_write(const char *folder, const saga_synth_options *options,
         return false;
     for (int i = 0; i < options->n_cameras; i++)
         saga_synth_view(options, i, &job.views[i]);
+    /* The folder has a temporary name and is removed if filling it fails. */
     bool ok = saga_synth_begin_folder(&job);
     if (ok) {
         ok = fill_folder(&job);

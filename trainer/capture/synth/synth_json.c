@@ -76,6 +76,7 @@ bool saga_synth_write_json(const saga_synth_job *job)
     if (!saga_output_open(&out, path, job->error))
         return false;
     FILE *const f = out.file;
+    /* All cameras have the same size and lens, so these stand at the top. */
     fprintf(f, "{\n \"camera_model\": \"PINHOLE\",\n \"fps\": %.17g,\n"
             " \"w\": %d, \"h\": %d,\n \"fl_x\": %.17g, \"fl_y\": %.17g,\n"
             " \"cx\": %.17g, \"cy\": %.17g,\n"
@@ -84,6 +85,7 @@ bool saga_synth_write_json(const saga_synth_job *job)
             view->cy);
     write_list(f, job, "train_filenames", false);
     write_list(f, job, "test_filenames", true);
+    /* One entry for each picture, with its pose and time. */
     fprintf(f, " \"frames\": [\n");
     for (int c = 0; c < o->n_cameras; c++)
         for (int k = 0; k < o->n_frames; k++)

@@ -89,6 +89,7 @@ static bool write_picture(const saga_synth_job *job, int camera, int frame,
         ok = exr ? saga_exr_write(path, w, h, rgb, error)
                  : saga_png_write(path, w, h, rgb, error);
     }
+    /* Depth is written for every depth_every-th frame only. */
     if (ok && saga_synth_has_depth(job->options, frame)) {
         render_depth(job, camera, frame, depth);
         saga_synth_path(job, "depth", "exr", camera, frame, path);

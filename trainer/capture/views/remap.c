@@ -265,6 +265,8 @@ bool saga_remap_build(saga_remap *remap, const saga_lens *lens,
         saga_remap_free(remap);
         return false;
     }
+    /* For each pixel of the full-size pinhole picture, its first tap in the
+     * source and the fractions to the next taps. */
     for (size_t i = 0; i < n; i++) {
         double uv[2];
         source_of(lens, remap->focal_scale, (double)(i % full) + 0.5,
