@@ -11,8 +11,10 @@
 
 enum {
     VERSION = 3,
-    SPLAT_NBYTES = 9 + 1 + 3 + 3 + 4, /* bytes of a splat without harmonics */
-    POSITION_BITS = 23,      /* and a sign bit */
+    SPLAT_NBYTES = 9 + 1 + 3 + 3 + 4, /* coordinates get fraction bits up to
+                                       * this number of bits in total */
+    POSITION_BITS = 23,      /* least number of fraction bits, if there is room:
+                              * other writers' number */
     ENOUGH_BITS = 16,        /* wanted for a coordinate, if that */
     FRACTION_BITS = 12,      /* is more than these fraction bits, which other
                               * writers use */

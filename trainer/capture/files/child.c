@@ -47,23 +47,23 @@ static int open_log(saga_error *error)
                         "written", "no temporary file can be made there");
         return -1;
     }
-    /* Without a name from here on, it goes with its last descriptor, however
-     * this process ends. */
+    /* The file loses its name now, so that it disappears with its last
+     * descriptor, however this process ends. */
     unlink(path);
     (void)fcntl(fd, F_SETFD, FD_CLOEXEC);
     return fd;
 }
 
-/* `end` becomes the child's standard output, or, `fed`, its input. dup2 in the
- * child clears close-on-exec on the copies only. */
+/* Starts the process. `end` becomes its standard output, or its standard input
+ * if `fed`. dup2 in the child clears close-on-exec only for the copies. */
 static int spawn(saga_child *child, const char *const *argv, int end, bool fed)
 {
     posix_spawn_file_actions_t actions;
     int r = posix_spawn_file_actions_init(&actions);
     if (r != 0)
         return r;
-    /* The stream that the caller does not use is /dev/null: open for both, so
-     * that it serves as input as well as output. */
+    /* The stream that the caller does not use is /dev/null, opened for reading
+     * and writing, so that it serves for either stream. */
     r = posix_spawn_file_actions_addopen(&actions, fed ? 1 : 0, "/dev/null",
                                          O_RDWR, 0);
     if (r == 0)
@@ -80,8 +80,9 @@ static int spawn(saga_child *child, const char *const *argv, int end, bool fed)
     return r;
 }
 
-/* Ours is ends[0]. What we write goes through a socket, which tells us that the
- * child has ended without a signal. */
+/* Starts the process with a stream between it and this process, which keeps
+ * ends[0]. Data to the process goes through a socket, because writing to a
+ * socket reports the end of the process without a signal. */
 static int start_locked(saga_child *child, const char *const *argv, bool fed)
 {
     int ends[2];
@@ -90,8 +91,8 @@ static int start_locked(saga_child *child, const char *const *argv, bool fed)
     (void)fcntl(ends[0], F_SETFD, FD_CLOEXEC);
     (void)fcntl(ends[1], F_SETFD, FD_CLOEXEC);
     const int r = spawn(child, argv, ends[1], fed);
-    /* The child has a copy of its own; ours would keep the stream from ending
-     * together with it. */
+    /* The child has its own copy. An open copy here would keep the stream from
+     * ending with the child. */
     close(ends[1]);
     *(fed ? &child->in : &child->out) = ends[0];
     return r;
@@ -105,8 +106,8 @@ static bool start(saga_child *child, const char *const *argv, bool fed,
                           .patience = SAGA_CHILD_PATIENCE};
     if (child->log < 0)
         return false;
-    /* One at a time: a child born between another thread's pipe() and its
-     * close-on-exec would keep that pipe open. */
+    /* Processes are started one at a time: one started between another thread's
+     * pipe() and its close-on-exec would keep that pipe open. */
 #pragma omp critical(saga_child)
     r = start_locked(child, argv, fed);
     if (r == 0)
@@ -137,7 +138,7 @@ bool saga_child_write(saga_child *child, const void *buffer, size_t n)
     const uint8_t *const bytes = buffer;
     size_t done = 0;
     while (done < n) {
-        /* MSG_NOSIGNAL: a child that has ended is an error here, not a
+        /* With MSG_NOSIGNAL the end of the child is an error here instead of
          * SIGPIPE. */
         const ssize_t r = send(child->in, bytes + done, n - done,
                                MSG_NOSIGNAL);
@@ -150,7 +151,7 @@ bool saga_child_write(saga_child *child, const void *buffer, size_t n)
     return true;
 }
 
-/* Waits for output, or for its end. */
+/* Waits until there is output, or until it ends. */
 static bool has_output(saga_child *child)
 {
     struct pollfd p = {.fd = child->out, .events = POLLIN};
@@ -158,7 +159,7 @@ static bool has_output(saga_child *child)
     do
         r = poll(&p, 1, 1000 * child->patience);
     while (r < 0 && errno == EINTR);
-    /* 0 says that time is up. Anything else, also an error, is left to
+    /* 0 means that the time is up. Any other result, even an error, is left to
      * read(). */
     if (r != 0)
         return true;
@@ -182,7 +183,8 @@ size_t saga_child_read(saga_child *child, void *buffer, size_t n)
     return got;
 }
 
-/* Quotes the last non-empty line, control characters made visible. */
+/* Quotes the last line that is not empty, with control characters made
+ * visible. */
 static void quote_log(saga_child *child)
 {
     char text[2048];
@@ -207,8 +209,8 @@ int saga_child_end(saga_child *child, bool kill_it)
         return -1;
     if (kill_it)
         (void)kill(child->pid, SIGKILL);
-    /* Before the wait: a child that still reads sees the end of its input, and
-     * one that still writes is not left blocked on a full pipe. */
+    /* The input is closed before the wait, so that a child that still reads
+     * sees its end; a child that still writes must not block on a full pipe. */
     close_fd(&child->in);
     close_fd(&child->out);
     int status = 0;

@@ -49,7 +49,8 @@ void saga_json_merge_object(json_t *object, json_t *other)
     lost |= json_object_update_new(object, other) != 0;
 }
 
-/* Python writes NaN, Infinity and -Infinity, which JSON does not have. */
+/* Reports invalid JSON. Python writes NaN, Infinity and -Infinity, which JSON
+ * does not have. */
 static bool bad_json(const json_error_t *problem, const char *path,
                      const saga_bytes *bytes, saga_error *error)
 {
@@ -73,8 +74,8 @@ json_t *saga_json_parse(const saga_bytes *text, const char *path,
     saga_json_watch();
     json_t *root = json_loadb((const char *)text->data, text->nbytes, 0,
                               &problem);
-    /* Where an allocation failed, what jansson says of the text means
-     * nothing. */
+    /* If an allocation failed, jansson's error about the text is
+     * meaningless. */
     bool ok = root || saga_json_starved() ||
               bad_json(&problem, path, text, error);
     if (saga_json_starved())

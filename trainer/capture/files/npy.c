@@ -25,8 +25,8 @@ static const char *skip_space(const char *p)
     return p;
 }
 
-/* Returns the text behind 'key': in the header's dictionary, NULL if missing.
- */
+/* Returns the text after 'key': in the header's dictionary, or NULL if it is
+ * missing. */
 static const char *value_of(const char *text, const char *key)
 {
     const char *p = strstr(text, key);
@@ -39,7 +39,8 @@ static const char *value_of(const char *text, const char *key)
     return *p == ':' ? skip_space(p + 1) : NULL;
 }
 
-/* Multiplies the sides behind the first; false where that is too many. */
+/* Multiplies all sides except the first. Returns false if the product is too
+ * large. */
 static bool multiply_sides(npy_header *h)
 {
     h->rows = h->side[0];
@@ -52,8 +53,8 @@ static bool multiply_sides(npy_header *h)
     return true;
 }
 
-/* Reads (a,), (a, b) and so on; digits only, so that nothing negative gets
- * through. */
+/* Reads a shape such as (a,) or (a, b). Only digits are accepted, so no number
+ * can be negative. */
 static bool parse_shape(const char *p, npy_header *h)
 {
     int n = 0;
@@ -76,7 +77,7 @@ static bool parse_shape(const char *p, npy_header *h)
             return false;
     }
     h->n_sides = n;
-    /* The order of Fortran is undone for matrices only (copy_items). */
+    /* copy_items converts Fortran's order for matrices only. */
     return n > 0 && (n <= 2 || !h->fortran) && multiply_sides(h);
 }
 
@@ -104,7 +105,8 @@ static const uint8_t *take_header(saga_cursor *c, size_t *nbytes)
     if (!magic || memcmp(magic, "\x93NUMPY", 6) != 0 || magic[6] < 1 ||
         magic[6] > 3)
         return NULL;
-    /* The length of the header has two bytes in version 1, four since then. */
+    /* The header's length has two bytes in version 1 and four in later
+     * versions. */
     *nbytes = (size_t)saga_take_le(c, magic[6] == 1 ? 2 : 4);
     return *nbytes < MAX_HEADER ? saga_take(c, *nbytes) : NULL;
 }
@@ -137,7 +139,7 @@ static bool read_array(saga_npy *npy, saga_cursor *c, const char *path,
                          "has a header that is not understood (%.120s)", text);
     const size_t item = (size_t)h.item_nbytes;
     const size_t have = saga_left(c) / item;
-    /* Division first: rows x cols may not be representable. */
+    /* The sizes are compared by division, because rows x cols may overflow. */
     if (h.rows == 0 || h.cols == 0 || h.rows > have / h.cols ||
         h.rows * h.cols * item != saga_left(c))
         return saga_fail(error, path, "save or copy it again",

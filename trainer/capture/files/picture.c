@@ -51,8 +51,8 @@ bool saga_picture_is_exr(const char *path)
     return picture_kind(path, &kind, &error) && kind == PICTURE_EXR;
 }
 
-/* A picture that is neither PNG, JPEG nor OpenEXR goes through ffmpeg: a
- * process for each. */
+/* Returns the name of ffmpeg's demuxer for a format that ffmpeg decodes, which
+ * is any except PNG, JPEG and OpenEXR. Each such picture takes a process. */
 static const char *ffmpeg_name(enum picture_kind kind)
 {
     return kind == PICTURE_WEBP ? "webp_pipe" : "tiff_pipe";
@@ -105,7 +105,7 @@ bool saga_picture_read_alpha(const char *path, int width, int height,
         return false;
     if (kind == PICTURE_PNG)
         return saga_png_read_alpha(path, width, height, rgb, error);
-    /* The opacity of other kinds is not read: everything counts. */
+    /* Opacity is not read from other formats, so all pixels count. */
     memset(rgb, 255, (size_t)width * (size_t)height * 3);
     return true;
 }

@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* The library prints by itself unless it is given somewhere to talk to. */
+/* Ignores the library's messages, which it prints if it has no handler. */
 static void exr_quiet(exr_const_context_t context, exr_result_t code,
                       const char *message)
 {
@@ -28,9 +28,10 @@ static exr_context_initializer_t exr_setup(void)
     return setup;
 }
 
-/* OpenEXR goes on without an attribute that it has no memory for: a picture
- * has 64 x 64 pixels then, or no channels. So errno, 0 when a file is opened,
- * is asked before anything it says is believed. */
+/* Reports an error of OpenEXR. If OpenEXR has no memory for an attribute, it
+ * continues without it, so that a picture seems to have 64 x 64 pixels or no
+ * channels. errno, which is 0 when a file is opened, is therefore read
+ * first. */
 static bool exr_fail(const char *path, exr_result_t code, saga_error *error)
 {
     if (errno == ENOMEM)
@@ -55,7 +56,7 @@ static bool exr_open(exr_input *in, const char *path, saga_error *error)
     const exr_context_initializer_t setup = exr_setup();
     exr_storage_t storage = EXR_STORAGE_SCANLINE;
     int32_t rows = 0;
-    /* exr_fail asks errno whether memory was missing. */
+    /* exr_fail reads errno to find out whether memory was short. */
     errno = 0;
     exr_result_t r = exr_start_read(&in->context, path, &setup);
     if (r == EXR_ERR_SUCCESS)
@@ -79,8 +80,7 @@ static bool exr_open(exr_input *in, const char *path, saga_error *error)
     const long long h = (long long)in->window.max.y - in->window.min.y + 1;
     if (rows < 1 || !saga_check_size(path, w, h, error)) {
         exr_finish(&in->context);
-        /* A first error stands, so this is told only where the size was
-         * fine. */
+        /* An earlier error has been reported already. */
         return saga_fail(error, path, NULL, "EXR has no rows");
     }
     in->width = (int)w;
@@ -101,8 +101,8 @@ bool saga_exr_probe(const char *path, int *width, int *height,
     return true;
 }
 
-/* Planes of floats are filled, one per wanted channel name; names[0] == NULL:
- * the only channel of the file, whatever it is called. */
+/* Planes of floats to be filled, one for each wanted channel. If names[0] is
+ * NULL, the file's only channel is wanted, whatever its name is. */
 typedef struct exr_planes {
     const char *names[3];
     float *data[3];
@@ -124,7 +124,7 @@ static void aim_channels(exr_decode_pipeline_t *decode,
         exr_coding_channel_info_t *const ch = &decode->channels[c];
         const int p = plane_of(planes, ch->channel_name);
         ch->decode_to_ptr = NULL;
-        /* Channels that nobody wants are not unpacked. */
+        /* Channels that are not wanted are not unpacked. */
         if (p < 0)
             continue;
         float *const to = planes->data[p] + (size_t)row * (size_t)width;
@@ -151,8 +151,8 @@ static exr_result_t decode_chunks(exr_input *in, const exr_planes *planes)
                      : exr_decoding_update(in->context, 0, &chunk, &decode);
         if (r != EXR_ERR_SUCCESS)
             break;
-        /* The routines are chosen once the channels are aimed, for the types
-         * that these want; they serve all chunks. */
+        /* The decoder chooses its routines after the channels have their
+         * targets, whose types matter; the routines serve all chunks. */
         aim_channels(&decode, planes, in->width, row);
         if (row == 0)
             r = exr_decoding_choose_default_routines(in->context, 0, &decode);
@@ -163,7 +163,7 @@ static exr_result_t decode_chunks(exr_input *in, const exr_planes *planes)
     return r;
 }
 
-/* Every wanted channel must be there at full resolution. */
+/* Checks that every wanted channel exists at full resolution. */
 static bool check_channels(const exr_input *in, const char *path,
                            exr_planes *planes, saga_error *error)
 {
@@ -171,7 +171,7 @@ static bool check_channels(const exr_input *in, const char *path,
     const exr_result_t r = exr_get_channels(in->context, 0, &list);
     if (r != EXR_ERR_SUCCESS)
         return exr_fail(path, r, error);
-    /* The only channel of a file is depth by any name. */
+    /* If the file has only one channel, it is the depth under any name. */
     if (planes->n == 1 && list->num_channels == 1)
         planes->names[0] = list->entries[0].name.str;
     for (int i = 0; i < planes->n; i++) {
@@ -250,9 +250,10 @@ static exr_result_t write_header(exr_context_t context, int width, int height,
 
 typedef exr_result_t exr_compress_fn(exr_encode_pipeline_t *encode);
 
-/* Readers take a chunk of the packed size for one that is not compressed.
- * OpenEXR before 3.4.8 writes compressed ones of that very size, and pixels
- * come back as noise (its issue 2306): such a chunk is stored as it is. */
+/* Compresses a chunk, or stores it if compression does not change its size.
+ * Readers take a chunk of the uncompressed size as uncompressed, but OpenEXR
+ * before 3.4.8 writes compressed ones of that size, which are then read as
+ * noise (its issue 2306). */
 static exr_result_t compress_or_store(exr_encode_pipeline_t *encode)
 {
     exr_compress_fn *const *const compress = encode->encoding_user_data;
@@ -286,7 +287,8 @@ static exr_result_t encode_chunks(exr_context_t context, int width,
     exr_result_t r = exr_get_scanlines_per_chunk(context, 0, &rows);
     for (int y = 0; y < height && r == EXR_ERR_SUCCESS; y += rows) {
         exr_chunk_info_t chunk;
-        /* The pipeline is made for the first chunk and goes on to the next. */
+        /* The pipeline is made for the first chunk and reused for the
+         * others. */
         r = exr_write_scanline_chunk_info(context, 0, y, &chunk);
         if (r != EXR_ERR_SUCCESS)
             break;
@@ -328,7 +330,7 @@ static bool write_planes(const char *path, int width, int height,
         r = write_header(context, width, height, planes, type);
         if (r == EXR_ERR_SUCCESS)
             r = encode_chunks(context, width, height, planes);
-        /* The temporary file gets its name here, so this may fail as well. */
+        /* Closing renames the temporary file, which may fail as well. */
         const exr_result_t closed = exr_finish(&context);
         r = r == EXR_ERR_SUCCESS ? closed : r;
     }
@@ -375,7 +377,7 @@ bool saga_exr_write(const char *path, int width, int height,
     float *const data = saga_alloc(n * 3, sizeof *data, path, error);
     if (!data)
         return false;
-    /* 8 bits have no more than 256 values in linear light. */
+    /* A table suffices, because 8 bits have only 256 values in linear light. */
     float linear[256];
     for (int v = 0; v < 256; v++)
         linear[v] = (float)saga_srgb_to_linear(v / 255.0);

@@ -65,7 +65,8 @@ bool saga_jpeg_read(const char *path, int width, int height, uint8_t *rgb,
     int w, h;
     bool ok = jpeg_begin(&job, &w, &h) &&
               saga_check_same_size(path, w, h, width, height, error);
-    /* Thousands of scans would take minutes; damage is a failure here. */
+    /* Warnings about damage count as errors, and the number of scans is
+     * limited, since thousands of them would take minutes. */
     if (ok && tjDecompress2(job.decoder, job.bytes.data, job.bytes.nbytes, rgb,
                             width, 0, height, TJPF_RGB,
                             TJFLAG_ACCURATEDCT | TJFLAG_LIMITSCANS) != 0)
@@ -78,7 +79,7 @@ bool saga_jpeg_encode(uint8_t **bytes, size_t *nbytes, int width, int height,
                       const uint8_t *rgb, saga_error *error)
 {
     const tjhandle encoder = tjInitCompress();
-    /* The most that a picture of this size may take, so the buffer never
+    /* The largest size that a picture can take, so that the buffer never
      * grows. */
     unsigned long n = tjBufSize(width, height, TJSAMP_420);
     *bytes = encoder ? saga_alloc(n, 1, "a picture", error) : NULL;

@@ -12,7 +12,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Everything a longjmp out of libpng must not lose lives here, not in
+/* Everything that must survive a longjmp out of libpng is here and not in
  * registers. */
 typedef struct png_job {
     png_structp png;
@@ -42,12 +42,13 @@ static void read_job_end(png_job *job)
     job->file = NULL;
 }
 
-/* libpng refuses bad sizes without naming them. Leaves the file at its
- * begin; what is no PNG is left to libpng. */
+/* Checks the size of a PNG, because libpng refuses bad sizes without reporting
+ * them. The file is rewound. libpng handles files that are no PNG. */
 static bool check_file_size(FILE *file, const char *path,
                             saga_error *error)
 {
-    /* A magic of 8 bytes and a chunk's length, then IHDR, width and height. */
+    /* The file begins with a magic of 8 bytes, a chunk's length, IHDR, width
+     * and height. */
     uint8_t head[24] = {0};
     const bool read = fread(head, sizeof head, 1, file) == 1;
     rewind(file);
@@ -64,7 +65,7 @@ static bool read_job_begin(png_job *job, const char *path,
     if (!job->file)
         return saga_fail_errno(error, path, "check the path in the capture's "
                                "files", "picture cannot be opened");
-    /* read_failed asks errno why libpng gave up. */
+    /* read_failed reads errno to find out why libpng failed. */
     errno = 0;
     if (!check_file_size(job->file, path, error)) {
         read_job_end(job);
@@ -81,7 +82,7 @@ static bool read_job_begin(png_job *job, const char *path,
 
 static bool read_header(png_job *job)
 {
-    /* An error in any call below comes back to here. */
+    /* An error in any call below returns to this place. */
     if (setjmp(png_jmpbuf(job->png)))
         return false;
     png_set_user_limits(job->png, SAGA_MAX_SIDE, SAGA_MAX_SIDE);
@@ -96,16 +97,16 @@ static bool has_alpha(const png_job *job)
            png_get_valid(job->png, job->info, PNG_INFO_tRNS);
 }
 
-/* Whatever the file holds, rows of 8-bit RGB come out, or with 4 channels of
- * RGBA. */
+/* Reads rows of 8-bit RGB, or of RGBA with 4 channels, whatever the file's
+ * format is. */
 static bool read_rows(png_job *job, uint8_t *rows, int width, int height,
                       int channels)
 {
     if (setjmp(png_jmpbuf(job->png)))
         return false;
     const png_color_16 black = {0};
-    /* Palettes and few bits become 8, 16 bits are rounded to 8, grey becomes
-     * colour; alpha is kept or blended over black, without a gamma. */
+    /* Palettes and fewer bits become 8 bits, 16 bits are rounded to 8, and grey
+     * becomes colour. Alpha is kept, or blended over black without a gamma. */
     png_set_expand(job->png);
     png_set_scale_16(job->png);
     png_set_gray_to_rgb(job->png);
@@ -126,7 +127,8 @@ static bool read_rows(png_job *job, uint8_t *rows, int width, int height,
     return true;
 }
 
-/* libpng tells of missing memory as of damage; errno knows the difference. */
+/* Reports an error. libpng does not distinguish missing memory from damage, but
+ * errno does. */
 static bool read_failed(const png_job *job, const char *path, const char *what,
                         saga_error *error)
 {
@@ -189,7 +191,7 @@ bool saga_png_read_alpha(const char *path, int width, int height, uint8_t *rgb,
     return ok;
 }
 
-/* Rows as PNG has them: of RGB in 8 bits, or of grey in 16, the high byte
+/* Rows in PNG's form: RGB in 8 bits, or grey in 16 bits with the high byte
  * first. */
 typedef struct png_rows {
     const uint8_t *bytes;

@@ -43,7 +43,8 @@ typedef struct ply_header {
     int field[MAX_PROPERTIES]; /* property index, -1: missing */
 } ply_header;
 
-/* Takes a line without its end, cut to fit; false at the end of the data. */
+/* Reads a line without its end, cut to the buffer's size. Returns false at the
+ * end of the data. */
 static bool take_line(saga_cursor *c, char line[MAX_LINE])
 {
     const size_t left = saga_left(c);
@@ -78,8 +79,8 @@ static bool add_property(ply_header *h, const char *type, const char *name)
     return false;
 }
 
-/* Reads one header line; elements are tracked so that only the vertices'
- * properties count. */
+/* The state while the header is read; only properties of the element "vertex"
+ * count. */
 typedef struct ply_state {
     bool seen_format, seen_vertex, in_vertex;
 } ply_state;
@@ -96,14 +97,14 @@ static bool header_line(ply_header *h, ply_state *s, const char *line)
     if (sscanf(line, "element %31s %llu", a, &n) == 2) {
         s->in_vertex = strcmp(a, "vertex") == 0 && !s->seen_vertex;
         s->seen_vertex |= s->in_vertex;
-        /* Elements behind the vertices are not read. Before these they are
-         * refused, since their records would have to be passed over. */
+        /* Elements after the vertices are not read. Elements before them are
+         * refused, because their records would have to be skipped. */
         if (s->in_vertex)
             h->count = n;
         return s->seen_vertex;
     }
     if (s->in_vertex && strncmp(line, "property", 8) == 0)
-        /* The type of a list, "list", is none that add_property knows. */
+        /* A list has the type "list", which add_property refuses. */
         return sscanf(line, "property %31s %63s", a, b) == 2 &&
                add_property(h, a, b);
     return true;
@@ -145,7 +146,7 @@ static bool parse_header(ply_header *h, saga_cursor *c, const char *path,
                      "is cut short in its header");
 }
 
-/* Numbers beyond what the property's type can hold do not matter here. */
+/* Returns the value of a property. A double holds all values of these types. */
 static double load_value(const uint8_t *p, int type)
 {
     switch (type) {
@@ -186,7 +187,8 @@ static bool take_ascii(saga_cursor *c, const ply_header *h, double *values)
     return true;
 }
 
-/* Integer colours have the range of their type, real ones 0..1. */
+/* Converts a colour. Integers have the range of their type, real numbers
+ * 0..1. */
 static uint8_t colour_byte(double v, int type)
 {
     const double unit = type == PLY_F32 || type == PLY_F64 ? 255.0
@@ -212,12 +214,12 @@ static bool fill_point(saga_point *point, const ply_header *h,
            isfinite(point->position[2]);
 }
 
-/* Returns the least bytes one vertex takes: checked before anything is
- * allocated. */
+/* Returns the least number of bytes for one vertex, which bounds the count
+ * before anything is allocated. */
 static uint64_t least_nbytes(const ply_header *h)
 {
     uint64_t n = 0;
-    /* In text a number has a digit and a separator. */
+    /* A number in text takes at least a digit and a separator. */
     for (int i = 0; i < h->n_properties; i++)
         n += h->ascii ? 2 : (uint64_t)ply_types[h->type[i]].nbytes;
     return n;
@@ -226,7 +228,7 @@ static uint64_t least_nbytes(const ply_header *h)
 static bool check_length(const ply_header *h, const saga_cursor *c,
                          const char *path, saga_error *error)
 {
-    /* The last ascii number may lack its separator, hence + 1. */
+    /* + 1, because the last number in text may lack its separator. */
     return h->count <= (saga_left(c) + 1) / least_nbytes(h) ||
            saga_fail(error, path, "copy it again", "announces %llu points "
                      "but has only %zu bytes left",
@@ -255,7 +257,7 @@ static bool read_points(saga_cursor *c, const char *path, saga_point **points,
                          "vertices have no x, y, z");
     if (!check_length(&h, c, path, error))
         return false;
-    /* The file is long enough for that count, so it may be believed. */
+    /* The file is long enough for that count, so the allocation is safe. */
     *points = saga_alloc((size_t)h.count, sizeof **points, path, error);
     if (!*points)
         return false;

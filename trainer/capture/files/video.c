@@ -12,7 +12,8 @@
 
 enum { MOST_ARGUMENTS = 40 };
 
-/* Appends words to an argument list of MOST_ARGUMENTS; both end with NULL. */
+/* Appends words to an argument list of MOST_ARGUMENTS; both lists end with
+ * NULL. */
 static void add_words(const char **argv, const char *const *words)
 {
     int n = 0;
@@ -23,10 +24,11 @@ static void add_words(const char **argv, const char *const *words)
     argv[n] = NULL;
 }
 
-/* Files of strangers: only containers that hold the video themselves, so that
- * a playlist cannot name other files, and only from files. The names are those
- * of ffmpeg's demuxers. A decoder refuses more than SAGA_MAX_SIDE on both
- * sides before it allocates. */
+/* Restricts ffmpeg, since files may come from strangers. It may read only
+ * files, and only containers that hold the video themselves, so that a playlist
+ * cannot name other files; the names are those of ffmpeg's demuxers. A decoder
+ * refuses a picture with more than SAGA_MAX_SIDE on both sides before it
+ * allocates. */
 static void add_guard(const char **argv, const char *still)
 {
     static const char videos[] = "mov,matroska,avi,mpegts,mpeg,ogg,flv,ivf,obu,"
@@ -95,7 +97,8 @@ static void probe_colour(saga_video_info *info, const char *text)
     info->full_range = strcmp(value, "pc") == 0;
 }
 
-/* ffmpeg turns pictures by the display matrix; sizes follow. */
+/* Adapts the size to the rotation in the display matrix, which ffmpeg applies
+ * to pictures. */
 static void probe_rotation(saga_video_info *info, const char *text)
 {
     char value[32];
@@ -103,7 +106,7 @@ static void probe_rotation(saga_video_info *info, const char *text)
     if (value[0] == '\0')
         field(text, "TAG:rotate", value, sizeof value);
     const long turn = labs(strtol(value, NULL, 10)) % 180;
-    /* A quarter turn either way swaps the sides. */
+    /* A quarter turn in either direction swaps the sides. */
     if (turn < 45 || turn > 135)
         return;
     const int width = info->width;
@@ -121,7 +124,7 @@ static bool run_ffprobe(const char *path, const char *still, char *text,
         "stream=width,height,avg_frame_rate,nb_read_packets,color_space,"
         "color_range:stream_tags=rotate:stream_side_data=rotation";
     const char *argv[MOST_ARGUMENTS] = {"ffprobe", "-v", "error"};
-    /* Packets are counted instead of frames: no picture is decoded for it. */
+    /* Packets are counted instead of frames, because that needs no decoding. */
     const char *const rest[] = {
         "-count_packets", "-select_streams", "v:0",
         "-show_entries", entries,
@@ -133,7 +136,8 @@ static bool run_ffprobe(const char *path, const char *still, char *text,
     if (ok) {
         const size_t got = saga_child_read(&child, text, n - 1);
         text[got] = '\0';
-        /* Who fills the buffer says more than was asked, and is killed. */
+        /* A child that fills the buffer has written more than was asked, and is
+         * killed. */
         if (saga_child_end(&child, got == n - 1) != 0)
             ok = saga_fail(error, path, "check that ffplay shows it",
                            "is no video that ffprobe can read (%s)",
@@ -186,15 +190,17 @@ static bool start_ffmpeg(saga_video *video, saga_error *error)
                    "flags=bicubic+accurate_rnd+full_chroma_int+bitexact",
                    video->info.matrix,
                    video->info.full_range ? "full" : "limited");
-    /* One more than wanted, so that a surplus shows. */
+    /* If all frames are wanted, one more is requested, so that a surplus is
+     * detected. */
     const bool all = video->n_wanted == video->info.n_frames;
     (void)snprintf(count, sizeof count, "%d", video->n_wanted + (all ? 1 : 0));
     char *const url = saga_child_path(video->path, error);
     if (!url)
         return false;
     const char *argv[MOST_ARGUMENTS] = {"ffmpeg", "-nostdin", "-v", "error"};
-    /* One thread, since other cameras are decoded beside it; passthrough, so
-     * that no frame is doubled or dropped for the sake of the rate. */
+    /* One thread per video, since other cameras are decoded at the same time.
+     * "passthrough" keeps ffmpeg from doubling or dropping frames to match the
+     * rate. */
     const char *const rest[] = {
         "-threads", "1", "-i", url,
         "-map", "0:v:0", "-frames:v", count,
@@ -230,7 +236,8 @@ bool saga_video_next(saga_video *video, uint8_t *rgb, saga_error *error)
         (size_t)video->info.width * (size_t)video->info.height * 3;
     size_t got = saga_child_read(&video->child, rgb, nbytes);
     if (got == 0 && video->n_read == 0 && !video->old_ffmpeg) {
-        /* Nothing at all: an ffmpeg that does not know -fps_mode yet? */
+        /* If there was no output at all, ffmpeg may be too old to know
+         * -fps_mode. */
         (void)saga_child_end(&video->child, false);
         if (strstr(video->child.tail, "fps_mode") ||
             strstr(video->child.tail, "Option not found")) {
@@ -260,7 +267,7 @@ bool saga_video_close(saga_video *video, bool ok, saga_error *error)
         (void)saga_child_end(&video->child, true);
         return false;
     }
-    /* A byte more is a frame more than ffprobe has counted. */
+    /* Another byte means that there are more frames than ffprobe counted. */
     if (saga_child_read(&video->child, &extra, 1) != 0) {
         (void)saga_child_end(&video->child, true);
         return saga_fail(error, video->path, "encode the video again",
@@ -270,8 +277,8 @@ bool saga_video_close(saga_video *video, bool ok, saga_error *error)
                          video->info.height);
     }
     const int status = saga_child_end(&video->child, false);
-    /* Complaints with status 0 mean concealed damage: say so, do not train on
-     * smeared pictures. */
+    /* Messages with status 0 mean that ffmpeg concealed damage. That is
+     * reported, because smeared pictures must not be trained on. */
     if (status == 0 && video->child.tail[0] == '\0')
         return true;
     return saga_fail(error, video->path, "copy or encode the video again",
