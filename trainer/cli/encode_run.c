@@ -43,6 +43,7 @@ static void tell_base(const saga_encode_session *s)
     if (!s->wanted)
         snprintf(gain, sizeof gain, "that saves about %.0f kB",
                  b->saved / 1000);
+    /* There is a base, or too much moves for one, or the cameras move. */
     if (b->n_prim)
         saga_cli_error(0, "encode: %.0f %% of the primitives stand still: %u "
                        "are sent once, as the base, and each of the %d "

@@ -436,6 +436,7 @@ static int compare(session *s)
     };
     bool ok;
 
+    /* The cameras must match before pictures are compared. */
     if (!match(s))
         return give_up(s, SAGA_EXIT_DATA);
     ok = saga_eval_run(&s->eval, &maker, &s->capture, &o, &s->error);

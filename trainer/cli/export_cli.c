@@ -198,6 +198,7 @@ static int check_sequence(const options *o)
     char *folder;
     int status = SAGA_EXIT_OK;
 
+    /* The folder must be new, because it is renamed as a whole. */
     if (!strchr(o->out, '/'))
         return saga_cli_error(SAGA_EXIT_USAGE, "export: %s: a sequence gets a "
                               "new folder; give it with the name, like "

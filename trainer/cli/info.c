@@ -435,6 +435,8 @@ static int probe(subject *s, size_t n)
 
     if (status == SAGA_OK)
         return 0;
+    /* Likely mistakes have messages of their own: a checkpoint, another kind of
+     * file. */
     if (saga_checkpoint_is(s->bytes, n))
         return saga_cli_error(SAGA_EXIT_DATA, "%s: not a .saga file, but a "
                               "checkpoint of `saga encode`, or the networks "

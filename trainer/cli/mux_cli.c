@@ -59,6 +59,7 @@ static bool code_sound(saga_bytes *to, const char *path, saga_error *error)
     free(name);
     if (!ok)
         return false;
+    /* The output is read to its end before the status is known. */
     ok = read_child(to, &child, error);
     if (saga_child_end(&child, !ok) == 0 && ok)
         return true;

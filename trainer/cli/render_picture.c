@@ -110,6 +110,7 @@ bool saga_sight_draw(saga_sight *s, saga_film *film, const saga_camera *camera,
         return saga_fail(error, "--stereo", "give a --size of half of that",
                          "two pictures of %d pixels side by side are wider "
                          "than %d", camera->width, SAGA_MAX_SIDE);
+    /* The two eyes are half of their distance to either side. */
     for (int eye = 0; eye < saga_sight_eyes(s); eye++) {
         saga_camera c = *camera;
 

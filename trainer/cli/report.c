@@ -258,6 +258,7 @@ static int run(int argc, char **argv)
     if (!o.output)
         return saga_cli_error(SAGA_EXIT_USAGE, "report: -o FILE.html is "
                               "missing; it says where the page goes");
+    /* All files are read before the page is begun. */
     status = SAGA_EXIT_OK;
     for (int i = 0; names[i] && !status; i++)
         status = load(&s, names[i]);

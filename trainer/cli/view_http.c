@@ -263,6 +263,7 @@ static void listen_to(const saga_http *http, client *c)
 
     if (n < 0 && (errno == EINTR || errno == EAGAIN || errno == EWOULDBLOCK))
         return;
+    /* The client has gone, or the connection failed. */
     if (n <= 0) {
         hang_up(c);
         return;
@@ -270,6 +271,8 @@ static void listen_to(const saga_http *http, client *c)
     c->since = now_ms();
     c->n += (size_t)n;
     c->request[c->n] = '\0';
+    /* An empty line ends a request; without it the request is not complete
+     * yet. */
     if (strstr(c->request, "\r\n\r\n"))
         answer(http, c);
     else if (c->n == REQUEST_NBYTES)

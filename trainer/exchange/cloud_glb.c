@@ -129,6 +129,7 @@ static json_t *json_of(glb *g)
     const saga_cloud *const cloud = g->cloud;
     json_t *const views = json_array(), *const accessors = json_array();
 
+    /* One accessor and one view per attribute, without gaps between them. */
     for (int i = 0; i < g->n; i++) {
         const attribute *const a = &g->attribute[i];
         const size_t size = 4 * (size_t)a->n_components * cloud->n;

@@ -274,6 +274,7 @@ static bool find_accessor(accessor *a, const glb *g, const char *name,
                          "understood", name);
     if (!find_view(&a->data, &nbytes, g, integer(of, "bufferView")))
         return false;
+    /* The last element must end inside the view. */
     a->n = (size_t)n;
     a->n_components = n_components;
     element = (size_t)n_components * (size_t)a->size;

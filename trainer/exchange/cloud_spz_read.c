@@ -162,6 +162,8 @@ static uint8_t *inflate_all(z_stream *z, spz_head *h, int *axis,
     if (!take_head(h, head, error))
         return NULL;
     find_arrays(h);
+    /* The counts in the header are limited by the packed size before memory is
+     * taken. */
     arrays = alloc_arrays(h, packed_nbytes, GZIP_RATIO, error);
     if (!arrays)
         return NULL;
@@ -169,6 +171,7 @@ static uint8_t *inflate_all(z_stream *z, spz_head *h, int *axis,
         !inflate_rest(z, extra, &n))
         saga_fail(error, h->path, "copy it again", "announces %u splats, but "
                   "is cut short or damaged", (unsigned)h->n);
+    /* Extensions follow the arrays and may tell the axes. */
     if (h->flags & HAS_EXTENSIONS)
         records.end += n;
     if (!saga_failed(error) && find_axis(axis, h, records, error))
@@ -312,6 +315,7 @@ static void take_splat(saga_cloud *cloud, size_t i, const spz_head *h,
     const size_t each = 3 * (size_t)saga_n_harmonics(cloud->degree);
     float *const colour = cloud->colour + each * i;
 
+    /* Each array is indexed by the splat's number times its bytes per splat. */
     for (size_t k = 0; k < 3; k++) {
         cloud->mean[3 * i + k] =
             load_position(array[POSITION] + 9 * i + 3 * k, h->fraction_bits);

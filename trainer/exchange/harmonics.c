@@ -18,6 +18,8 @@ void saga_harmonics(double out[SAGA_MAX_HARMONICS], const double d[3])
     const double x = d[0], y = d[1], z = d[2];
     const double xx = x * x, yy = y * y, zz = z * z;
 
+    /* Degree 0 has one function, degree 1 three, degree 2 five, degree 3 seven;
+     * signs are those of the usual splat files. */
     out[0] = SAGA_HARMONIC_0;
     out[1] = -C1 * y;
     out[2] = C1 * z;

@@ -438,6 +438,7 @@ bool saga_splice(uint8_t **bytes, size_t *n, const saga_splice_part *part,
     splice s = { .at = 0 };
     bool ok = p != NULL;
 
+    /* All parts are read before anything is written. */
     for (int k = 0; k < n_parts && ok; k++)
         ok = read_piece(&p[k], &part[k], error);
     if (ok)

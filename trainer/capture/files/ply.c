@@ -128,11 +128,13 @@ static bool parse_header(ply_header *h, saga_cursor *c, const char *path,
 {
     char line[MAX_LINE];
     ply_state s = {0};
+    /* -1 marks a field that the file does not have. */
     for (int f = 0; f < h->n_fields; f++)
         h->field[f] = -1;
     if (!take_line(c, line) || strcmp(line, "ply") != 0)
         return saga_fail(error, path, "export the points as PLY",
                          "is no PLY file");
+    /* One line at a time until end_header, whose checks need all of them. */
     while (take_line(c, line)) {
         if (strcmp(line, "end_header") == 0)
             return header_is_whole(h, &s, path, error);

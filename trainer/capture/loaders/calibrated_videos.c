@@ -477,6 +477,8 @@ static bool fill_in(calibration *c, const saga_capture_options *options)
     int *const kept_as = saga_alloc((size_t)l->n_sources, sizeof *kept_as,
                                     c->path, c->error);
     const int n = l->n_sources;
+    /* Cameras without a video are left out first; c->sizes still has the old
+     * order. */
     bool ok = kept_as && saga_listing_drop_empty(l, 0, 0, kept_as, c->error);
     for (int i = 0; ok && i < n; i++) {
         saga_source *const s = &l->sources[kept_as[i] < 0 ? 0 : kept_as[i]];
@@ -486,6 +488,7 @@ static bool fill_in(calibration *c, const saga_capture_options *options)
     free(kept_as);
     if (!ok)
         return false;
+    /* Names and units, then the frames that all videos have. */
     saga_listing_tell_apart(l);
     tell_unit(l);
     saga_note(l->notes, "points: none (a calibration has none)");

@@ -375,6 +375,7 @@ static bool take_late(const saga_listing *l, const char **text, double *late,
     char *end;
     const double frames = n < all ? strtod(*text + n + 1, &end) : 0.0;
     const saga_source *const s = find_source(l, *text, n);
+    /* The number must reach exactly to the comma or the end. */
     if (n >= all || end != *text + all || !(fabs(frames) <= SAGA_MAX_FRAMES))
         return saga_fail(error, l->path, "give NAME=FRAMES, with commas "
                          "between", "--late \"%.60s\" is no camera and number "

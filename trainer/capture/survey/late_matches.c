@@ -228,6 +228,7 @@ bool saga_late_matches_find(saga_lateness *late, const saga_capture *capture,
         late[v] = (saga_lateness){.frames = NAN, .tolerance = NAN};
     if (capture->n_frames < STRETCH || n_views < 3 || capture->moves)
         return true;
+    /* Corners are found once, then matched for each pair and each shift. */
     f.first = find_stretch(capture);
     f.counts = saga_calloc(n_views, sizeof *f.counts, "the motion", error);
     const bool ok = f.counts && find_corners(&f, error);

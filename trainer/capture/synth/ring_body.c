@@ -282,6 +282,8 @@ static void add_trunk(pose *p, double neck[3])
         reach(at[2 + i], neck, p->chest,
               (const double[3]){0.0, 0.085 * l * k, -0.16 * k});
     }
+    /* Hips, chest, waist, neck and head; each joint is relative to pelvis or
+     * neck. */
     add(p, at[0], at[1], 0.100, SAGA_RING_TROUSERS);
     add(p, at[2], at[3], 0.120, SAGA_RING_SHIRT);
     reach(at[0], p->pelvis, p->axes, (const double[3]){0.0, 0.0, 0.08});

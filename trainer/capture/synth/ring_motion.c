@@ -74,9 +74,11 @@ void saga_ring_draw_plan(saga_ring_plan *p, uint32_t seed)
         .flight = saga_ring_draw(seed, 10, 0.42, 0.60),
         .comes = saga_ring_draw(seed, 11, 0.30, 0.50),
         .goes = saga_ring_draw(seed, 12, 0.55, 0.75)};
+    /* Things stand in four sectors of a quarter turn each. */
     for (int i = 0; i < 4; i++)
         p->place[i] =
             corner + 0.25 * i + saga_ring_draw(seed, 14 + i, 0.0, 0.15);
+    /* The light is 2.8 m from the middle and 3.1 m high. */
     on_circle(p->light, saga_ring_draw(seed, 18, 0.0, 1.0), 2.8);
     p->light[2] = 3.1;
     draw_colours(p, seed);
