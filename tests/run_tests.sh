@@ -246,6 +246,7 @@ many() {
     check pipe python3 tests/cli/check_pipe.py
     check sight python3 tests/cli/check_sight.py
     check exchange python3 tests/cli/check_exchange.py
+    check boxes python3 tests/cli/check_boxes.py
     check web python3 tests/cli/check_web.py
     check player python3 tests/cli/check_player.py
     check sound python3 tests/cli/check_sound.py

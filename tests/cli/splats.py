@@ -109,7 +109,7 @@ def read_glb(path):
     gltf = json.loads(data[20:20 + n_json])
     n_bin, kind = struct.unpack_from("<2I", data, 20 + n_json)
     assert kind == 0x004e4942 and total == 28 + n_json + n_bin
-    assert gltf["extensionsUsed"] == ["KHR_gaussian_splatting"]
+    assert gltf["extensionsUsed"][0] == "KHR_gaussian_splatting"
     primitive = gltf["meshes"][0]["primitives"][0]
     assert primitive["mode"] == 0
     assert primitive["extensions"]["KHR_gaussian_splatting"]["kernel"] == \
