@@ -25,7 +25,7 @@ static int enter(void **state)
     return !mkdtemp(folder) || chdir(folder) != 0;
 }
 
-/* Files of the folder. */
+/* Returns the number of files in the folder. */
 static int count(void)
 {
     DIR *const dir = opendir(".");
@@ -138,8 +138,8 @@ TEST_WITH(full_device_should_be_told, NULL, clear)
     assert_non_null(strstr(error.message, "free space"));
 }
 
-/* stdio forgets what it could not write, and why: closing it finds nothing
- * wrong any more. */
+/* After a write has failed, stdio forgets it: closing the file reports no error
+ * any more. */
 TEST_WITH(write_of_before_should_be_told, NULL, clear)
 {
     const struct rlimit little = { 8192, RLIM_INFINITY };
@@ -196,7 +196,7 @@ TEST_WITH(permissions_should_be_those_of_umask, NULL, clear)
     assert_int_equal(kind_of("b") & 0777, 0664);
 }
 
-/* Opens the output and dies, as a run that is killed does. */
+/* Opens the output and dies, like a run that is killed. */
 static void die_writing(const char *path)
 {
     const pid_t pid = fork();

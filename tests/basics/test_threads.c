@@ -72,7 +72,8 @@ TEST(every_part_should_be_done_once)
     }
 }
 
-/* Threads that come late find other work than that they were called for. */
+/* Threads that start late find other work than that for which they were called.
+ */
 TEST(short_work_should_follow_upon_short_work)
 {
     static record r;
@@ -106,7 +107,8 @@ static void note_owner(void *user, size_t part)
     ((size_t *)user)[part] = saga_thread_number();
 }
 
-/* A thread has the first parts of its own share; others take the last. */
+/* A thread takes the first parts of its own share, and then the last parts of
+ * others. */
 TEST(threads_should_keep_to_their_shares)
 {
     enum { TEAM = 3, EACH = 40 };
@@ -164,8 +166,8 @@ TEST(little_work_should_be_done_by_one)
     saga_set_least_work(0);
 }
 
-/* The caller waits for a part that another thread is long over, and for no
- * thread that has none: it does the others itself. */
+/* Another thread is slow with a part. The caller does all other parts itself
+ * and then waits for this one only. */
 static void wait_for_other(void *user, size_t part)
 {
     atomic_int *const n = user;

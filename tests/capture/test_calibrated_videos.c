@@ -27,8 +27,8 @@ static void put_turn(bytes *b, const double r[9])
              axis[1] * angle / sine / 2, axis[2] * angle / sine / 2);
 }
 
-/* How a program writes a camera: its table and its name, which have the number
- * of the view plus `first`; lengths in units of which there are so many. */
+/* The form in which a program writes a camera: its table and its name, which
+ * have the number of the view plus `first`, and its unit of length. */
 typedef struct {
     const char *table, *name;
     int first;
@@ -71,7 +71,8 @@ static void write_calibration(folder *f, const char *name, const form *o)
     write_bytes(f, name, &b);
 }
 
-/* Loads it and compares it with the scene, but for names and the unit. */
+/* Loads the capture and compares it with the scene, except names and the unit.
+ */
 static void check_form(folder *f, const char *layout, const form *o,
                        const char *names)
 {
@@ -136,8 +137,8 @@ TEST_IN_FOLDER(anipose_and_others_should_be_the_scene)
 
 /* --- One camera ---------------------------------------------------------- */
 
-/* One camera's calibration with some text at its end, beside a video of 64 x 48
- * pixels. */
+/* Writes a camera's calibration with some text at its end, and a video of 64 x
+ * 48 pixels. */
 static void write_camera(folder *f, const char *more)
 {
     bytes b = { 0 };
@@ -160,7 +161,8 @@ static saga_listing list_it(folder *f)
     return l;
 }
 
-/* OpenCV's formula: at pixels of 128 x 96, from the centre of the first. */
+/* The expected values come from OpenCV's formula, at pixels of 128 x 96,
+ * relative to the centre of the first pixel. */
 TEST_IN_FOLDER(lens_should_be_opencv_s_at_the_size_of_the_video)
 {
     const double k1 = -0.3, k2 = 0.1, p1 = 0.01, p2 = -0.02, k3 = 0.05;
@@ -237,8 +239,8 @@ TEST_IN_FOLDER(calibration_should_be_refused_when_wrong)
 
 /* --- Names --------------------------------------------------------------- */
 
-/* Cameras of these names and videos of those: which video each has, "-" for
- * none. */
+/* For cameras and videos with these names, the video that each camera gets; "-"
+ * for none. */
 TEST_IN_FOLDER(names_should_find_their_videos)
 {
     static const char *const t[][3][4] = {

@@ -34,8 +34,8 @@ static saga_features features_of(const uint8_t *rgb, int w, int h)
     return f;
 }
 
-/* The room's first picture beside itself turned by a quarter: pixel (x, y) of
- * W x H goes to (H - 1 - y, x) of H x W, and so do corners. */
+/* The room's first picture is matched with itself turned by a quarter: pixel
+ * (x, y) of W x H goes to (H - 1 - y, x) of H x W, and so do corners. */
 TEST(matches_should_follow_a_picture_that_is_turned)
 {
     const saga_capture *const c = *state;
@@ -84,8 +84,8 @@ static double unit(uint32_t *x)
     return next(x) / 16777216.0;
 }
 
-/* Places before two cameras, of which the second stands 1 to the right and
- * looks 0.1 to the left; focal lengths of 300 pixels. */
+/* Makes the matches of places before two cameras. The second stands 1 to the
+ * right and looks 0.1 to the left; focal lengths are 300 pixels. */
 static void see(saga_match *m, uint32_t *seed)
 {
     const double x = 4 * unit(seed) - 2, y = 3 * unit(seed) - 1.5;
@@ -150,8 +150,9 @@ static void transpose(double to[9], const double from[9])
             to[3 * i + k] = from[3 * k + i];
 }
 
-/* Makes of a right view what a loader of OpenGL's axes makes of a file whose
- * author got the matrix wrong: `file` is camera to world as the file has it. */
+/* Changes a correct view into what a loader with OpenGL's axes gives for a file
+ * whose author got the matrix wrong. `file` is the camera-to-world matrix in
+ * the file. */
 static void spoil(saga_shot *s, saga_pose_form form, bool opencv)
 {
     double a[9], b[3], file[9], right[3], down[3], ahead[3];
@@ -197,7 +198,7 @@ static saga_calibration find(const saga_capture *c, saga_shot *views)
     return cal;
 }
 
-/* Undone, the views have to be the room's own again. */
+/* When the mistake is undone, the views must be the room's own again. */
 static void expect_found(const saga_capture *c, saga_shot *views)
 {
     FREED_BY(saga_calibration_free) saga_calibration cal = find(c, views);
@@ -358,8 +359,8 @@ TEST(survey_should_say_so_in_words)
     free(c.views);
 }
 
-/* Nothing is to be told of one camera, of pictures without a corner, or of
- * cameras too far apart. */
+/* No result may be reported for one camera, for pictures without a corner, or
+ * for cameras too far apart. */
 TEST(nothing_should_be_said_without_matches)
 {
     saga_capture c = *(saga_capture *)*state;

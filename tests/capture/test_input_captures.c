@@ -12,8 +12,8 @@
 
 #define DATA "../shared/data/"
 
-/* True, and said, where a data set is missing; and with sanitizers, which have
- * seen the same code with smaller captures. */
+/* Returns true, after a message, if a data set is missing, or under sanitizers,
+ * which run the same code on smaller captures. */
 static bool left_out(const char *name)
 {
     char path[80];
@@ -56,7 +56,7 @@ static double quantile(double *x, int n, double q)
 
 enum { STUDIO_VIEWS = 14, MAX_ID = 4096, MAX_SEEN = 20000 };
 
-/* COLMAP's text, read line by line in the manner of its description. */
+/* A COLMAP model in text, read line by line according to its description. */
 typedef struct {
     double position[MAX_ID][3];
     int n_training[MAX_ID];     /* distinct views but cam00; -1: no point */
@@ -126,8 +126,8 @@ static void read_studio_images(studio_points *s)
     fclose(file);
 }
 
-/* Distances of all features with a point from where the view has it, and the
- * relative errors of the depths there. */
+/* The distances of all features with a point from the projected points, in
+ * pixels, and the relative errors of their depths. */
 typedef struct {
     double distance[MAX_SEEN], depth[MAX_SEEN];
     int n;
@@ -215,8 +215,9 @@ static void check_studio_points(const saga_capture *c)
     assert_true(fabs(quantile(e.depth, e.n, 0.9) - 0.013) < 0.001);
 }
 
-/* Pixels of view a, lifted with true depth, seen by view b. README for cam01
- * to cam02: in view 90 %, visible 73 %, colour median 3.3. */
+/* Pixels of view a are lifted with the true depth and projected into view b.
+ * The README has for cam01 to cam02: in view 90 %, visible 73 %, colour median
+ * 3.3. */
 static void check_studio_pixels(const saga_capture *c, int from, int to,
                                 double in_view, double visible)
 {
@@ -261,7 +262,7 @@ static void check_studio_pixels(const saga_capture *c, int from, int to,
     assert_true(median <= 4);
 }
 
-/* A view sees more than half of the points. */
+/* Checks that a view sees more than half of the points. */
 static void check_points_inside(const saga_capture *c, const saga_shot *v)
 {
     size_t n = 0;
@@ -295,7 +296,7 @@ TEST(studio_should_agree_with_its_readme)
 
 enum { P_W = 360, P_H = 632 };
 
-/* The first frame as the file has it, with the lens. */
+/* Decodes the first frame of the file, with its lens distortion. */
 static void decode_raw(const char *name, uint8_t *rgb)
 {
     char command[400];
@@ -333,7 +334,8 @@ static double bilinear(const uint8_t *rgb, double u, double v, int k)
     return sum;
 }
 
-/* Every pixel of the view is where OpenCV's formula puts it in the frame. */
+/* Checks that every pixel of the view comes from the place in the frame that
+ * OpenCV's formula gives. */
 static void check_lens(const saga_capture *c, int view, const json_t *frame)
 {
     const double k1 = number(frame, "k1"), k2 = number(frame, "k2");
@@ -369,7 +371,7 @@ static void check_lens(const saga_capture *c, int view, const json_t *frame)
     assert_true(farthest > 0.5);
 }
 
-/* Luma at a world point; -1 where the view does not have it. */
+/* Returns the luma at a world point, or -1 if the view does not see it. */
 static double luma_at(const saga_capture *c, int view, const double x[3])
 {
     const saga_shot *const v = c->views + view;
@@ -383,8 +385,9 @@ static double luma_at(const saga_capture *c, int view, const double x[3])
            0.1 * bilinear(saga_capture_frame(c, view, 0), uv[0], uv[1], 2);
 }
 
-/* Correlation of the points' luma with the view's where they are, all moved
- * by (dx, dy, 0): front and rear cameras differ in exposure. */
+/* Returns the correlation of the points' luma with the view's luma at the same
+ * points moved by (dx, dy, 0). A correlation is used because front and rear
+ * cameras differ in exposure. */
 static double likeness(const saga_capture *c, int view, double dx, double dy)
 {
     double n = 0, a = 0, b = 0, aa = 0, bb = 0, ab = 0;
@@ -409,7 +412,8 @@ static double likeness(const saga_capture *c, int view, double dx, double dy)
     return (n * ab - a * b) / sqrt((n * aa - a * a) * (n * bb - b * b));
 }
 
-/* Nowhere 2 cm around do the pictures look as much like the points. */
+/* Checks that moving the points by 2 cm in any direction makes the pictures
+ * less like them. */
 static void check_points(const saga_capture *c, int view)
 {
     const double here = likeness(c, view, 0, 0);

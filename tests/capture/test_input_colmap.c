@@ -47,7 +47,8 @@ static void pose_of(int image, double pose[7])
     memcpy(pose, p, sizeof p);
 }
 
-/* Where image k sees point i, half a pixel off in cam01 (k = 1). */
+/* Sets uv to the pixel at which image k sees point i; in cam01 (k = 1) it is
+ * half a pixel off. */
 static void pixel_of(const world *w, int k, int i, double uv[2])
 {
     const saga_lens l = { .fx = camera_params[0][0],
@@ -438,8 +439,8 @@ static void write_videos(folder *f)
                "&& cp cam00.mp4 cam02.mp4", W, H);
 }
 
-/* cam00 is held out: what one of the others or none has seen does not count.
- * Without poses_bounds.npy the cameras are the model's. */
+/* cam00 is held out. Points that none or one of the other cameras has seen do
+ * not count. Without poses_bounds.npy the cameras are those of the model. */
 TEST_IN_FOLDER(points_should_be_dropped_when_few_training_views_see_them)
 {
     const world w = make_world();

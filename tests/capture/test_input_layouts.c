@@ -70,7 +70,8 @@ TEST_IN_FOLDER(frame_folders_should_be_the_scene)
 
 /* --- Blender ------------------------------------------------------------- */
 
-/* Three cameras to train on, one to test; names have no ending. */
+/* The capture has three training cameras and one test camera; names have no
+ * extension. */
 TEST_IN_FOLDER(blender_scene_should_be_the_scene)
 {
     double camera = 0;
@@ -96,8 +97,8 @@ TEST_IN_FOLDER(blender_scene_should_be_the_scene)
     refused(f->path, "transforms_test.json", "expected an object");
 }
 
-/* One camera that moves: a file of the pictures of views from..to-1 with the
- * times given, as D-NeRF has them. */
+/* Writes a file for one moving camera, with the pictures of views from..to-1 at
+ * the given times, in the form of D-NeRF. */
 static void write_moving(folder *f, const char *path, int from, int to,
                          const double *time)
 {
@@ -116,8 +117,8 @@ static void write_moving(folder *f, const char *path, int from, int to,
     write_bytes(f, path, &b);
 }
 
-/* Compares with what view `from` of the scene saw, at moment k of a camera
- * that moves. */
+/* Compares a picture of a moving camera with the picture of view `from` of the
+ * scene at time k. */
 static double check_moving(const saga_capture *c, int view, int from, int k,
                            double late)
 {
@@ -133,8 +134,8 @@ static double check_moving(const saga_capture *c, int view, int from, int k,
     return camera;
 }
 
-/* Three pictures to train on, each of its own moment, and one to test, taken a
- * quarter between the first and the second. */
+/* There are three training pictures, each at its own time, and one test
+ * picture, a quarter between the first and the second. */
 TEST_IN_FOLDER(moving_camera_should_have_a_view_for_each_picture)
 {
     static const double time[] = { 0.5, 0, 1, 0.125 };
@@ -175,7 +176,8 @@ TEST_IN_FOLDER(moving_camera_should_have_a_view_for_each_picture)
     saga_capture_free(&c);
 }
 
-/* Memory is that of the pictures, not of all views at all moments. */
+/* The memory needed is that of the existing pictures, not of all views at all
+ * times. */
 TEST_IN_FOLDER(moving_camera_should_need_no_memory_for_what_is_missing)
 {
     static const double time[] = { 0, 0.25, 0.5, 1 };

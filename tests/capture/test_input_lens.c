@@ -24,8 +24,8 @@ static const lens pincushion = {
 
 /* --- The reference ------------------------------------------------------- */
 
-/* OpenCV, camera calibration: radial factor times the point, plus p1 (2xy,
- * r2 + 2y2) plus p2 (r2 + 2x2, 2xy). */
+/* OpenCV's formula: the radial factor times the point, plus p1 (2xy, r2 + 2y2)
+ * plus p2 (r2 + 2x2, 2xy). */
 static void distort(const lens *l, const double in[2], double out[2])
 {
     const double x2 = in[0] * in[0], y2 = in[1] * in[1], xy = in[0] * in[1];
@@ -36,7 +36,7 @@ static void distort(const lens *l, const double in[2], double out[2])
     out[1] = in[1] * radial + (l->p1 * (r2 + 2 * y2) + 2 * l->p2 * xy);
 }
 
-/* The direction a distorted point comes from, by fixed-point iteration. */
+/* Finds the direction of a distorted point by fixed-point iteration. */
 static void undistort(const lens *l, const double to[2], double x[2])
 {
     double y[2];
@@ -52,8 +52,8 @@ static void undistort(const lens *l, const double to[2], double x[2])
     assert_true(fabs(y[0] - to[0]) < 1e-12 && fabs(y[1] - to[1]) < 1e-12);
 }
 
-/* The scene as seen in direction (x, y, 1): 0..255, waves of at least 27
- * pixels, channels of different direction. */
+/* The brightness of the scene in the direction (x, y, 1), 0..255: waves of at
+ * least 27 pixels, in a different direction for each channel. */
 static double pattern(double x, double y, int channel)
 {
     static const double a[3][2] = { { 29, 0 }, { 4, 27 }, { -20, 19 } };
@@ -99,8 +99,8 @@ static saga_capture load_scaled(folder *f, int scale)
     return load_with(f->path, &o);
 }
 
-/* Mean of the pattern over the n x n pixels of full size that a pixel of the
- * view covers, each at its centre. */
+/* Returns the mean of the pattern over the n x n full-size pixels that a pixel
+ * of the view covers, each sampled at its centre. */
 static double expected(const saga_shot *v, int n, int x, int y, int channel)
 {
     double sum = 0;
@@ -188,7 +188,8 @@ TEST_IN_FOLDER(lens_should_be_gone_when_scaled_down)
     check_pattern(f, &pincushion, 3);
 }
 
-/* OpenCV's fisheye: radius of an angle from the axis, and back by halving. */
+/* OpenCV's fisheye formula: the radius for an angle from the axis, and its
+ * inverse by bisection. */
 static const double fish_k[4] = { 0.03, -0.01, 0.004, -0.002 };
 
 static double fish_radius(double angle)
@@ -217,7 +218,8 @@ static double fish_angle(double radius)
     return low;
 }
 
-/* A fisheye of f pixels for a radian saw waves that are `slow` times longer. */
+/* Writes a fisheye picture with `focal` pixels for a radian, of waves that are
+ * `slow` times longer. */
 static void write_fisheye(folder *f, double focal, double slow)
 {
     static uint8_t rgb[3 * W * H];
@@ -268,8 +270,8 @@ TEST_IN_FOLDER(fisheye_should_become_a_pinhole)
     }
 }
 
-/* Is every pixel centre of the pinhole picture, its focal lengths times s,
- * between pixel centres of the source? */
+/* Returns whether every pixel centre of the pinhole picture, with focal lengths
+ * times s, falls between pixel centres of the source. */
 static bool all_covered(const lens *l, const saga_shot *v, double s)
 {
     for (int i = 0; i < W * H; i++) {

@@ -10,7 +10,7 @@
 
 enum { W = 32, H = 16, N_VIEWS = 2, N_FRAMES = 3 };
 
-/* Pictures are of one grey each. */
+/* Returns the grey of a picture; each picture has only one. */
 static int grey(int view, int frame)
 {
     return 40 + 60 * view + 20 * frame;
@@ -47,8 +47,8 @@ static void write_capture(folder *f, const char *root, const char *also)
     write_bytes(f, "transforms.json", &b);
 }
 
-/* The left half of a picture does not count and is of a grey, the right one
- * does. */
+/* Checks a picture whose left half is masked and has the given grey, and whose
+ * right half counts. */
 static void check_left(const saga_capture *c, int view, int frame, int left)
 {
     const uint8_t *const mask = saga_capture_mask(c, view, frame);
@@ -73,7 +73,8 @@ static void check_whole(const saga_capture *c, int view, int frame)
     }
 }
 
-/* Frame 1 of camera 0 is masked; the earlier of two neighbours is as near. */
+/* Checks a capture in which frame 1 of camera 0 is masked. Of the two
+ * neighbours, which are equally near, the earlier one replaces it. */
 static void check_one(folder *f)
 {
     FREED_BY(saga_capture_free) saga_capture c = load(f->path);
@@ -110,7 +111,7 @@ TEST_IN_FOLDER(masks_should_be_found_beside_pictures)
     check_one(f);
 }
 
-/* Where a pixel never counts, it is black. */
+/* A pixel that never counts is black. */
 TEST_IN_FOLDER(mask_should_be_of_all_frames_when_it_is_the_cameras)
 {
     saga_capture_options o = saga_capture_defaults();

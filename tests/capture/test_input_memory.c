@@ -63,7 +63,7 @@ static bool load_and_free(void *user, saga_error *error)
     return ok;
 }
 
-/* Lets each allocation fail in turn, of which there are at least `least`. */
+/* Lets each allocation fail once; there must be at least `least` of them. */
 static void fail_each(folder *f, const char *name, long least)
 {
     source s = { folder_file(f, name), 0 };
@@ -125,7 +125,8 @@ TEST_IN_FOLDER(exrs_should_count_in_the_forecast_of_memory)
     check_exr_budget(folder_file(f, "scene"));
 }
 
-/* Contents say what a file is, and the first may be another than the rest. */
+/* The format is recognised from a file's contents, and the first file may have
+ * another format than the rest. */
 TEST_IN_FOLDER(exrs_behind_pngs_should_count_too)
 {
     write_synth(folder_file(f, "scene"), true);
@@ -159,7 +160,8 @@ static void write_tool(folder *f, const char *name, const char *command)
     folder_run(f, "chmod +x %s && mkdir -p bin && mv %s bin", name, name);
 }
 
-/* Whatever the video, two frames, each of one grey. */
+/* Writes the stand-ins for ffprobe and ffmpeg. For any video they give two
+ * frames, each of one grey. */
 static void write_tools(folder *f)
 {
     char command[300];
@@ -176,7 +178,8 @@ static void write_tools(folder *f)
     assert_int_equal(setenv("PATH", command, 1), 0);
 }
 
-/* Two cameras, 0.5 apart, that look along z at four points. */
+/* Writes a COLMAP model of two cameras, 0.5 apart, that look along z at four
+ * points. */
 static void write_model(folder *f, const char *where)
 {
     folder_run(f, "mkdir %s", where);
@@ -190,8 +193,8 @@ static void write_model(folder *f, const char *where)
     folder_run(f, "mv *.txt %s", where);
 }
 
-/* Rows that say the same as write_model: down, right, backwards, centre, size
- * and focal length, near and far (column by column). */
+/* Writes poses_bounds.npy with the cameras of write_model: down, right,
+ * backwards, centre, size and focal length, near and far (column by column). */
 static void write_poses(folder *f)
 {
     static const char header[] = "{'descr': '<f8', 'fortran_order': False, "
@@ -245,8 +248,8 @@ TEST_IN_FOLDER(calibration_should_be_refused_when_memory_ends)
 
 /* --- Writing ------------------------------------------------------------- */
 
-/* True, and the file is gone, where one was written; false where none was and
- * none is left. */
+/* Returns true, and removes the file, if one was written; returns false if none
+ * was written and none is left. */
 static bool write_and_remove(void *user, saga_error *error)
 {
     static const uint8_t rgb[3 * W * H] = { 1, 2, 3 };

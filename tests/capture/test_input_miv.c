@@ -97,7 +97,7 @@ static saga_capture load_frame(folder *f, int frame)
     return load_with(f->path, &o);
 }
 
-/* Camera axes, x forward, y left, z up, of a point of the scene. */
+/* Sets c to a point of the scene in camera axes: x forward, y left, z up. */
 static void to_camera(double c[3], const double p[3])
 {
     c[0] = p[1] - 2;

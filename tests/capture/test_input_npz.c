@@ -12,7 +12,7 @@
 
 enum { N_ITEMS = 24 };
 
-/* The bytes of one .npy: item i is 3 i - 5. */
+/* Returns the bytes of an .npy whose item i is 3 i - 5. */
 static bytes npy_bytes(void)
 {
     static const char header[] = "{'descr': '<f4', 'fortran_order': False, "
@@ -34,7 +34,7 @@ typedef struct {
     const char *name;
 } entry;
 
-/* Puts a member with its own header. */
+/* Appends a member of the archive with its own header. */
 static entry put_member(bytes *zip, const char *name, int method)
 {
     bytes b = npy_bytes();
@@ -107,7 +107,7 @@ static bytes npz_bytes(const char *comment)
     return zip;
 }
 
-/* Reads an array of the file; true if it is what was written. */
+/* Reads an array of the file; returns whether it equals what was written. */
 static bool reads(const char *path, const char *name, saga_error *error)
 {
     FREED_BY(saga_npy_free) saga_npy a = { 0 };
@@ -152,8 +152,8 @@ TEST_IN_FOLDER(npz_should_be_read_when_stored_or_deflated)
     }
 }
 
-/* Arrays that are taken in spite of the damage must be right: only times,
- * versions and comments may be wrong unnoticed. */
+/* Arrays that are accepted in spite of the damage must be right; only times,
+ * versions and comments may be changed without notice. */
 TEST_IN_FOLDER(npz_should_be_refused_when_damaged)
 {
     static const char *const names[] = { "net.a", "net.b" };

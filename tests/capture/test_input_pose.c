@@ -72,7 +72,8 @@ static void write_picture(folder *f, const char *name, int w, int h)
     assert_done(saga_png_write(folder_file(f, name), w, h, rgb, &error));
 }
 
-/* One camera, its matrix's first entry times m. */
+/* Writes a capture with one camera whose matrix has its first entry multiplied
+ * by m. */
 static void write_nerfstudio(folder *f, double m, const char *more)
 {
     bytes b = { 0 };
@@ -131,7 +132,8 @@ TEST_IN_FOLDER(defaults_should_come_from_the_angle_and_the_centre)
     check_corner(c.views, W, W, W / 2.0, H / 2.0);
 }
 
-/* Neu3D's row of the corner camera, for pictures of twice the size. */
+/* Appends the corner camera as a row of Neu3D, for pictures of twice the size.
+ */
 static void put_row(bytes *b, double shift)
 {
     for (int i = 0; i < 3; i++) {
@@ -159,7 +161,7 @@ static void put_npy_header(bytes *b, int rows)
     put(b, text, (size_t)n);
 }
 
-/* cam00 and cam03, two frames each. */
+/* Writes videos of cam00 and cam03 with two frames each. */
 static void write_videos(folder *f)
 {
     folder_run(f, "ffmpeg -nostdin -v error -f lavfi -i testsrc=s=%dx%d:r=10:"
@@ -190,7 +192,8 @@ TEST_IN_FOLDER(neu3d_should_be_read_as_down_right_backwards)
                      (c.views[0].translation[0] - 0.25)) < 1e-12);
 }
 
-/* Value `at` of the second of two rows replaced. */
+/* Checks that two rows are refused when value `at` of the second is replaced.
+ */
 static void refused_row(folder *f, int at, double value, const char *what)
 {
     bytes b = { 0 }, v = { 0 };
@@ -224,7 +227,7 @@ TEST_IN_FOLDER(neu3d_should_be_refused_when_a_row_is_wrong)
     refused(f->path, "poses_bounds.npy", "3 rows but there are 2 videos");
 }
 
-/* q v q*, by the product of quaternions. */
+/* Computes q v q* by the product of quaternions. */
 static void turn(const double q[4], const double v[3], double out[3])
 {
     const double a = -q[1] * v[0] - q[2] * v[1] - q[3] * v[2];
@@ -347,7 +350,7 @@ TEST_IN_FOLDER(depth_should_be_along_the_axis_of_the_loaded_camera)
     }
 }
 
-/* A place seen from one camera looks the same from another that sees it. */
+/* A place has the same colour from every camera that sees it. */
 TEST_IN_FOLDER(views_should_agree_where_they_see_the_same)
 {
     saga_capture c = load_synth(f);

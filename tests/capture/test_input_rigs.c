@@ -9,7 +9,8 @@
 
 /* --- Videos -------------------------------------------------------------- */
 
-/* Without loss; and with a quarter of the colours, as cameras have it. */
+/* ffmpeg's options for lossless video, and for chroma at half resolution as in
+ * videos of cameras. */
 static const char *const in_rgb = "-c:v libx264rgb -qp 0";
 static const char *const in_420 =
     "-c:v libx264 -crf 4 -pix_fmt yuv420p -vf scale=out_color_matrix=bt709:"
@@ -72,7 +73,7 @@ static void number_alone(char name[80], int view, int frame)
     snprintf(name, 80, "%d/%06d.png", view, frame);
 }
 
-/* One list of the file: what put_entry writes for each moment and view. */
+/* Writes one list of the file, with an entry for each time and view. */
 typedef void entry_fn(bytes *b, int view, int frame);
 
 static void put_list(bytes *b, const char *key, int from, int to,
@@ -205,7 +206,8 @@ TEST_IN_FOLDER(panoptic_sports_should_be_refused_when_wrong)
 
 static const double degree = 3.14159265358979323846 / 180;
 
-/* Yaw, pitch and roll of the matrix whose columns are forward, left and up. */
+/* Sets angle to yaw, pitch and roll of the matrix whose columns are forward,
+ * left and up. */
 static void angles_of(const saga_shot *s, double angle[3])
 {
     const double *const right = s->rotation, *const down = right + 3;
@@ -270,7 +272,8 @@ TEST_IN_FOLDER(miv_should_be_the_scene)
                 c.views[2].far_depth == 25);
 }
 
-/* A turn about an axis, 0 x, 1 y, 2 z, by the right hand, in degrees. */
+/* Turns d about an axis (0 is x, 1 y, 2 z) by a right-handed angle in degrees.
+ */
 static void turn(double d[3], int axis, double angle)
 {
     const int a = (axis + 1) % 3, b = (axis + 2) % 3;
@@ -281,7 +284,7 @@ static void turn(double d[3], int axis, double angle)
     d[b] = s * x + c * y;
 }
 
-/* The light that comes from a direction of the scene: 0 to 1. */
+/* Returns the light from a direction of the scene, 0 to 1. */
 static double light_from(const double d[3])
 {
     return 0.5 + 0.4 * sin(3 * d[0] + 4 * d[1] - 2 * d[2] + 1);

@@ -21,7 +21,8 @@ static void write_png(folder *f, const char *name)
     assert_done(saga_png_write(folder_file(f, name), W, H, rgb, &error));
 }
 
-/* Two cameras side by side, each with a file; `also` goes in front. */
+/* Writes two cameras side by side, each with a file; `also` is put before them.
+ */
 static void write_json(folder *f, const char *also, const char *a,
                        const char *b)
 {
@@ -43,7 +44,8 @@ static void write_video(folder *f, const char *name)
                "d=0.5 -c:v libx264 -movflags +faststart -y %s", W, H, name);
 }
 
-/* Lists of other files, whatever they are called. */
+/* Playlists, which name other files, are refused whatever their own names are.
+ */
 TEST_IN_FOLDER(playlist_should_not_be_followed)
 {
     static const char *const lists[] = {
@@ -67,7 +69,7 @@ TEST_IN_FOLDER(playlist_should_not_be_followed)
     }
 }
 
-/* Only the part of an mp4 that lists the frames. */
+/* The mp4 ends after the part that lists its frames. */
 TEST_IN_FOLDER(video_should_be_refused_when_cut_before_its_frames)
 {
     write_video(f, "b.mp4");

@@ -36,7 +36,7 @@ static bool says(const saga_survey *s, const char *what)
     return false;
 }
 
-/* Degrees between two cameras seen from a place. */
+/* Returns the angle, in degrees, between two cameras seen from a place. */
 static double angle_from(const double x[3], const saga_shot *a,
                          const saga_shot *b)
 {

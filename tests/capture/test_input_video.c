@@ -13,8 +13,8 @@ enum { W = 32, H = 16 };
 
 /* --- Videos -------------------------------------------------------------- */
 
-/* A grey video without loss; frame k has luma 16 + 10 k, which BT.709 limited
- * makes 255 (10 k) / 219. */
+/* Writes a lossless grey video. Frame k has luma 16 + 10 k, which is 255 (10 k)
+ * / 219 in BT.709 limited range. */
 static void write_video(folder *f, const char *name, int n, int fps,
                         const char *options)
 {
@@ -34,7 +34,7 @@ static int grey_of(int frame)
     return (int)(255 * 10.0 * frame / 219 + 0.5);
 }
 
-/* A camera per name, looking at the same places. */
+/* Writes a camera for each name; all look at the same places. */
 static void write_json(folder *f, const char *const *names, int n)
 {
     bytes b = { 0 };
@@ -208,7 +208,8 @@ TEST_IN_FOLDER(videos_should_be_refused_when_rates_differ)
     refused(f->path, "b.mp4", "has 30 frames per second, a has 25");
 }
 
-/* Two videos of n frames pass together, whichever is first. */
+/* Checks whether two videos of n frames with different rates are accepted, in
+ * both orders. */
 static void check_rates(double a, double b, int n, int end, bool pass)
 {
     for (int turned = 0; turned < 2; turned++) {
@@ -259,7 +260,7 @@ TEST_IN_FOLDER(video_should_be_refused_when_it_is_missing_or_no_video)
     refused(f->path, "b.mp4", "has no video stream");
 }
 
-/* A file whose end is missing, and one with bytes changed in the middle. */
+/* One file lacks its end, another has bytes changed in the middle. */
 TEST_IN_FOLDER(video_should_be_refused_when_it_is_damaged)
 {
     const char *const name[] = { "a.mkv" };

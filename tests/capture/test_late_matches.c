@@ -32,7 +32,8 @@ static saga_capture film(const char *path, saga_synth_scene scene)
     return synth_capture(path, &s);
 }
 
-/* Shows of every view N_FRAMES frames, of one of them those `by` before. */
+/* Finds how late views are. Every view shows N_FRAMES frames; one of them shows
+ * those that lie `by` frames earlier. */
 static void find(saga_lateness late[N_VIEWS], const saga_capture *all,
                  int view, int by)
 {
@@ -49,7 +50,8 @@ static void find(saga_lateness late[N_VIEWS], const saga_capture *all,
     free(c.views);
 }
 
-/* Counts what is told of planted cameras; all that is told is right. */
+/* Counts the delays that are reported for planted cameras; each must be right.
+ */
 static void plant(const saga_capture *c, int *n_told, int *n)
 {
     static const int by[] = { -2, 3, 0, 1 };

@@ -16,7 +16,7 @@ enum {
     NBYTES = 3 * W * H
 };
 
-/* Films of all cameras, from times k and k - 0.3 frames. */
+/* Films of all cameras, taken at the times k, and k - 0.3 frames. */
 typedef struct films {
     uint8_t *whole[N_VIEWS], *part[N_VIEWS];
 } films;
@@ -77,7 +77,7 @@ static void free_films(films *f)
     }
 }
 
-/* Finds how late all are where one is. */
+/* Finds how late all cameras are when one of them is late. */
 static void find(saga_lateness late[N_VIEWS], const films *f, int view,
                  double by)
 {
@@ -98,7 +98,8 @@ static void find(saga_lateness late[N_VIEWS], const films *f, int view,
     assert_done(saga_lateness_find(late, &c, &error));
 }
 
-/* Counts what is told of the planted camera; all that is told is right. */
+/* Counts the delays that are reported for the planted camera; each must be
+ * right. */
 static void plant(const films *f, double by, int *n_told, int *n)
 {
     for (int v = 0; v < (by > floor(by) ? 3 : N_VIEWS); v++) {
@@ -143,7 +144,7 @@ TEST(lateness_should_be_right_or_not_told)
     assert_true(4 * whole >= n_whole);
 }
 
-/* A camera whose film is another's, backwards, has as much motion. */
+/* A camera that shows another's film backwards has as much motion. */
 TEST(unrelated_motion_should_tell_nothing)
 {
     saga_lateness late[N_VIEWS];

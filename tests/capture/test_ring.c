@@ -27,7 +27,7 @@ static double distance(const double a[3], const double b[3])
     return sqrt(dot(v, v));
 }
 
-/* The first shape of a kind, or NULL. */
+/* Returns the first shape of a kind, or NULL. */
 static const saga_ring_shape *find(const saga_ring_state *s,
                                    enum saga_ring_object object)
 {
@@ -63,8 +63,8 @@ static saga_synth_options small(saga_synth_scene scene, int n_cameras)
     return o;
 }
 
-/* Files that were measured are compared with files made later: the number is
- * of the pictures that the first version wrote. */
+/* Measured files are compared with files made later, so the room must not
+ * change. The number is the checksum of the first version's pictures. */
 TEST_IN_FOLDER(room_should_keep_its_bytes)
 {
     const saga_synth_options o = small(SAGA_SYNTH_ROOM, 3);
@@ -221,7 +221,7 @@ TEST(body_should_stand_on_the_floor_and_keep_its_bones)
 
 /* --- Rays ---------------------------------------------------------------- */
 
-/* A hall with one capsule, from (1, 0, 1) to (1, 2, 1), 0.25 thick. */
+/* Makes a hall with one capsule, from (1, 0, 1) to (1, 2, 1), 0.25 thick. */
 static void one_capsule(saga_ring_state *s)
 {
     const double a[3] = { 1, 0, 1 }, b[3] = { 1, 2, 1 }, up[3] = { 0, 0, 1 };
@@ -286,7 +286,7 @@ TEST(things_should_come_and_go_at_once)
     }
 }
 
-/* Mean light of a display from 1 m before it. */
+/* Returns the mean light of a display, seen from 1 m before it. */
 static double shown(double seconds, double sum[3])
 {
     saga_ring_state s;

@@ -61,7 +61,8 @@ static void quantise(gen_stream *g, const saga_encoder *e, const wanted *w)
     free(decoded.order);
 }
 
-/* Half a step, and half an LSB that the dequantisation rounds. */
+/* The tolerance is half a step, and half an LSB for the rounding of the
+ * dequantisation. */
 static void assert_near(const gen_stream *g, const wanted *w)
 {
     const saga_model *const m = &g->header.model;

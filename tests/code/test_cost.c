@@ -37,7 +37,7 @@ TEST(residual_should_cost_its_interval)
     assert_true(is_near(saga_cost_residual(-65535, 22), 15 + 13 + 16 + 1));
 }
 
-/* The place at which the coder below fails: a network's number, too. */
+/* The coder below fails at this index, which is also a network's number. */
 enum { BROKEN = SAGA_N_NETS - 1 };
 
 /* Gives 0, 1, -1, ... as residuals, the last symbol, and ones. */
@@ -158,7 +158,8 @@ static int chunk_of(int component)
          : component < SAGA_COMPONENT_PRIM_SUFFIX ? CHUNK_FINE : CHUNK_PRIM;
 }
 
-/* Bits by chunk from bits by kind; all of them are >= 0. */
+/* Adds the bits of each kind, all of which must be >= 0, to those of its chunk.
+ */
 static void sum_chunks(double sum[N_CHUNKS], const double bits[SAGA_N_SYMS])
 {
     double by_component[SAGA_N_COMPONENTS];
@@ -179,14 +180,15 @@ static void chunk_bytes(double nbytes[N_CHUNKS], const saga_encode_sizes *z)
     nbytes[CHUNK_PRIM] = (double)z->prim;
 }
 
-/* 0.5 % or 16 bytes, whichever is larger (issue 3). */
+/* Returns whether bits and bytes agree within 0.5 % or 16 bytes, whichever is
+ * larger (issue 3). */
 static int agrees(double bits, double nbytes)
 {
     return fabs(nbytes - bits / 8) <= fmax(16, 0.005 * nbytes);
 }
 
-/* Nobody would train such a stream: escapes everywhere. It is spent to the
- * byte, all the same. */
+/* A random stream has escapes everywhere. Its bits must still be counted to the
+ * byte. */
 TEST(spent_should_be_the_bytes_of_random_streams)
 {
     for (uint64_t k = 0; k < 200; k++) {
@@ -233,7 +235,7 @@ static double uniform_in(uint64_t *r)
     return ((double)(gen_random(r) >> 11) + 0.5) * 0x1p-53;
 }
 
-/* A rounded normal of the scale's sigma, within +-limit. */
+/* Draws a rounded normal number with the scale's sigma, within +-limit. */
 static int32_t draw(uint64_t *r, uint32_t scale, int32_t limit)
 {
     const double sigma = exp2(((double)scale - SAGA_SCALE_UNIT) /
@@ -256,8 +258,8 @@ static void draw_layer(saga_layer_symbols *l, const saga_net_shape *s, int i,
         l->bias[k] = draw(r, l->bias_scale, SAGA_MAX_RESIDUAL);
 }
 
-/* Entropy networks that give mu = 0 and one scale index whatever enters: the
- * rows' biases alone. Returns the index. */
+/* Makes an entropy network that gives mu = 0 and one scale index for any input,
+ * by its biases alone. Returns the index. */
 static uint32_t constant_entropy(saga_layer_symbols *l,
                                  const saga_net_shape *s, int i, int sigma_q)
 {
@@ -282,7 +284,8 @@ static void draw_residuals(int32_t *q, size_t n, uint64_t *r, uint32_t scale)
         q[i] = draw(r, scale, SAGA_MAX_RESIDUAL);
 }
 
-/* A random stream's symbols drawn anew, as its distributions have them. */
+/* Draws the symbols of a random stream again, from the distributions that code
+ * them. */
 static void redraw(gen_stream *g, uint64_t *r)
 {
     const saga_model *const m = &g->header.model;

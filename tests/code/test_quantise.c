@@ -23,7 +23,7 @@ static double real_in(uint64_t *r, double lo, double hi)
     return lo + (hi - lo) * (double)(gen_random(r) >> 11) * 0x1p-53;
 }
 
-/* Rows' ranges lie up to `octaves` apart. */
+/* Makes a layer whose rows have ranges up to `octaves` octaves apart. */
 static void make_layer(layer *l, uint32_t n_in, uint32_t n_out, int q_in,
                        int int8, double octaves, uint64_t *r)
 {
@@ -44,7 +44,8 @@ static void make_layer(layer *l, uint32_t n_in, uint32_t n_out, int q_in,
 
 /* --- Against the traversal ----------------------------------------------- */
 
-/* The integers of a row, in reals, are what saga_dequantise_layer said. */
+/* Checks that the integers of a row, converted to reals, are those of
+ * saga_dequantise_layer. */
 static void check_row(const saga_nets *nets, const uint8_t *block, int net,
                       int i, uint32_t row, const layer *l,
                       const float *weight, const float *bias)

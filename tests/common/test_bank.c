@@ -52,7 +52,8 @@ static void to_real(double *to, const int16_t *from, uint32_t n)
         to[i] = from[i];
 }
 
-/* Half an LSB per component, and what normalise() states. */
+/* Returns the bound of the error of a length: half an LSB for each component,
+ * and the bound that normalise() states. */
 static double norm_bound(uint32_t width)
 {
     return 0.5001 * sqrt(width);
@@ -77,7 +78,7 @@ static int16_t any16(gen_rng *r, int32_t size)
     return (int16_t)gen_int(r, -size, size);
 }
 
-/* An update of a slot by itself: in the middle of a bank. */
+/* Updates a single slot, in the middle of a bank. */
 static void update(int16_t *slot, const int16_t *write, int32_t gate,
                    uint32_t width, int plain)
 {
@@ -95,7 +96,7 @@ static void update(int16_t *slot, const int16_t *write, int32_t gate,
     assert_memory_equal(m.column, before.column, 64 * width);
 }
 
-/* A slot in a random direction, and sometimes along an axis. */
+/* Makes a slot in a random direction, sometimes along an axis. */
 static void random_slot(int16_t *slot, gen_rng *r, uint32_t width)
 {
     double u[MAX_D];
@@ -165,8 +166,8 @@ TEST(first_slots_should_be_those_worked_out_by_hand)
 
 /* --- Read ---------------------------------------------------------------- */
 
-/* softmax in base 2 and the weighted sum, in double; returns the sum of the
- * exponentials over the largest. */
+/* Computes the softmax in base 2 and the weighted sum in double. Returns the
+ * sum of the exponentials divided by the largest. */
 static double read_reference(double *out, const saga_bank *m,
                              const int16_t *query)
 {
@@ -198,7 +199,7 @@ static double greatest(const saga_bank *m)
     return most;
 }
 
-/* Returns the error over its bound. */
+/* Checks a read; returns the error divided by its bound. */
 static double check_read(const saga_bank *m, const int16_t *query)
 {
     double want[MAX_D], e, bound, worst = 0;
@@ -330,7 +331,8 @@ TEST(mean_should_be_the_rounded_quotient)
 
 /* --- Update -------------------------------------------------------------- */
 
-/* The paper's update, slots and writes in Q12. Returns |s + g v|. */
+/* The paper's update in double, with slots and writes in Q12. Returns |s + g
+ * v|. */
 static double update_reference(double *out, const double *s, const double *v,
                                double gate, uint32_t width, int plain)
 {

@@ -145,7 +145,7 @@ static void unwatch(watched *w)
 
 /* --- The page's arithmetic ----------------------------------------------- */
 
-/* An input vector that grows; values enter in the network's Q. */
+/* An input vector to which values are appended, in the network's Q format. */
 typedef struct {
     int16_t x[SAGA_MAX_VECTOR];
     uint32_t n;
@@ -165,7 +165,7 @@ static input input_of(const watched *w, int net)
     return in;
 }
 
-/* A network on n_in inputs, in sums of 64 bits. */
+/* Runs a network with sums of 64 bits. */
 static void run(int16_t *out, const watched *w, int net, const int16_t *x)
 {
     const saga_net_shape *const s = &w->plan.nets.shape[net];
@@ -201,7 +201,8 @@ typedef struct {
     uint32_t count;
 } place;
 
-/* pe(place), sizes, count, kind. */
+/* Appends the side information: the embedding of the place, sizes, count, kind.
+ */
 static void put_side(input *in, const watched *w, const place *p, int kind)
 {
     for (int i = 0; i < 4; i++)
@@ -255,7 +256,8 @@ static void begin_bank(bank *k, const watched *w)
     }
 }
 
-/* Parameters of a block from its query, compared with those that were used. */
+/* Predicts the parameters of a block from its query, and compares them with
+ * those that were used. */
 static void expect(bank *k, const watched *w, const place *p, int kind,
                    const int16_t *parent, int q, const seen *used)
 {
@@ -296,7 +298,7 @@ static void keep(bank *k, const watched *w, const place *p, int kind,
     k->n++;
 }
 
-/* The mean is the rounded quotient: its own test shows that of the operator. */
+/* Updates the bank at the end of a round. The mean is the rounded quotient. */
 static void write_round(bank *k, const watched *w)
 {
     const uint32_t hidden = w->plan.nets.shape[SAGA_NET_WRITE].dim[0];
@@ -347,7 +349,7 @@ static void cell_of(place *p, const saga_coarse *c)
     p->count = c->n_fine;
 }
 
-/* o in Q14 of the sizes, which are powers of two here. */
+/* Moves a place by o, in Q14 of the sizes, which are powers of two here. */
 static void move(place *p, const int16_t o[4])
 {
     for (int i = 0; i < 4; i++) {
@@ -411,7 +413,8 @@ static void follow_fine(bank *k, const watched *w, uint32_t rank)
     keep(k, w, &p, SAGA_KIND_FINE, context, 14);
 }
 
-/* Rounds of a tier: its groups one after another, each in order of rank. */
+/* Follows the rounds of a tier: its groups one after another, each in the order
+ * of ranks. */
 static void follow_tier(bank *k, const watched *w, int tier)
 {
     const uint32_t n = tier == 0 ? w->sc.n.coarse : w->sc.n.fine;

@@ -48,7 +48,7 @@ static uint32_t random_bits(uint64_t *state)
     return (uint32_t)(*state >> 32);
 }
 
-/* 1..2^32-1, every magnitude alike. */
+/* Returns a number 1..2^32-1; all magnitudes are equally likely. */
 static uint32_t random_positive(uint64_t *state)
 {
     const uint32_t bits = random_bits(state);

@@ -26,7 +26,7 @@ typedef struct {
     uint32_t d, rank;
 } candidate;
 
-/* Sizes of cells vary, and so does how far apart they are. */
+/* Makes anchors with cells of different sizes at different distances. */
 static void make_crowd(crowd *c, gen_rng *r)
 {
     saga_tier *tier;
@@ -104,7 +104,8 @@ static uint32_t distance(const crowd *c, uint32_t rank)
     return sum > 65535 ? 65535 : (uint32_t)sum;
 }
 
-/* By insertion from behind: what is equal stays in the order of ranks. */
+/* Sorts by insertion from the end, so that equal candidates stay in the order
+ * of ranks. */
 static void sort(candidate *c, uint32_t n)
 {
     for (uint32_t i = 1; i < n; i++)
@@ -116,7 +117,8 @@ static void sort(candidate *c, uint32_t n)
         }
 }
 
-/* Returns the number of members; `to` has room for all candidates. */
+/* Finds the neighbours in the definition's way; returns their number. `to` has
+ * room for all candidates. */
 static uint32_t members(candidate *to, const crowd *c)
 {
     const saga_tier *const l = &c->model.tier[c->tier];
@@ -141,13 +143,14 @@ static uint32_t members(candidate *to, const crowd *c)
     return n;
 }
 
-/* A list, and what lies behind it. */
+/* A list of neighbours with guard bytes after it. */
 typedef struct {
     saga_neighbours nb;
     uint16_t behind;
 } guarded;
 
-/* Weights sum to 1 but for roundings; nothing is written behind the last. */
+/* Checks that weights sum to 1 within rounding, and that nothing is written
+ * after the last. */
 static void check_weights(const guarded *g)
 {
     const saga_neighbours *const nb = &g->nb;

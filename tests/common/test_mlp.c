@@ -33,7 +33,7 @@ static uint32_t random_bits(uint64_t *seed)
     return (uint32_t)(*seed >> 32);
 }
 
-/* Uniform in lo..hi, near enough. */
+/* Returns a number lo..hi, almost uniformly distributed. */
 static int32_t random_in(uint64_t *seed, int32_t lo, int32_t hi)
 {
     const uint64_t span = (uint64_t)((int64_t)hi - lo) + 1;
@@ -122,7 +122,7 @@ static int64_t row_abs_sum(const net *n, uint32_t row)
     return sum;
 }
 
-/* The room that is left for |bias|. */
+/* Returns the largest |bias| that leaves the row valid. */
 static int64_t row_room(const net *n, uint32_t row)
 {
     const int64_t half = n->shift[row] ? (int64_t)1 << (n->shift[row] - 1) : 0;
@@ -168,7 +168,7 @@ static void assert_untouched(const int16_t *y, uint32_t n)
         assert_int_equal(y[i], CANARY);
 }
 
-/* Values past n_out are left alone, and so are points past the last. */
+/* Checks that values after n_out, and points after the last, are left alone. */
 static void check_points(net *n, int int8, int relu, uint32_t points)
 {
     const uint32_t stride = saga_mlp_pad(n->n_out);
@@ -193,7 +193,7 @@ static void check_variant(net *n, int int8, int relu)
         check_points(n, int8, relu, points);
 }
 
-/* The kernel of machines without vectors, on any machine. */
+/* Runs the code for machines without vectors, which exists on every machine. */
 static void check_pairs(const net *n, const void *rows, int int8)
 {
     saga_layer layer = net_layer(n, int8, 0);
@@ -238,7 +238,8 @@ static void check(net *n)
     check_variant(n, 1, 1);
 }
 
-/* Random weights, shrunk until the row is valid, and a random bias. */
+/* Fills a layer with random weights, shrunk until each row is valid, and a
+ * random bias. */
 static void fill_random(net *n, uint64_t *seed)
 {
     for (uint32_t row = 0; row < n->n_out; row++) {
@@ -259,16 +260,17 @@ static void fill_random(net *n, uint64_t *seed)
     }
 }
 
-/* Past n_in the activations may be anything. */
+/* Fills the inputs; after n_in they may have any value. */
 static void fill_x(net *n, uint64_t *seed, int32_t top)
 {
     for (uint32_t k = 0; k < POINTS * saga_mlp_pad(n->n_in); k++)
         n->x[k] = (int16_t)random_in(seed, -top, top);
 }
 
-/* Every row at the very edge: weights of the sign of x as large as they can
- * be, the bias takes the rest. The sum, the bias and the rounding constant of
- * row 0 come to 2^31 - 1, of row 1 to -(2^31 - 1) + 2^shift, and so on. */
+/* Makes every row as large as is valid: weights have the sign of x and the
+ * largest magnitude, and the bias takes the rest. The sum, the bias and the
+ * rounding constant of row 0 are 2^31 - 1, of row 1 -(2^31 - 1) + 2^shift, and
+ * so on. */
 static void fill_largest(net *n)
 {
     const int32_t top = n->fits8 ? 127 : 32767;
@@ -298,7 +300,7 @@ static const uint16_t sizes_out[] = { 0, 1, 2, 3, 4, 5, 7, 8, 15, 16, 17, 24,
 
 #define COUNT(a) (sizeof (a) / sizeof (a)[0])
 
-/* An invariant: no two share one, none is left over. */
+/* No two weights share a place, and no place is left over. */
 TEST(weights_should_have_a_place_each)
 {
     size_t at;

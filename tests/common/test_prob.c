@@ -67,7 +67,7 @@ static void encode_op(saga_range_enc *e, const op *o, saga_adaptive *shared)
     }
 }
 
-/* Returns whether it is what was encoded. */
+/* Decodes an operation; returns whether it gives what was encoded. */
 static int decode_op(saga_range_dec *d, const op *o, saga_adaptive *shared)
 {
     saga_coder *const c = &d->coder;
@@ -94,7 +94,7 @@ static void init_shared(saga_adaptive shared[SAGA_MAX_ADAPTIVE + 1])
         saga_adaptive_init(shared + n, n);
 }
 
-/* Any starts that leave every symbol a frequency. */
+/* Makes a model with random starts that leave every symbol a frequency. */
 static void random_model(saga_adaptive *m, uint32_t n_sym, uint64_t *r)
 {
     uint32_t at = 0;
@@ -140,7 +140,8 @@ static void random_op(op *o, uint64_t *r, uint32_t kinds)
     o->q = random_q(r, o->scale);
 }
 
-/* Exact-size bytes of a sequence (free them). */
+/* Encodes a sequence; returns its bytes in memory of exact size, which the
+ * caller frees. */
 static uint8_t *encode(const op *ops, uint32_t n, size_t *nbytes,
                        uint32_t *range)
 {
@@ -159,7 +160,8 @@ static uint8_t *encode(const op *ops, uint32_t n, size_t *nbytes,
     return must(realloc(p, *nbytes));
 }
 
-/* Number of symbols decoded as they were encoded, up to the first other. */
+/* Returns the number of symbols that decode as they were encoded, up to the
+ * first that differs. */
 static uint32_t decode(saga_range_dec *d, const op *ops, uint32_t n,
                        const uint8_t *p, size_t nbytes)
 {
@@ -425,7 +427,7 @@ TEST(carry_should_run_through_many_pending_bytes)
     assert_true(longest >= 4);
 }
 
-/* The same with a tail, so that what lies after the carry is right too. */
+/* A tail follows, so that the symbols after the carry are checked, too. */
 TEST(symbols_after_a_carry_should_come_back)
 {
     FREED op *const ops = must(calloc(300, sizeof *ops));
@@ -553,8 +555,9 @@ static uint32_t extreme_symbol(const saga_adaptive *m, uint32_t n_sym,
     return best;
 }
 
-/* Whatever could starve a symbol: one alone, the ends in turn, always the
- * rarest, always the likeliest, at random. */
+/* Returns the next symbol of a pattern that could starve others: one alone, the
+ * two ends alternating, always the rarest, always the most frequent, at random.
+ */
 static uint32_t next_symbol(const saga_adaptive *m, uint32_t n_sym, uint32_t i,
                             uint32_t how, uint64_t *r)
 {
@@ -627,8 +630,8 @@ static double bits_of(uint32_t frequency)
     return SAGA_PROB_BITS - log2((double)frequency);
 }
 
-/* Bits of what an escape is followed by: as many ones as classes are passed, a
- * zero if there are more, the rest, the sign. */
+/* Returns the bits of the code after an escape: a one for each class that is
+ * passed, a zero if there are more classes, the rest, the sign. */
 static double escape_bits(uint32_t v)
 {
     uint32_t bits = SAGA_ESCAPE_ORDER;
@@ -639,7 +642,7 @@ static double escape_bits(uint32_t v)
     return n + (bits < 16) + bits;
 }
 
-/* A residual with the table's own frequencies, and its bits. */
+/* Draws a residual with the table's own frequencies, and sets its bits. */
 static int32_t draw_residual(uint32_t scale, uint64_t *r, double *bits)
 {
     const saga_scale_row row = saga_prob_scale(scale);

@@ -39,7 +39,8 @@ static row get_row(int i)
     return r;
 }
 
-/* The frequency of symbol 0, of each of +-m, and of escape at m = M + 1. */
+/* Returns the frequency of symbol 0, of each of +-m, or of escape at m = M + 1.
+ */
 static int frequency(row r, int m)
 {
     if (m == 0)
@@ -54,7 +55,7 @@ static double scale_sigma(int i)
     return exp2((i - SAGA_SCALE_UNIT) / (double)SAGA_SCALE_PER_OCTAVE);
 }
 
-/* P(q = m), one sign. */
+/* Returns P(q = m) for m alone, without -m. */
 static double mass(int m, double sigma)
 {
     const double unit = 1 / (sigma * sqrt(2.0));
@@ -64,7 +65,7 @@ static double mass(int m, double sigma)
     return 0.5 * (erfc((m - 0.5) * unit) - erfc((m + 0.5) * unit));
 }
 
-/* Bits of the Exp-Golomb code of |q| - M - 1 and of the sign. */
+/* Returns the bits of the Exp-Golomb code of |q| - M - 1 and of the sign. */
 static double escape_bits(int beyond)
 {
     const int high = (beyond >> SAGA_ESCAPE_ORDER) + 1;
@@ -172,7 +173,7 @@ static int binomial_frequency(int n, int k)
     return (k < n ? start[k] : 32768) - from;
 }
 
-/* Within one unit; a whole frequency below n = 16 exactly. */
+/* The frequencies are right within one unit, and exactly if n < 16. */
 TEST(binomial_rows_should_be_binomial)
 {
     assert_int_equal(sizeof saga_prob_binomial, 136 * sizeof(uint16_t));
@@ -217,8 +218,8 @@ static uint32_t crc_on(uint32_t crc, uint32_t x)
     return saga_crc32c(crc, b, 4);
 }
 
-/* The page's line that begins with `line`, or its text from there on, has the
- * checksum before `end`. */
+/* Checks that the line of the page that begins with `line`, or its text from
+ * there on, has the checksum before `end`. */
 static void check_page(const char *line, const char *end, uint32_t crc)
 {
     char digits[9];

@@ -58,7 +58,7 @@ static int32_t any_t(gen_rng *r)
 
 /* --- Position ------------------------------------------------------------ */
 
-/* Temporal widths since its centre, at most 4. */
+/* Returns the age in temporal widths since the centre, at most 4. */
 static double true_age(const saga_primitive *p, const saga_prim_format *f,
                        int32_t t)
 {
@@ -79,7 +79,7 @@ static double cubic(const saga_primitive *p, const saga_prim_format *f,
     return fmin(fmax(m, -524288), 524288);
 }
 
-/* The largest that the cubic changes by where the age is off by 0.51 LSB. */
+/* Returns the largest change of the cubic if the age is wrong by 0.51 LSB. */
 static double age_error(const saga_primitive *p, const saga_prim_format *f,
                         int axis, double age)
 {
@@ -131,7 +131,7 @@ TEST(position_should_follow_the_cubic)
     assert_true(saturated > ROUNDS / 100 && saturated < ROUNDS / 2);
 }
 
-/* The largest of everything, both signs, at both ends of dt. */
+/* All values are the largest, with both signs, at both ends of dt. */
 TEST(position_should_saturate_at_the_limit)
 {
     const saga_prim_format f = { .motion_order = 3 };

@@ -15,7 +15,7 @@ enum { GUARD = 64, MOST = 4 * 64 * 64, COUNT = 4000, CUT = 11 << 20 };
 /* Largest factors, docs/arithmetic.md: 2.686 in Q28. */
 #define MOST_FACTOR 721000000
 
-/* Guards, the four planes, guards again. */
+/* A tile: guards, the four planes, guards. */
 typedef struct {
     uint32_t block[GUARD + MOST + GUARD];
 } tile;
@@ -27,13 +27,15 @@ static int32_t any_of(gen_rng *r, const int32_t *values, int n)
     return values[gen_int(r, 0, n - 1)];
 }
 
-/* Any number of bits, so that all sizes occur. */
+/* Returns a number with a random number of bits, so that all magnitudes occur.
+ */
 static int32_t any_size(gen_rng *r, int32_t most)
 {
     return gen_int(r, 0, most) >> gen_int(r, 0, 28);
 }
 
-/* T in 0..65536, mostly at the limits; C so that a splat more fits. */
+/* Fills a tile with T in 0..65536, mostly at the limits, and with C for which
+ * one more splat fits. */
 static void fill_tile(tile *to, gen_rng *r, uint32_t n)
 {
     uint32_t *const t = to->block + GUARD;
@@ -49,8 +51,8 @@ static void fill_tile(tile *to, gen_rng *r, uint32_t n)
         t[(int32_t)i - GUARD] = t[4 * n + i] = 0xa5a5a5a5;
 }
 
-/* A patch in a tile of `side`, its first row `first`. Its v and w are mostly
- * small somewhere in it. */
+/* Makes a patch in a tile of `side`, whose first row is `first`. Mostly its v
+ * and w are small somewhere in the tile. */
 static void any_patch(saga_patch *p, gen_rng *r, int32_t side, int32_t first)
 {
     static const int32_t colours[] = { 0, 1, 32767, 32768 };
@@ -87,7 +89,8 @@ static void any_patch(saga_patch *p, gen_rng *r, int32_t side, int32_t first)
     }
 }
 
-/* The norm's formula, from the pixel's own v and w. */
+/* Blends a pixel by the formula of docs/arithmetic.md, from the pixel's own v
+ * and w. */
 static void blend_pixel(uint32_t *t, uint32_t plane, const saga_patch *p,
                         int64_t x, int64_t y)
 {
@@ -112,8 +115,8 @@ static void blend_pixel(uint32_t *t, uint32_t plane, const saga_patch *p,
         t[(k + 1) * plane] += weight * p->colour_q15[k];
 }
 
-/* Outside the box every pixel must be beyond the cut; so the box is widened to
- * the tile where one is not, which a caller promises too. */
+/* Returns whether every pixel outside of the box is beyond the cut, as callers
+ * promise. If not, the test widens the box to the tile. */
 static int box_holds(const saga_patch *p, int32_t side)
 {
     for (int32_t y = 0; y < (int32_t)p->n_rows; y++)
@@ -185,7 +188,8 @@ TEST(steep_should_be_that_of_the_formula)
     }
 }
 
-/* Every entry of the table at every power, eight transmittances each. */
+/* Every entry of the table is tested at every power, with eight values of T
+ * each. */
 TEST(alpha_should_be_that_of_the_norm)
 {
     enum { PLANE = 64 };

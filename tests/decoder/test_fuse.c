@@ -13,8 +13,8 @@ enum { N_STREAMS = 12, N_PIXELS = 160 * 120 };
 
 /* --- Streams ------------------------------------------------------------- */
 
-/* Without Fuse of any tier; the formats of both tiers' features differ. Fuse
- * takes all channels in one format. */
+/* Makes a stream without Fuse. The formats of both tiers' features differ; all
+ * channels have the same format, because Fuse takes one. */
 static void make_plain(gen_stream *g, uint64_t seed)
 {
     const gen_options o = { .seed = seed, .level = 3, .n_coarse = 12,
@@ -29,7 +29,7 @@ static void make_plain(gen_stream *g, uint64_t seed)
     }
 }
 
-/* A layer of zeros. */
+/* Makes a layer of zeros. */
 static void make_layer(saga_layer_symbols *l, const saga_net_shape *s, int i)
 {
     const size_t n_out = s->dim[i + 1];
@@ -41,8 +41,8 @@ static void make_layer(saga_layer_symbols *l, const saga_net_shape *s, int i)
     l->shift = zeroed(n_out, sizeof *l->shift);
 }
 
-/* The network of a tier: two hidden units for each feature x, max(x, 0) and
- * max(-x, 0), and their difference. Input and output have the features' own
+/* Adds the network of a tier: two hidden units for each feature x, max(x, 0)
+ * and max(-x, 0), and their difference. Input and output have the features' own
  * format, so that nothing is rounded or cut off. */
 static void add_identity(gen_stream *g, int tier)
 {

@@ -47,7 +47,7 @@ static int64_t dot(const int32_t *row, const int32_t *x, const int32_t *c)
     return sum;
 }
 
-/* z, halves upwards; any value behind the camera. */
+/* Returns z with halves rounded up, or any value behind the camera. */
 static int64_t depth(const trial *t)
 {
     const int64_t z = dot(t->cam.rotation_q30 + 6, t->a.x, t->cam.centre);
@@ -55,7 +55,7 @@ static int64_t depth(const trial *t)
     return z < 0 ? 0 : (z + (1 << 29)) >> 30;
 }
 
-/* The tools of all trials to come. */
+/* The tools of all further trials. */
 static uint32_t tools;
 
 static void project_both(trial *t)
@@ -75,7 +75,7 @@ static void hard_trial(trial *t, gen_rng *r, int width, int height)
     project_both(t);
 }
 
-/* In a picture of any size up to side. */
+/* Makes a trial in a picture of any size up to side. */
 static void small_trial(trial *t, gen_rng *r, int side)
 {
     const int width = gen_int(r, 1, side), height = gen_int(r, 1, side);
@@ -88,7 +88,7 @@ static double focal(const trial *t, int axis)
     return t->cam.focal_q16[axis] / 65536.0;
 }
 
-/* The error of T in px, see above. */
+/* Returns the error of T in px; see above. */
 static double shape_error(const trial *t)
 {
     const int32_t *const l = t->a.log2_scale_q10;
@@ -145,7 +145,8 @@ static void check_factor(errors *e, const trial *t)
     }
 }
 
-/* Half a unit, and what x/z loses to the 27 bits of x and z. */
+/* Checks the mean. Its error is half a unit, and the error of x/z because x and
+ * z have 27 bits. */
 static void check_mean(errors *e, const trial *t)
 {
     for (int i = 0; i < 2; i++) {
@@ -159,8 +160,8 @@ static void check_mean(errors *e, const trial *t)
     }
 }
 
-/* A pixel inside the ellipse of the cut, chosen evenly. 0: not in the
- * picture. */
+/* Picks a pixel inside the ellipse of the cut, uniformly. Returns 0 if it is
+ * not in the picture. */
 static int pick_pixel(int pixel[2], const trial *t, gen_rng *r)
 {
     const double l = sqrt((11 - t->ref.q0) * gen_uniform(r, 0, 1));
@@ -269,7 +270,8 @@ TEST(ordinary_splats_should_be_exact_to_the_last_bits)
 
 /* --- Dropping ------------------------------------------------------------ */
 
-/* The rules before the mean, as the norm words them. */
+/* Returns whether the rules that come before the mean let the splat pass, as
+ * docs/arithmetic.md words them. */
 static int is_in_front(const trial *t)
 {
     const int32_t *const w = t->cam.rotation_q30;
@@ -281,7 +283,8 @@ static int is_in_front(const trial *t)
            llabs(x) / 8 < z && llabs(y) / 8 < z;
 }
 
-/* 1: too far from the picture's centre, 0: not, -1: undecided in double. */
+/* Returns 1 if the mean is too far from the picture's centre, 0 if not, -1 if
+ * double cannot decide. */
 static int is_far(const trial *t)
 {
     const int32_t *const w = t->cam.rotation_q30;
@@ -342,8 +345,8 @@ TEST(splats_should_be_dropped_by_the_rules_alone)
     assert_true(n_rule > 100 && n_far > 100 && n_box > 100);
 }
 
-/* A wide splat on the axis of a front camera at depth 2^12: nothing drops it
- * but what a test changes. */
+/* Makes a wide splat on the axis of a front camera at depth 2^12, which is
+ * drawn unless a test changes it. */
 static void front_trial(trial *t)
 {
     memset(t, 0, sizeof *t);
@@ -501,7 +504,7 @@ TEST(box_should_lose_no_pixel)
     assert_true(outside > ROUNDS);
 }
 
-/* No looser than 3 % and 1.5 px, where q0 <= 9. */
+/* The box is at most 3 % and 1.5 px too large, where q0 <= 9. */
 TEST(box_should_be_tight)
 {
     gen_rng r = gen_seeded(25);

@@ -18,8 +18,8 @@ typedef struct {
     long visible, lost, invented, wrong, near;
 } tally;
 
-/* 0 if it is dropped. White on black: a sample of 16 bits is the weight, but
- * for the scale of 65535 / 65536. */
+/* Makes a single splat; returns 0 if it is dropped. It is white on black, so
+ * that a sample of 16 bits is its weight times 65535 / 65536. */
 static int one_splat(scene *s, ref_splat *ref, gen_rng *r)
 {
     const int width = gen_int(r, 1, 40), height = gen_int(r, 1, 40);
@@ -253,7 +253,7 @@ static void half_finished_scene(scene *s)
     sort_scene(s);
 }
 
-/* Blue at a pixel if its T did not stop anything. */
+/* Returns the blue of a pixel whose T has stopped nothing. */
 static uint32_t unstopped(const scene *s, int x, int y, int k)
 {
     uint64_t sum = 0;
@@ -298,7 +298,8 @@ TEST(stop_should_be_that_of_the_pixel)
     free(want.block);
 }
 
-/* Long after everything is opaque: the early end of a tile may not show. */
+/* Many splats lie behind opaque ones: the early end of a tile must not change
+ * the picture. */
 TEST(finished_tiles_should_not_change)
 {
     static const setting with[] = {
@@ -336,7 +337,7 @@ static void colour_truly(ref_splat *s, uint32_t index)
         s->colour[k] = colour[k] / 32768.0;
 }
 
-/* Makes z and 1 what is blended. */
+/* Sets the colours to z and 1, so that blending gives the expected depth. */
 static void colour_by_depth(ref_splat *s, uint32_t index)
 {
     (void)index;
@@ -347,7 +348,7 @@ static void colour_by_depth(ref_splat *s, uint32_t index)
 
 typedef void colour_fn(ref_splat *s, uint32_t index);
 
-/* The same primitives through the reference, start to end. */
+/* Draws the same primitives with the reference, from the start to the end. */
 static void true_picture(double *rgb, const saga_primitive *p, uint32_t n,
                          const saga_camera *cam, colour_fn *colour)
 {

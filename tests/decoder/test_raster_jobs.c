@@ -31,7 +31,7 @@ TEST(picture_should_not_depend_on_the_job)
     free(want.block);
 }
 
-/* Cuts of a side into n parts, as even as they go. */
+/* Returns cut i of a side into n parts that are as equal as possible. */
 static int32_t cut(int side, int i, int n)
 {
     return (int32_t)(side * i / n);
@@ -78,7 +78,7 @@ static int is_inside(const saga_job *job, int x, int y)
     return x >= job->x0 && x < job->x1 && y >= job->y0 && y < job->y1;
 }
 
-/* Every byte of the block is a canary or a pixel of the job. */
+/* Checks that every byte of the block is a canary or a pixel of the job. */
 static void check_canaries(const picture *p, const saga_job *job)
 {
     const size_t pixel = pixel_of(p->pic.bits);
@@ -154,7 +154,7 @@ TEST(nothing_else_should_be_written)
 
 /* --- The budget ---------------------------------------------------------- */
 
-/* After every call a pixel is untouched or final. */
+/* After every call a pixel is either untouched or final. */
 TEST(pixels_should_be_written_when_final)
 {
     const setting with = { 8, 37, 3000, 97 };

@@ -18,7 +18,7 @@ static void any_format(saga_prim_format *f, gen_rng *r)
     f->tools = gen_int(r, 0, 1) ? SAGA_TOOL_STEEP : 0;
 }
 
-/* Where the camera sees it, as far as motion leaves it there. */
+/* Makes a primitive that the camera sees, unless motion moves it away. */
 static void any_primitive(saga_primitive *p, gen_rng *r, const saga_camera *c)
 {
     saga_animated a;
@@ -43,7 +43,7 @@ static void any_primitive(saga_primitive *p, gen_rng *r, const saga_camera *c)
                                      : (int16_t)gen_int(r, 10000, 32767);
 }
 
-/* Everything at its limits. */
+/* Makes a primitive with all values at their limits. */
 static void edge_primitive(saga_primitive *p, gen_rng *r)
 {
     for (int i = 0; i < 3; i++) {
@@ -69,7 +69,7 @@ static int same_splat(const saga_splat *a, const saga_splat *b)
            a->y1 == b->y1;
 }
 
-/* Returns the number of splats. */
+/* Compares the two paths; returns the number of splats. */
 static uint32_t compare(const saga_primitive *p, uint32_t n,
                         const saga_look *look)
 {
@@ -125,7 +125,7 @@ TEST(runs_should_be_animate_and_project)
     assert_true(n_splats > COUNT);
 }
 
-/* A power of two, one more, or one less. */
+/* Returns a power of two, one more, or one less. */
 static int32_t near_power(gen_rng *r, int most)
 {
     return (1 << gen_int(r, 0, most)) + gen_int(r, -1, 1);
@@ -136,8 +136,8 @@ static int32_t any_sign(gen_rng *r, int32_t x)
     return gen_int(r, 0, 1) ? x : -x;
 }
 
-/* Numbers that round up to the next power of two, and that are at a limit or
- * next to it. The camera's axes are the cube's. */
+/* Makes a camera with numbers that round up to the next power of two, or lie at
+ * a limit or next to it. Its axes are those of the cube. */
 static void power_camera(saga_camera *c, gen_rng *r)
 {
     static const int32_t sides[] = { 1, 16, 640, 16384 };

@@ -12,7 +12,7 @@
 #include "rate_scene.h"
 #include "testing.h"
 
-/* Networks that give their kinds' constants whatever enters. */
+/* Makes networks that give their kinds' constants for any input. */
 static void begin_as_constants(rate_scene *f)
 {
     const saga_rate_input x = { &f->s, &f->w, f->s.coarse_feature };
@@ -20,8 +20,8 @@ static void begin_as_constants(rate_scene *f)
     saga_rate_start(&f->r, &f->s, &x);
 }
 
-/* One hidden unit for a value, one for its negative; two layers of them, then
- * their difference times gain. */
+/* Makes a network pass an input through, times gain: one hidden unit has the
+ * value, one its negative, in two layers, and the output their difference. */
 static void pass_through(saga_net *net, size_t input, size_t output, float gain)
 {
     const size_t dim = (size_t)net->dim[1];
@@ -39,8 +39,8 @@ static void clear_net(saga_net *net)
     memset(net->w[0], 0, saga_net_n_params(net) * sizeof *net->w[0]);
 }
 
-/* Coarse features become 4 times the sine of half a turn along x, in all
- * channels. */
+/* Sets coarse features, in all channels, to 4 times the sine of half a turn
+ * along x. */
 static void foretell_by_place(rate_scene *f)
 {
     const size_t n = f->s.model.features;
@@ -53,7 +53,7 @@ static void foretell_by_place(rate_scene *f)
     begin_as_constants(f);
 }
 
-/* And networks say so from the hyperprior's first input. */
+/* Makes networks predict these features from the hyperprior's first input. */
 static void foretell(rate_scene *f)
 {
     const size_t channels = saga_n_channels(&f->s.model, SAGA_KIND_COARSE);
@@ -83,7 +83,7 @@ static void decide(rate_scene *f)
     assert_int_equal(f->r.decision.decided, 1);
 }
 
-/* With or without a memory. */
+/* Makes the scene with or without a bank. */
 static void make_scene(rate_scene *f, uint32_t depth, uint32_t tools)
 {
     saga_model m;
@@ -152,8 +152,8 @@ TEST(decide_should_keep_what_foretells)
     assert_true(f.r.decision.hyper_weights > 0);
 }
 
-/* Everything learns for a while, the memory in each step; at rates four times
- * as high it depends on the last bits whether it gets there. */
+/* Trains everything for n steps, the bank in each. With rates four times as
+ * high the result would depend on the last bits. */
 static void learn(rate_scene *f, int n)
 {
     const saga_rate_input x = { &f->s, &f->w, f->s.coarse_feature };
@@ -174,8 +174,8 @@ static void learn(rate_scene *f, int n)
     }
 }
 
-/* Features that follow from the place, by no source but the memory: a query
- * knows its place. */
+/* The features follow from the place, and no source except the bank tells it: a
+ * query contains its place. */
 TEST(decide_should_keep_a_bank_that_learned)
 {
     const saga_rate_gain *g;
@@ -213,8 +213,8 @@ static void copy_reads(real *to, const rate_scene *f)
     }
 }
 
-/* A step of the memory sees what is coded before it and nothing else: with what
- * is decoded, all of its steps at once give what they gave one by one. */
+/* A round of the bank sees what is coded before it and nothing else: if
+ * everything is decoded, all rounds at once give what they gave one by one. */
 TEST(memory_should_be_causal)
 {
     double bits[SAGA_N_STEPS] = { 0 };

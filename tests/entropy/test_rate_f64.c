@@ -67,7 +67,7 @@ TEST(bits_should_have_their_derivatives)
 
 /* --- A scene's bits ------------------------------------------------------ */
 
-/* weight times all bits, gradients into d. */
+/* Returns weight times all bits; adds the gradients to d. */
 static double loss(rate_scene *f, saga_scene *d)
 {
     const saga_rate_input x = { &f->s, &f->w, f->s.coarse_feature };
@@ -121,8 +121,9 @@ static void check_range(rate_scene *f, const char *what, real *x, const real *g,
     assert_true(alive * 4 > n);
 }
 
-/* A wider support makes its primitives' offsets smaller. What the entropy
- * networks are told of its size stands still. */
+/* Checks the gradients of supports: a wider support makes the offsets of its
+ * primitives smaller. The sizes that the entropy networks read are held
+ * constant. */
 static void check_supports(rate_scene *f, const real *d_log2_support)
 {
     const size_t n = 4 * (size_t)f->s.n.fine;
@@ -134,7 +135,7 @@ static void check_supports(rate_scene *f, const real *d_log2_support)
     check_range(f, "supports", f->w.support, d, n);
 }
 
-/* tools: of the memory. */
+/* Checks all gradients. tools: those of the bank. */
 static void check_gradients(uint8_t keep, uint32_t tools)
 {
     FREED_BY(rate_scene_free) rate_scene f;

@@ -62,8 +62,8 @@ static bool read_bytes(saga_cloud *cloud, const uint8_t *bytes, size_t n)
 
 /* --- What comes back ----------------------------------------------------- */
 
-/* How far numbers may be off; of the rotation, each of the three components of
- * a quaternion that are not the largest. */
+/* The tolerances of numbers; for the rotation, that of the three smaller
+ * components of a quaternion. */
 typedef struct {
     double mean, log_scale, opacity, rotation;
     double colour[4];        /* of harmonics of each degree */
@@ -74,7 +74,8 @@ static double opacity_of(const saga_cloud *c, size_t i)
     return 1 / (1 + exp(-(double)c->logit[i]));
 }
 
-/* The covariance of deviations 1, 2, 4 along the axes of a quaternion. */
+/* Sets c to the covariance with deviations 1, 2, 4 along the axes of a
+ * quaternion. */
 static void shape(double c[9], const float wxyz[4])
 {
     const double w = (double)wxyz[0], x = (double)wxyz[1];

@@ -22,8 +22,8 @@ typedef struct {
     saga_position query;
 } crowd;
 
-/* Cells as large as the cube, all of them at its centre, where the query is;
- * K of them count, and any distance does. */
+/* Makes anchors whose cells are as large as the cube. All lie at its centre, as
+ * does the query; K of them count at any distance. */
 static void make_crowd(crowd *c, gen_rng *r, int neighbours, int softmax_q8)
 {
     memset(c, 0, sizeof *c);
@@ -115,7 +115,7 @@ TEST(steepest_logits_should_give_the_nearest)
     }
 }
 
-/* The distance of an anchor, in units of both supports, squared. */
+/* Returns the squared distance of an anchor, in units of both supports. */
 static double distance(const crowd *c, uint32_t rank)
 {
     const saga_coarse *const a = &c->anchor[rank];
@@ -194,8 +194,8 @@ TEST(parent_should_stay_when_all_are_too_far)
 
 enum { L = 64, D = 64 };
 
-/* A row of Hadamard's matrix, of unit length: 64 components of 1/8. Rows are
- * orthogonal, or the same. */
+/* Sets a slot to a row of Hadamard's matrix with unit length: 64 components of
+ * 1/8. Different rows are orthogonal. */
 static void set_slot(int16_t slot[D], uint32_t row, int sign)
 {
     for (uint32_t d = 0; d < D; d++)

@@ -20,7 +20,8 @@ enum {
 
 static const double cap = SAGA_ALPHA_CAP_Q16 / 65536.0;
 
-/* A black room before it, focal length = width. */
+/* Returns a camera with a black background and a focal length equal to its
+ * width. */
 static saga_camera front(int width, int height)
 {
     saga_camera c;
@@ -50,7 +51,7 @@ static void set_quat(gen_given *g, int w, int x, int y, int z)
         g->p.quat[i] = (int16_t)q[i];
 }
 
-/* Draws a picture, which must be near the one in double. */
+/* Draws a picture, which must be close to the one in double. */
 static void see(given_view *v, const saga_camera *c, int32_t t)
 {
     saga_verify_picture p;
@@ -71,7 +72,7 @@ static void see_one(given_view *v, const gen_given *g, uint32_t tools,
     see(v, c, t);
 }
 
-/* Grey that a white thing leaves of black, which is this part of full. */
+/* Checks that a pixel has this part of full white on black. */
 static void expect(const given_view *v, int x, int y, double part)
 {
     const double alpha =

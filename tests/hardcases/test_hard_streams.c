@@ -12,7 +12,7 @@
 
 enum { N_STREAMS = 32, SIDE = 33 };
 
-/* Any tools, banks and networks. */
+/* Makes a stream with any tools, banks and networks. */
 static void make_stream(gen_stream *g, uint32_t i)
 {
     const gen_options o = { .seed = 700 + i, .level = 1 + (i % 8 == 7),
@@ -45,8 +45,9 @@ static void *resized(void *p, size_t n, size_t size)
     return p;
 }
 
-/* A leaf that is the cube, its anchor, and as many children of each as asked
- * for; every residual is q, every suffix the lowest or the highest. */
+/* Sets the symbols: one leaf, which is the cube, its anchor, and as many
+ * children as asked for; every residual is q, every suffix the lowest or the
+ * highest. */
 static void set_symbols(gen_stream *g, uint32_t n_children, int32_t q)
 {
     const saga_model *const m = &g->header.model;
@@ -113,7 +114,7 @@ static int32_t clamp(int64_t x, int64_t lo, int64_t hi)
     return (int32_t)(x < lo ? lo : x > hi ? hi : x);
 }
 
-/* A camera outside the cube that sees all of it. */
+/* Returns a camera outside the cube that sees all of it. */
 static saga_camera before(void)
 {
     saga_camera c;
@@ -153,7 +154,7 @@ static void zero_layer(saga_layer_symbols *l, const saga_net_shape *s, int i)
     memset(l->shift, 0, n_out);
 }
 
-/* The centre of the first suffix cell, in Q14. */
+/* Returns the centre of the first suffix cell, in Q14. */
 static int32_t first_cell(const saga_model *m, int tier)
 {
     return (1 << (14 - m->tier[tier].suffix_bits)) - 16384;
@@ -269,8 +270,9 @@ TEST(limits_should_end_in_a_corner)
 
 /* --- Networks that saturate ---------------------------------------------- */
 
-/* Every hidden unit is 32767, and of the last layer's rows the even ones are,
- * the odd ones -32767: biases of 2^28 outweigh 2^7 inputs of 2^15. */
+/* Makes a layer that saturates: every hidden unit is 32767, and of the last
+ * layer's rows the even ones are 32767, the odd ones -32767. Biases of 2^28
+ * outweigh 2^7 inputs of 2^15. */
 static void saturating_layer(saga_layer_symbols *l, const saga_net_shape *s,
                              int i)
 {
@@ -290,7 +292,8 @@ static void saturating_layer(saga_layer_symbols *l, const saga_net_shape *s,
     }
 }
 
-/* 32767 as row `row` has it, in Q10 of a log2 of half-size `half`. */
+/* Returns the log2 that a saturated row stands for, in Q10, relative to a
+ * half-size `half`. */
 static int32_t log2_of(uint32_t row, int q, int half)
 {
     const int64_t out = row & 1 ? -32767 : 32767;

@@ -38,7 +38,7 @@ static int tear_down(void **state)
     return 0;
 }
 
-/* The room without its depths; saga_capture_free frees it. */
+/* Returns the room without its depths; saga_capture_free frees it. */
 static saga_capture changed(void)
 {
     saga_capture c = room;
@@ -73,7 +73,7 @@ static trained train(const saga_capture *c)
     return r;
 }
 
-/* Draws every camera's first picture; the mean colour of all is left. */
+/* Draws every camera's first picture and sets the mean colour of all. */
 static void draw_all(double mean[3], const trained *r)
 {
     uint8_t rgb[3 * WIDTH * HEIGHT];
@@ -93,7 +93,7 @@ static void draw_all(double mean[3], const trained *r)
     }
 }
 
-/* Learns something, and gives it back. */
+/* Trains the capture, which must learn something, and frees it. */
 static trained survive(saga_capture *c, double psnr)
 {
     double mean[3];
@@ -166,7 +166,7 @@ TEST(depths_should_be_doubted)
 
 /* --- Points -------------------------------------------------------------- */
 
-/* On a line, all at one place, and none at all. */
+/* The points lie on a line, all lie at one place, or there are none. */
 TEST(points_should_be_taken_as_they_lie)
 {
     for (int k = 0; k < 3; k++) {
@@ -186,8 +186,8 @@ TEST(points_should_be_taken_as_they_lie)
 
 /* --- Cameras ------------------------------------------------------------- */
 
-/* All of them at one place, looking the same way: no depth follows. With points
- * and without, here and a million units away. */
+/* All cameras stand at one place and look the same way, so that no depth can be
+ * found, with points and without, here and a million units away. */
 TEST(identical_cameras_should_do)
 {
     for (int k = 0; k < 4; k++) {
@@ -212,7 +212,7 @@ TEST(identical_cameras_should_do)
     }
 }
 
-/* Back to back: no two see the same. */
+/* The cameras stand back to back, so that no two see the same. */
 TEST(opposite_cameras_should_do)
 {
     saga_capture c = changed();
@@ -229,7 +229,7 @@ TEST(opposite_cameras_should_do)
     free(r.bytes);
 }
 
-/* The world s times as large. */
+/* Returns the capture with the world s times as large. */
 static saga_capture scaled(double s)
 {
     saga_capture c = changed();
@@ -246,7 +246,7 @@ static saga_capture scaled(double s)
     return c;
 }
 
-/* Metres of a box unit, as the file has it. */
+/* Returns the metres of a box unit in the file. */
 static double unit_of(const trained *r)
 {
     return ldexp(r->report.info.unit_mantissa, r->report.info.unit_exponent);

@@ -65,7 +65,7 @@ static int tear_down(void **state)
 
 /* --- Apart and together -------------------------------------------------- */
 
-/* The file's values, networks and names in a new file. */
+/* Encodes the file's values, networks and names into a new file. */
 static void encode_again(uint8_t **bytes, size_t *n, const ref_file *f,
                          const saga_naming *names)
 {
@@ -138,7 +138,8 @@ static double all_bits(const ref_file *f)
     return sum;
 }
 
-/* In the channel's LSB; half a step, and half an LSB for each rounding. */
+/* Checks that values differ, in the channel's LSB, by at most half a step and
+ * half an LSB for each rounding. */
 static void values_should_be_within_half_a_step(const ref_file *a,
                                                 const ref_file *b)
 {
@@ -175,7 +176,8 @@ static void what_is_kept_should_be_the_same(const ref_file *a,
         }
 }
 
-/* With what the trainer had, and no more than 1 % dearer. */
+/* The sources of the trainer are used; the result must be at most 1 % larger.
+ */
 TEST_OF(const fixture, refit_should_give_the_same_scene)
 {
     const saga_ablation all = { .groups = 0 };
@@ -385,7 +387,7 @@ TEST(order0_should_be_the_sum_by_hand)
     assert_true(fabs(row.entropy - (3 * log2(3) - 2)) < 1e-12);
 }
 
-/* It counts all symbols, and no order-0 coder is below the entropy. */
+/* All symbols are counted, and no order-0 coder is below the entropy. */
 TEST_OF(const fixture, order0_should_count_every_symbol)
 {
     order0_row row[SAGA_N_COMPONENTS];

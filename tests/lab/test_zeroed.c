@@ -33,7 +33,7 @@ static int has_contexts(const gen_stream *g)
 
 /* --- What a segment decodes to ------------------------------------------- */
 
-/* Its symbols, and the values they stand for. */
+/* The symbols of a file, and the values for which they stand. */
 typedef struct {
     saga_symbols s;
     saga_scaffold sc;
@@ -127,7 +127,8 @@ static void assert_same_integers(const saga_symbols *a, const saga_symbols *b)
     SAME(a->prim_suffix, b->prim_suffix, a->n.prim);
 }
 
-/* Within half a step and an LSB's rounding on both sides. */
+/* Checks that two values differ by at most half a step and an LSB for the
+ * rounding on both sides. */
 static void assert_near(int32_t a, int32_t b, uint32_t step_q16)
 {
     if (abs(a - b) > step_q16 / 131072.0 + 1)

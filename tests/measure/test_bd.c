@@ -67,7 +67,8 @@ TEST(bd_rate_should_be_exact_on_a_parabola)
     assert_true(fabs(bd.pchip - bd.akima) > 1e-6);
 }
 
-/* The values that lab/bd_rate.py gives, which was written on its own. */
+/* The expected values come from lab/bd_rate.py, which was written
+ * independently. */
 TEST(bd_rate_should_be_that_of_the_laboratory)
 {
     static const double q[] = { 28.0, 30.5, 33.0, 36.4 };

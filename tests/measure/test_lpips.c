@@ -47,7 +47,7 @@ static double at(const saga_planes *p, int c, int y, int x)
         ? 0.0 : (double)p->v[(c * p->height + y) * p->width + x];
 }
 
-/* The definition, for one output. */
+/* Computes one output of a convolution by the definition. */
 static double convolve(const saga_conv *c, const double *w, double bias,
                        const saga_planes *in, const int to[3])
 {

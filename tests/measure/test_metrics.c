@@ -23,7 +23,7 @@ static uint32_t next(uint32_t *state)
     return *state >> 8;
 }
 
-/* A picture with edges and gradients, and a damaged copy of it. */
+/* Makes a picture with edges and gradients, and a damaged copy of it. */
 static void make_pair(uint8_t **a, uint8_t **b, int width, int height,
                       uint32_t seed)
 {
@@ -44,7 +44,7 @@ static void make_pair(uint8_t **a, uint8_t **b, int width, int height,
 
 /* --- Definitions --------------------------------------------------------- */
 
-/* One channel of a picture, as doubles in [0, 1]. */
+/* Returns one channel of a picture as doubles in [0, 1]. */
 static double *plane_of(const uint8_t *rgb, int width, int height, int c)
 {
     const size_t n = (size_t)width * (size_t)height;
@@ -55,7 +55,8 @@ static double *plane_of(const uint8_t *rgb, int width, int height, int c)
     return v;
 }
 
-/* SSIM and contrast-structure of the window whose first sample is at x, y. */
+/* Computes SSIM and contrast-structure of the window whose first sample is at
+ * x, y. */
 static void window(double out[2], const double *a, const double *b, int width)
 {
     double m[5] = { 0.0 }, norm = 0.0, cs;
@@ -82,7 +83,7 @@ static void window(double out[2], const double *a, const double *b, int width)
              (m[0] * m[0] + m[1] * m[1] + 1e-4);
 }
 
-/* Means over all windows inside. */
+/* Computes the means over all windows that lie inside. */
 static void valid_means(double mean[2], const double *a, const double *b,
                         int width, int height)
 {
@@ -99,7 +100,7 @@ static void valid_means(double mean[2], const double *a, const double *b,
     }
 }
 
-/* The 2x2 means; odd sides as if the last line stood there twice. */
+/* Returns the 2x2 means; an odd side is extended by repeating its last line. */
 static double *half_of(const double *v, int width, int height)
 {
     const int w = (width + 1) / 2, h = (height + 1) / 2;

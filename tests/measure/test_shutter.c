@@ -10,7 +10,8 @@
 enum { WIDTH = 64, HEIGHT = 48, PIXELS = WIDTH * HEIGHT, FRAMES = 8,
        CAMERAS = 3 };
 
-/* A camera reads its middle row late, and its last one after its first. */
+/* A camera: how late its middle row is, and how much later its last row is than
+ * its first. */
 typedef struct { double late, readout; } camera;
 
 /* Four waves fill the width, of which 0.4 pass in a frame; noise: levels at

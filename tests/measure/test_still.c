@@ -82,7 +82,7 @@ TEST(still_should_be_the_median_over_all_parts)
     }
 }
 
-/* Some of fifteen pictures may be others. */
+/* Some of the fifteen pictures may differ. */
 TEST(still_should_count_what_is_steady)
 {
     enum { N = SAGA_STILL_PICTURES };

@@ -24,7 +24,7 @@ static double uniform(uint32_t *state)
     return (*state >> 8) / 16777216.0 * 2.0 - 1.0;
 }
 
-/* A turned camera somewhere around a cube, from a unit quaternion. */
+/* Returns a turned camera somewhere around a cube, from a unit quaternion. */
 static saga_shot random_shot(const saga_metric *m, uint32_t *seed)
 {
     saga_shot s = { .name = "random", .width = 640, .height = 360 };
@@ -318,7 +318,7 @@ TEST(orbit_should_stay_where_the_rig_was)
 
 /* --- Evaluation ---------------------------------------------------------- */
 
-/* A capture with the rig's cameras, and no pictures. */
+/* Returns a capture with the rig's cameras and without pictures. */
 static saga_capture rig_capture(const opened *o)
 {
     const saga_info *const i = &o->film.info;

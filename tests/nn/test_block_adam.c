@@ -13,7 +13,7 @@
 
 enum { WIDTH = 8 };
 
-/* The state of a number of blocks. */
+/* The state of several blocks. */
 typedef struct {
     float *x, *g, *m, *v, *covariance, *axes;
     saga_block_adam b;

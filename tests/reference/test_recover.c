@@ -48,7 +48,8 @@ static uint32_t recover(line *l, int how)
                        saga_rng_stream(1, 2));
 }
 
-/* rms over rms, of what was masked; what was known must be as it was. */
+/* Returns the rms error divided by the rms of the masked features; the known
+ * features must be unchanged. */
 static double error(const line *l)
 {
     double wrong = 0, all = 0;
@@ -121,7 +122,7 @@ TEST(recover_should_tell_halves_apart_by_neighbours_alone)
     assert_true(error(&l) > 1 && error(&l) < sqrt(2));
 }
 
-/* Nobody is nearer than a distance of 1: all take the mean. */
+/* No anchor is nearer than a distance of 1, so that all take the mean. */
 TEST(recover_should_count_anchors_that_are_alone)
 {
     static line l;

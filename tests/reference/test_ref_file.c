@@ -20,7 +20,7 @@ enum { PER_BASE = 25 };
 
 /* --- What each reader says ----------------------------------------------- */
 
-/* NULL, or why the file is refused. */
+/* Takes the file apart. Returns NULL, or the reason for which it is refused. */
 static const char *take_apart(const uint8_t *bytes, size_t n)
 {
     ref_file f;
@@ -36,7 +36,7 @@ static int record(const uint8_t *bytes, size_t n)
     return recorder_tell(NULL, NULL, bytes, n);
 }
 
-/* Without a change: what it reads, it can write. */
+/* Copies the file without a change: a file that can be read can be written. */
 static const char *zero(const uint8_t *bytes, size_t n)
 {
     uint8_t *out = NULL;
@@ -48,7 +48,8 @@ static const char *zero(const uint8_t *bytes, size_t n)
     return why;
 }
 
-/* A file of which only a view is refused is a good one here. */
+/* Checks that the file is refused. A file of which only a view is refused
+ * counts as good here. */
 static void assert_refused(const char *name, const uint8_t *bytes, size_t n)
 {
     if (strstr(name, "cover_exceeded"))
@@ -127,7 +128,8 @@ static uint8_t *make_base(uint64_t number, size_t *n)
     return bytes;
 }
 
-/* Does the decoder take the one segment, and an index of all frames? */
+/* Returns whether the decoder accepts the only segment, and an index of all
+ * frames. */
 static int decodes(const mutate_result *result, const saga_info *info,
                    const uint8_t *bytes, size_t n)
 {

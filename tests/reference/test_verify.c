@@ -33,7 +33,7 @@ static const saga_verify_row *row_of(const saga_verify *v, int stage,
     return NULL;
 }
 
-/* Largest error of a stage alone, in steps of its format. */
+/* Returns the largest error of a stage alone, in steps of its format. */
 static double steps(const saga_verify *v, int stage, const char *name)
 {
     const saga_verify_row *const r = row_of(v, stage, name);

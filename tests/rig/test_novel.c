@@ -12,7 +12,7 @@ enum { W = 32, H = 24, VIEWS = 5, FRAMES = 3, HELD_OUT = 2 };
 
 #define DISTANCE 4.0             /* of all cameras from the origin */
 
-/* Has a camera at an angle look at the origin from a height of 0. */
+/* Makes a camera at an angle and a height of 0 that looks at the origin. */
 static void look(saga_shot *s, double angle)
 {
     const double c = cos(angle), d = sin(angle);
@@ -32,7 +32,7 @@ typedef struct {
     saga_pictures pictures;
 } fixture;
 
-/* Cameras `step` apart on an arc, one of them held out; all see grey. */
+/* Makes cameras `step` apart on an arc, one of them held out; all see grey. */
 static fixture *make(double step)
 {
     fixture *const f = zeroed(1, sizeof *f);
@@ -71,7 +71,7 @@ static saga_novel placed(const fixture *f)
 
 /* --- Cameras ------------------------------------------------------------- */
 
-/* Returns how far a place is off the segment between two cameras. */
+/* Returns the distance of a place from the segment between two cameras. */
 static double off(const double x[3], const saga_shot *a, const saga_shot *b)
 {
     double p[3], q[3], along = 0, length = 0, sum = 0;
@@ -188,7 +188,7 @@ TEST(cameras_should_stand_where_views_are_far_apart)
 
 /* --- Pictures ------------------------------------------------------------ */
 
-/* A ball before the cameras that fills their pictures, of one colour. */
+/* Makes a ball before the cameras that fills their pictures with one colour. */
 static void ball(saga_splat_params *p, real red)
 {
     assert_done(saga_params_alloc(p, SAGA_ATTR_BIT(SAGA_ATTR_SUPPORT) - 1, 1,

@@ -29,7 +29,8 @@ static double uniform(uint64_t *seed)
     return (double)(*seed >> 40) / (1 << 24);
 }
 
-/* Uniform in the cube and in time, narrow in time. */
+/* Makes primitives that are uniform in the cube and in time, and narrow in
+ * time. */
 static flat flat_make(uint32_t n, uint64_t seed)
 {
     flat f = { .n = n, .seed = seed };
@@ -50,7 +51,7 @@ static flat flat_make(uint32_t n, uint64_t seed)
     return f;
 }
 
-/* Gathers them around a few places, at scales over many octaves. */
+/* Gathers the primitives around a few places, at scales over many octaves. */
 static void flat_cluster(flat *f)
 {
     double centre[7][3], size[7];
@@ -106,7 +107,7 @@ static void model_make(saga_model *m, uint32_t tools)
 
 /* --- The traversal over a scene ------------------------------------------ */
 
-/* A coder that answers from a scene's symbols; every residual is 0. */
+/* A coder that answers from a scene's symbols. Every residual is 0. */
 typedef struct {
     saga_coder coder;
     const saga_symbols *s;
@@ -210,7 +211,8 @@ static void check_coarse(const saga_coarse *a, const saga_coarse *b)
     assert_int_equal(a->first_fine, b->first_fine);
 }
 
-/* The decoder's walk over the scene's symbols finds the scene. */
+/* Checks that the decoder's traversal of the scene's symbols gives the scene.
+ */
 static void check_walk(const saga_scene *s, const saga_symbols *symbols)
 {
     saga_nets nets;
@@ -246,7 +248,8 @@ static void check_symbols(const saga_symbols *a, const saga_symbols *b)
     assert_memory_equal(a->fine_offset, b->fine_offset, 16u * a->n.fine);
 }
 
-/* Encoded with constant networks, decoded, the symbols are the same. */
+/* Checks that the symbols come back after encoding with constant networks and
+ * decoding. */
 static void check_bytes(const saga_scene *s, const saga_symbols *symbols)
 {
     saga_nets shapes;
@@ -292,8 +295,9 @@ static void check_inside(const saga_scene *s, const real x[4],
         assert_true(x[3] == R(0.5));
 }
 
-/* Fine anchors of one parent: they tile the ranks, inside the cell, within
- * half a grid step of the suffix's centre, ascending. */
+/* Checks the fine anchors of one parent: their ranks are consecutive; they lie
+ * inside the cell and within half a grid step of the suffix's centre, in
+ * ascending order. */
 static void check_leaf(const saga_scene *s, uint32_t rank)
 {
     const saga_coarse *const c = &s->coarse[rank];
@@ -329,7 +333,8 @@ static real clamped(real x, double lo, double hi)
     return (double)x < lo ? (real)lo : (double)x > hi ? (real)hi : x;
 }
 
-/* Every primitive once, in its place, under an anchor of its cell. */
+/* Checks that every primitive occurs once, in its place, under an anchor of its
+ * cell. */
 static void check_prims(const saga_scene *s, const uint32_t *source,
                         const flat *f)
 {
@@ -379,7 +384,7 @@ static void check_scene(const saga_scene *s, const uint32_t *source,
 /* --- Building ------------------------------------------------------------ */
 
 /* The subject of a test: primitives, the model and options for them, and the
- * scene that was built last. Whoever makes one anew frees what was there. */
+ * scene that was built last. A new subject frees the old one. */
 static flat f;
 static struct {
     saga_model model;
@@ -421,7 +426,7 @@ static void build(void)
     check_scene(&s, source, &f, &u.o);
 }
 
-/* why: the sentence without its remedy. */
+/* Checks that building is refused. why: the message without its remedy. */
 static void refuse(const char *why)
 {
     FREED uint32_t *const source = zeroed(f.n, sizeof *source);
@@ -442,7 +447,8 @@ static uint32_t max_depth_t(void)
     return depth;
 }
 
-/* Root mean square distance of primitives from their fine anchors. */
+/* Returns the root mean square distance of primitives from their fine anchors.
+ */
 static double spread(void)
 {
     double sum = 0;
@@ -500,7 +506,8 @@ static void model_vary(saga_model *m, uint64_t *seed)
     l[1].n_groups = (uint8_t)(1 + uniform(seed) * 16);
 }
 
-/* Refusals must be for a budget, or a cell that is too full. */
+/* A scene may be refused only because of a budget or a cell that is too full.
+ */
 TEST(hierarchy_should_be_valid_when_limits_vary)
 {
     uint64_t seed = 7;
@@ -533,8 +540,8 @@ TEST(hierarchy_should_be_valid_when_limits_vary)
     assert_true(built > 150);
 }
 
-/* Half of the primitives stand still and are seen all the time; half move
- * along x. */
+/* Makes primitives of which half stand still and are always visible, and half
+ * move along x. */
 static void given_moving(int varies)
 {
     given(800, 3);
@@ -555,8 +562,8 @@ static void given_moving(int varies)
     }
 }
 
-/* The number of the still (odd) or moving primitives under a leaf split in
- * time; of the still ones only those in octants where nothing moves. */
+/* Returns the number of still (odd) or moving primitives under a leaf split in
+ * time. Still ones count only in octants where nothing moves. */
 static uint32_t n_split(const uint32_t *source, int still)
 {
     uint32_t n = 0;
@@ -587,7 +594,8 @@ TEST(hierarchy_should_split_time_only_where_it_varies)
     assert_int_equal(max_depth_t(), 0);
 }
 
-/* A quarter with a time of its own everywhere among what is always seen. */
+/* A quarter of the primitives has times of its own, everywhere among primitives
+ * that are always visible. */
 TEST(hierarchy_should_not_split_time_for_a_minority)
 {
     given(800, 16);
@@ -651,7 +659,7 @@ TEST(hierarchy_should_take_degenerate_inputs)
     build();
 }
 
-/* Two crowds alike in everything but their scores, in one leaf each. */
+/* Two crowds, in one leaf each, differ only in their scores. */
 TEST(hierarchy_should_give_anchors_to_what_matters)
 {
     given(120, 14);
@@ -701,7 +709,7 @@ TEST(hierarchy_should_find_crowds_with_medoids)
         assert_in_range(s.fine[i].n_prim, 1, 8);
 }
 
-/* Corners, and far beyond them in space and time. */
+/* Primitives lie in corners, and far beyond them in space and time. */
 TEST(hierarchy_should_clamp_what_is_outside)
 {
     static const double values[6] = { -1, 1, -1e30, 1e30, 1.5, 0 };
@@ -721,7 +729,7 @@ TEST(hierarchy_should_clamp_what_is_outside)
     build();
 }
 
-/* Crowds that only the deepest cells, or time, can part. */
+/* Only the deepest cells, or a split in time, can separate these crowds. */
 TEST(hierarchy_should_split_further_when_too_many)
 {
     given(300, 9);

@@ -16,7 +16,7 @@ static double uniform(uint64_t *seed)
 
 /* --- Medoids ------------------------------------------------------------- */
 
-/* Members are points of a plane, some of them twice. */
+/* Makes members that are points of a plane; some points occur twice. */
 static void scatter(saga_medoid_division *v, double *distance, uint64_t *seed)
 {
     double x[SAGA_MEDOID_MOST], y[SAGA_MEDOID_MOST];
@@ -38,7 +38,7 @@ static double distance_to(const saga_medoid_division *v, uint32_t member,
     return v->distance[member * v->n + v->medoid[medoid]];
 }
 
-/* Nobody would rather go elsewhere and could: a nearer medoid is full of
+/* Checks the division: if another medoid is nearer to a member, it is full of
  * members that are no farther from it. */
 static void check_division(const saga_medoid_division *v, uint32_t room)
 {
@@ -112,8 +112,9 @@ TEST(one_medoid_should_be_the_cheapest)
 
 enum { MOST = 50 };
 
-/* Whoever got more than another of its want was raised to its lower limit, or
- * the other was held at its upper one; a rounding apart. */
+/* Checks the shares: whoever got more than another relative to its want was
+ * raised to its lower limit, or the other was held at its upper limit, within
+ * rounding. */
 static void check_shares(const saga_share *s, const uint32_t *given, uint32_t n)
 {
     for (uint32_t i = 0; i < n; i++) {

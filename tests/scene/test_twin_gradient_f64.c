@@ -12,7 +12,8 @@ enum { N_FINE = 5, N_PRIM = 11 };
 
 static const double centres[2][3] = { { 2.0, 0.3, -1.0 }, { -1.5, 1.0, 2.0 } };
 
-/* no_fuse: bit SAGA_TIER_*, a tier whose features are not fused. */
+/* Makes the model. no_fuse: bit SAGA_TIER_*, a tier whose features are not
+ * fused. */
 static void make_model(saga_model *m, uint32_t tools, uint32_t no_fuse)
 {
     memset(m, 0, sizeof *m);
@@ -36,7 +37,8 @@ static void make_model(saga_model *m, uint32_t tools, uint32_t no_fuse)
             m->width[saga_fuse_net(i)] = 0;
 }
 
-/* Two cells of a split root, five fine anchors, eleven primitives. */
+/* Makes a scene with two cells of a split root, five fine anchors and eleven
+ * primitives. */
 static void make_scene(saga_scene *s, uint32_t tools, uint32_t no_fuse)
 {
     const saga_counts n = { 2, N_FINE, N_PRIM };
@@ -76,8 +78,8 @@ static void make_scene(saga_scene *s, uint32_t tools, uint32_t no_fuse)
         s->params[i] = 0.5 * s->params[i] + 0.05 * saga_rng_normal(r, k++);
 }
 
-/* The functional: sum over views of c . colour, and c . everything else. With
- * grad, its derivatives are written into the twin. */
+/* Returns the loss: the sum over views of c . colour, and c . everything else.
+ * With grad, its derivatives are written into the twin. */
 static double functional(const saga_twin *w, int view, int colour_only)
 {
     const saga_rng r = saga_rng_stream(9, (uint64_t)view);
@@ -100,13 +102,15 @@ static double functional(const saga_twin *w, int view, int colour_only)
     return sum;
 }
 
-/* View directions of the undisturbed scene: no gradient flows through them. */
+/* The view directions of the undisturbed scene, because no gradient flows
+ * through them. */
 static real directions[2][3 * N_PRIM];
 
-/* Positions without noise. */
+/* The positions without noise. */
 static real clean[4 * N_PRIM];
 
-/* Moves positions by noise of half a support, as it is now. */
+/* Moves positions by noise of half a support, as large as supports are at the
+ * moment. */
 static void shift(saga_twin *w, saga_scene *s)
 {
     const saga_rng r = saga_rng_stream(13, 0);
@@ -135,8 +139,9 @@ static double forward(saga_twin *w, saga_scene *s)
     return sum;
 }
 
-/* docs/arithmetic.md, Shading and Animation: a primitive is seen from where it
- * is at mid-segment, its motion a polynomial of its age. */
+/* Checks the directions by docs/arithmetic.md, Shading and Animation: a
+ * primitive is seen from its position at mid-segment, and its motion is a
+ * polynomial of its age. */
 static void check_directions(const saga_twin *w, const real *centre)
 {
     const saga_splat_params *const p = &w->attr;
@@ -280,7 +285,7 @@ TEST(motion_should_end_where_its_format_does)
     saga_scene_free(&d);
 }
 
-/* Those of a base: rows that say how something moves lead nowhere. */
+/* In a base, rows of outputs for motion have no gradient. */
 TEST(twin_gradients_should_match_differences_of_what_is_still)
 {
     run_gradient(SAGA_TOOLS_PICTURE, 0, true);

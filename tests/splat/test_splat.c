@@ -111,8 +111,8 @@ static ref_camera ref_camera_of(const fixture *f)
     return c;
 }
 
-/* Largest error of pixels whose comparisons were not close; at most `unsure`
- * of the pixels may be left out. */
+/* Returns the largest error of pixels whose comparisons were not close. At most
+ * the fraction `unsure` of the pixels may be left out. */
 static double error_to_book(fixture *f, double unsure)
 {
     FREED ref_primitive *const r = ref_primitives(f);
@@ -154,7 +154,8 @@ TEST(splat_should_draw_the_norms_picture)
     }
 }
 
-/* Needles from 1 to 1000 px long, at all angles: every tile they touch. */
+/* Needles are 1 to 1000 px long, at all angles; every tile that they touch is
+ * checked. */
 TEST(splat_should_draw_needles)
 {
     fixture *const f = new_fixture(200, 203, 147, 20, 2);
@@ -261,7 +262,7 @@ TEST(splat_should_draw_background_when_empty)
     free_fixture(f);
 }
 
-/* Makes primitive i a plain one, seen by the camera. */
+/* Makes primitive i a plain one that the camera sees. */
 static void plain(fixture *f, size_t i)
 {
     for (size_t a = 0; a < 3; a++) {

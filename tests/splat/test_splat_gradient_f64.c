@@ -9,8 +9,8 @@
 
 enum { N = 24, W = 37, H = 29, PIXELS = W * H };
 
-/* The error allowed: of the gradient, or of the tensor's largest where a
- * gradient is smaller than a hundredth of it. */
+/* The allowed error, relative to the gradient, or to the tensor's largest
+ * gradient if it is smaller than a hundredth of that. */
 #define TOLERANCE 1e-5
 #define STEP 1e-5
 
@@ -21,7 +21,7 @@ typedef struct {
     saga_canvas c;
 } fixture;
 
-/* A linear function of the picture. */
+/* Returns a linear function of the picture. */
 static real loss(fixture *f)
 {
     real sum = 0;
@@ -58,7 +58,8 @@ static void free_fixture(fixture *f)
     free(f);
 }
 
-/* Largest error of a tensor in units of its tolerance's base. */
+/* Returns the largest error of a tensor, relative to what TOLERANCE refers to.
+ */
 static double check_tensor(fixture *f, int k)
 {
     real *const x = f->p.of[k];
@@ -132,7 +133,7 @@ TEST(splat_gradient_should_match_when_extreme)
     free_fixture(f);
 }
 
-/* With the square of s in q. */
+/* Splats are steep: q has the square of s. */
 TEST(splat_gradient_should_match_where_it_is_steep)
 {
     fixture *const f = new_fixture(3);
@@ -158,8 +159,8 @@ TEST(splat_gradient_should_skip_time_when_detached)
     free_fixture(f);
 }
 
-/* A tile has more splats than it can keep all that they did to it:
- * opacities alone, front and back. */
+/* A tile has too many splats to keep all results of the forward pass. Only
+ * opacities are checked, in front and at the back. */
 TEST(splat_gradient_should_match_in_a_crowd)
 {
     enum { CROWD = 300, SIDE = 16 };
@@ -202,7 +203,8 @@ TEST(splat_gradient_should_match_in_a_crowd)
     saga_canvas_free(&f.c);
 }
 
-/* The squared error's gradient to the picture, taken back from there. */
+/* The gradient of the squared error with respect to the picture is propagated
+ * back. */
 TEST(learn_should_match_backward_of_the_squared_error)
 {
     fixture *const f = new_fixture(5);

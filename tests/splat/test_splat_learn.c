@@ -18,7 +18,7 @@ enum {
 
 static saga_error error; /* nothing fails here */
 
-/* One camera in the middle is held out. */
+/* Returns whether a view is held out: one camera in the middle is. */
 static int is_held_out(int view)
 {
     return view / TIMES == 4;
@@ -152,7 +152,8 @@ static void train(fit *f, int from, int to)
     }
 }
 
-/* PSNR of the mean error of the held-out views, or of the others. */
+/* Returns the PSNR of the mean error of the held-out views, or of the others.
+ */
 static double mean_psnr(fit *f, int held_out)
 {
     double mse = 0;
@@ -225,8 +226,8 @@ static saga_splat_params from(saga_splat_params p, size_t first)
     return p;
 }
 
-/* The canvas's own primitives are drawn as if they had been given behind the
- * others, in one order of depth, and only those learn. */
+/* The canvas's own primitives are drawn as if they followed the others, in one
+ * order of depth. Only the others learn. */
 TEST(canvas_should_draw_its_own_and_teach_the_others)
 {
     enum { GIVEN = 200 };

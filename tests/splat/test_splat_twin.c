@@ -27,8 +27,8 @@ static int16_t to_int16(real x, double scale)
     return (int16_t)quantise((double)x * scale, -32767, 32767);
 }
 
-/* Rounds primitive i of p to what the decoder holds, and p with it; returns
- * the decoder's. */
+/* Rounds primitive i of p to what the decoder can hold, and returns the
+ * decoder's primitive. */
 static saga_primitive round_primitive(saga_splat_params *p, size_t i)
 {
     saga_primitive o;
@@ -90,7 +90,7 @@ static saga_camera round_camera(saga_splat_camera *cam)
     return c;
 }
 
-/* The decoder's picture, 16 bits. */
+/* Draws the decoder's picture with 16 bits. */
 static void draw_integers(uint16_t *rgb, const saga_primitive *prim,
                           const saga_splat_params *p, uint32_t n,
                           const saga_camera *cam, uint32_t tools)

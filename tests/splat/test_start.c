@@ -14,7 +14,8 @@
 
 /* --- Linear algebra ------------------------------------------------------ */
 
-/* a = g g^T + ridge: positive definite; rank as many as g has columns. */
+/* Makes a = g g^T + ridge, which is positive definite; its rank without the
+ * ridge is the number of columns of g. */
 static void make_symmetric(saga_matrix a, size_t n, size_t rank, double ridge)
 {
     const saga_rng r = saga_rng_stream(11, n);
@@ -44,7 +45,7 @@ TEST(solve_should_invert_the_product)
     }
 }
 
-/* Unknowns that no equation names stay 0, and the others come out. */
+/* Unknowns that occur in no equation stay 0, and the others are found. */
 TEST(solve_should_leave_out_what_has_no_say)
 {
     enum { N = 9 };

@@ -70,7 +70,7 @@ typedef struct {
     uint32_t value;
 } entry;
 
-/* A run over a file, and what came out of it. */
+/* A run over a file, and its output. */
 typedef struct {
     const uint8_t *bytes;
     size_t n;
@@ -94,7 +94,7 @@ static void note(player *p, const char *what, uint32_t value)
     p->log[p->n_log++].value = value;
 }
 
-/* n bytes that have no padding. */
+/* Notes n bytes of output, which have no padding. */
 static void note_bytes(player *p, const char *what, const void *bytes,
                        size_t n)
 {
@@ -125,7 +125,7 @@ static void paint(const player *p, void *at, size_t n)
 #endif
 }
 
-/* Fills the stack that a function called next finds. */
+/* Fills the part of the stack that the next called function uses. */
 static __attribute__((noinline)) void paint_stack(const player *p)
 {
 #ifdef POISONED
@@ -140,7 +140,7 @@ static __attribute__((noinline)) void paint_stack(const player *p)
 #endif
 }
 
-/* Before a call that fills *out. */
+/* Paints stack and *out before a call that fills *out. */
 static void prepare(const player *p, void *out, size_t n)
 {
     paint(p, out, n);
@@ -152,8 +152,8 @@ static void paint_work(const player *p, size_t begin, size_t end)
     paint(p, p->work + begin, end - begin);
 }
 
-/* Before a segment is decoded, primitives of the base and what begins with the
- * head are there. */
+/* Paints everything that is unused before a segment is decoded: all except the
+ * primitives of the base and what begins with the head. */
 static void forget_segment(const player *p)
 {
     const size_t base = p->header.base.prim;
@@ -166,7 +166,7 @@ static void forget_segment(const player *p)
                plan->work_nbytes);
 }
 
-/* Before a view, anchors are no longer needed. */
+/* Paints the anchors, which are no longer needed before a view. */
 static void forget_anchors(const player *p)
 {
     paint_work(p, p->plan.splats_at, p->plan.work_nbytes);
@@ -185,7 +185,7 @@ static size_t sample_nbytes(int bits)
     return bits == SAGA_DEPTH ? sizeof(saga_depth) : bits == 16 ? 6 : 3;
 }
 
-/* Part of the picture, from its middle on. */
+/* Draws a part of the picture, from its middle on. */
 static void draw(player *p, const saga_camera *c, const division *d)
 {
     static _Alignas(8) uint8_t pixels[WIDTH * HEIGHT * sizeof(saga_depth)];
@@ -216,7 +216,7 @@ static void draw(player *p, const saga_camera *c, const division *d)
     free(scratch);
 }
 
-/* Returns a stride through n things at which at most MAX_TAPS are met. */
+/* Returns a stride with which at most MAX_TAPS of n things are visited. */
 static uint32_t stride_of(uint32_t n)
 {
     return n / MAX_TAPS + 1;
@@ -253,7 +253,7 @@ static void look(player *p, const saga_camera *c, int32_t t)
         draw(p, c, &divisions[i]);
 }
 
-/* Where a file has no camera, or one that no view takes. */
+/* The camera for a file without one, or with one that no view accepts. */
 static const saga_camera plain_camera = {
     .rotation_q30 = { 1 << 30, 0, 0, 0, 1 << 30, 0, 0, 0, 1 << 30 },
     .centre = { 0, 0, -(1 << 24) }, .focal_q16 = { 100 << 16, 100 << 16 },
@@ -323,7 +323,7 @@ static saga_status decode(player *p, const saga_segment *seg,
                        saga_decode(p->dec, seg, bytes, n, NULL));
 }
 
-/* The bytes of a segment, as many as there are, and one less. */
+/* Plays the available bytes of a segment, and one byte less. */
 static void play_segment(player *p, const saga_segment *seg)
 {
     const size_t left = p->n - (size_t)seg->offset;
@@ -419,7 +419,7 @@ static void play(player *p)
 
 static const char *const path_text[] = { "plain", "128 bits", "AVX2" };
 
-/* Tells the first thing that differs. */
+/* Compares two runs and prints the first difference. */
 static int is_same(const char *name, const player *a, const player *b)
 {
     size_t i = 0;
@@ -459,7 +459,7 @@ static int check(const char *name, const uint8_t *bytes, size_t n)
     return ok;
 }
 
-/* Exact size, or NULL. */
+/* Returns the file's bytes in memory of exact size, or NULL. */
 static uint8_t *read_file(const char *name, size_t *n)
 {
     FILE *const f = fopen(name, "rb");

@@ -231,7 +231,7 @@ static int edit(uint8_t **bytes, size_t *n, const char *edits)
     return *edits == '\n';
 }
 
-/* The status of finding the file's last frame. */
+/* Returns the status of finding the file's last frame. */
 static saga_status find_last(const uint8_t *bytes, size_t n)
 {
     saga_info info;
@@ -282,7 +282,7 @@ static int check_refusal(const char *dir, const char *line)
 
 /* --- Both lists ---------------------------------------------------------- */
 
-/* Returns 0 where the machine lacks the path. */
+/* Selects a path; returns 0 if the machine lacks it. */
 static int choose_path(const char *name)
 {
     static const char *const names[] = { "plain", "x4", "avx2" };

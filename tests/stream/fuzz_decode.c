@@ -30,10 +30,10 @@ static void *must(void *p)
     return p;
 }
 
-/* The sum of all pictures and statuses as yet. */
+/* The checksum of all pictures and statuses so far. */
 static uint32_t total;
 
-/* Copies an input and signs it, so that it is played; free it. */
+/* Returns a signed copy of an input, which the caller frees. */
 static uint8_t *signed_copy(const uint8_t *data, size_t n)
 {
     uint8_t *const copy = must(malloc(n + 1));
@@ -109,7 +109,8 @@ static int write_file(const char *path, const uint8_t *p, size_t n)
     return 0;
 }
 
-/* The smallest of some random streams each: networks make most of a file. */
+/* Writes the smallest of several random streams, since networks are most of a
+ * file. */
 static int write_seed(const char *dir, uint32_t number)
 {
     uint8_t *best = NULL;

@@ -43,13 +43,14 @@ static void write_file(const char *name, const uint8_t *p, size_t n)
 
 /* --- Good ---------------------------------------------------------------- */
 
-/* Where a picture is taken from. */
+/* The time and the camera of a picture. */
 typedef struct {
     int32_t t;
     uint32_t camera;
 } look;
 
-/* Describes the first n_layers of a segment: all, where the file is whole. */
+/* Writes the MANIFEST lines of the first n_layers of a segment; of all layers
+ * if the file is whole. */
 static void describe_layers(const char *name, const gen_stream *g,
                             const saga_bytes *file, uint32_t number,
                             uint32_t n_layers, const look *at)
@@ -91,7 +92,7 @@ static void describe(const char *name, const gen_stream *g,
                         &looks[i]);
 }
 
-/* Each of several layers has something to draw. */
+/* Returns whether each of several layers has something to draw. */
 static int is_worth_it(const gen_stream *g, const gen_options *o)
 {
     for (uint32_t i = 0; o->n_layers > 1 && i < o->n_layers; i++)
@@ -128,7 +129,7 @@ static void good(const char *stem, gen_options o)
         describe(name, &g, &(saga_bytes){ bytes, n }, i);
 }
 
-/* The first tree that fills level 0 to the brim. */
+/* Writes the first stream whose tree reaches the limits of level 0. */
 static void good_full(void)
 {
     gen_options o = { .seed = 1, .level = 0, .full = 1, .picture = 1,
@@ -148,7 +149,8 @@ static void good_full(void)
     good("level0_full", o);
 }
 
-/* Streams of given tools, whose pictures show something; and their bank. */
+/* Options of streams with given tools whose pictures show something, and of
+ * their banks. */
 #define ALL (uint32_t)SAGA_TOOLS_PICTURE
 #define DRAWN(given) .picture = 1, .tools_fixed = 1, .tools = given
 #define BANK(write, slots, width, blocks) .bank = write, \
@@ -166,7 +168,8 @@ static void sound(const char *stem, const uint8_t *bytes, size_t n,
     fprintf(manifest, "%s sound %d\n", name, (int)status);
 }
 
-/* A film whose chunk of sound has `more` bytes more or fewer than it says. */
+/* Writes a film whose chunk of sound has `more` bytes more (or fewer) than its
+ * length says. */
 static void sound_length(const char *stem, const uint8_t *bytes, size_t n,
                          size_t at, int more)
 {
@@ -178,7 +181,8 @@ static void sound_length(const char *stem, const uint8_t *bytes, size_t n,
     free(copy);
 }
 
-/* A film with a byte changed; signed anew, the sound is no Ogg stream. */
+/* Writes a film with a changed byte. If it is signed anew, the sound is not a
+ * valid Ogg stream. */
 static void sound_byte(const char *stem, const uint8_t *bytes, size_t n,
                        size_t at, int is_signed)
 {
@@ -192,8 +196,8 @@ static void sound_byte(const char *stem, const uint8_t *bytes, size_t n,
     free(copy);
 }
 
-/* A film whose sound, at bytes[at..end), comes twice: segments stand where the
- * index has them no longer. */
+/* Writes a film whose sound, at bytes[at..end), comes twice, so that segments
+ * are no longer where the index says. */
 static void sound_twice(const uint8_t *bytes, size_t n, size_t at, size_t end)
 {
     uint8_t *const copy = malloc(2 * n);
@@ -206,7 +210,7 @@ static void sound_twice(const uint8_t *bytes, size_t n, size_t at, size_t end)
     free(copy);
 }
 
-/* A chunk of sound that has no more than its first field. */
+/* Writes a film whose chunk of sound has only its first field. */
 static void sound_short(const uint8_t *bytes, size_t n, size_t at, size_t end)
 {
     const size_t kept = SAGA_CHUNK_NBYTES + SAGA_SOUND_NBYTES;
@@ -297,7 +301,7 @@ static void make_change(saga_header *h, change c)
     }
 }
 
-/* A header that may not be, by one change or two, and what it is refused as. */
+/* A forbidden header, made by one or two changes, and its status. */
 typedef struct {
     const char *stem;
     saga_status status;
@@ -314,7 +318,7 @@ static void bad(const char *stem, const uint8_t *bytes, size_t n,
     fprintf(manifest, "%s status %d\n", name, (int)status);
 }
 
-/* Bytes at `at` changed, all of it signed anew. */
+/* Writes a file with changed bytes at `at`, signed anew. */
 static void bad_signed(const char *stem, const uint8_t *bytes, size_t n,
                        size_t at, const char *by, size_t n_by,
                        saga_status status)
@@ -327,7 +331,7 @@ static void bad_signed(const char *stem, const uint8_t *bytes, size_t n,
     bad(stem, copy, n, status);
 }
 
-/* A head and what a version or a tool of the future makes of it. */
+/* Writes heads that a future version or an unknown tool has changed. */
 static void bad_versions(const uint8_t *bytes, size_t head)
 {
     const size_t longer = head + 8;
@@ -353,8 +357,8 @@ static void bad_versions(const uint8_t *bytes, size_t head)
         SAGA_ERR_TRUNCATED);
 }
 
-/* Chunks of the head that claim a byte of what is behind them, or give one
- * away: all that follows is there. */
+/* Writes files in which a chunk of the head is a byte too long or too short;
+ * everything after it is present. */
 static void bad_lengths_of_head(const uint8_t *bytes, size_t n, size_t head)
 {
     const size_t at[2] = {
@@ -385,7 +389,7 @@ static void bad_lengths_of_head(const uint8_t *bytes, size_t n, size_t head)
                "\xff\xff\xff\xff", 4, SAGA_ERR_TRUNCATED);
 }
 
-/* The header changed, signed anew. */
+/* Writes a file with a changed header, signed anew. */
 static void bad_header(const bad_change *b, const uint8_t *bytes, size_t n)
 {
     FREED uint8_t *const copy = malloc(n);
@@ -423,7 +427,7 @@ static void bad_headers(const gen_options *o, const bad_change *headers,
             SAGA_ERR_TRUNCATED);
 }
 
-/* One byte changed, nothing signed. */
+/* Writes a file with one changed byte, not signed. */
 static void bad_byte(const char *stem, const uint8_t *bytes, size_t n,
                      size_t at, saga_status status)
 {
@@ -434,7 +438,7 @@ static void bad_byte(const char *stem, const uint8_t *bytes, size_t n,
     bad(stem, copy, n, status);
 }
 
-/* A symbol of a model that is fresh. */
+/* Codes a symbol with a new adaptive model. */
 static void put(saga_range_enc *e, uint32_t n_sym, uint32_t sym)
 {
     saga_adaptive m;
@@ -444,7 +448,7 @@ static void put(saga_range_enc *e, uint32_t n_sym, uint32_t sym)
                             sym + 1 < n_sym ? m.start[sym] : SAGA_PROB_TOTAL);
 }
 
-/* Networks that begin with a row whose scale would be -1. */
+/* Writes a file whose networks begin with a row whose scale would be -1. */
 static void bad_scale(void)
 {
     const gen_options o = { .seed = 7, .level = 1, .n_coarse = 3,
@@ -473,7 +477,8 @@ static void bad_scale(void)
     free(bytes);
 }
 
-/* Chunks of a file of one segment, as mutate_split numbers them. */
+/* The numbers of the chunks of a file with one segment, as mutate_split counts
+ * them. */
 enum { PART_SEGMENT = 2, PART_COARSE, PART_FINE, PART_PRIM };
 
 /* A file in which a chunk has `more` bytes behind its payload (zeros; or fewer
@@ -500,7 +505,8 @@ static void bad_chunk(const char *stem, const uint8_t *bytes, size_t n,
     free(changed);
 }
 
-/* The index says one byte more than the segment has; `more` bytes follow. */
+/* Writes a file whose index makes the segment one byte too long; `more` bytes
+ * follow it. */
 static void bad_index(const char *stem, const uint8_t *bytes, size_t n,
                       size_t more, saga_status status)
 {
@@ -514,8 +520,9 @@ static void bad_index(const char *stem, const uint8_t *bytes, size_t n,
     bad(stem, copy, n + more, status);
 }
 
-/* The head of one file, the segment of another that has the same number, frames
- * and bytes: the same stream with another height of its cameras' pictures. */
+/* Writes the head of one file with the segment of another that has the same
+ * number, frames and bytes: the same stream with another height of its cameras'
+ * pictures. */
 static void bad_owner(const uint8_t *bytes, size_t n)
 {
     FREED uint8_t *const copy = malloc(n);
@@ -530,7 +537,8 @@ static void bad_owner(const uint8_t *bytes, size_t n)
     bad("segment_of_another_file", copy, n, SAGA_ERR_DATA);
 }
 
-/* Segments that are not what the index says, and bytes left over. */
+/* Writes files whose segments differ from the index, and with bytes left over.
+ */
 static void bad_segments(void)
 {
     const gen_options o = { .seed = 15, .level = 0, .n_coarse = 2 };
@@ -568,7 +576,7 @@ static void bad_base_owner(const uint8_t *bytes, size_t n, size_t head)
     bad("segment_of_another_base", copy, n, SAGA_ERR_DATA);
 }
 
-/* Bases that may not be. */
+/* Writes files with forbidden bases. */
 static void bad_base(void)
 {
     const bad_change headers[] = {
@@ -602,7 +610,7 @@ static void bad_base(void)
     bad_base_owner(bytes, n, head);
 }
 
-/* The first segment's bytes in a file. */
+/* Returns the place of the first segment in a file. */
 static saga_segment first_segment(const uint8_t *bytes, size_t n)
 {
     saga_segment seg;
@@ -612,7 +620,7 @@ static saga_segment first_segment(const uint8_t *bytes, size_t n)
     return seg;
 }
 
-/* Bytes of a file up to where a layer of its only segment ends. */
+/* Returns the end of a layer of the file's only segment. */
 static size_t end_of_layer(const uint8_t *bytes, size_t n, uint32_t layer)
 {
     const saga_segment seg = first_segment(bytes, n);
@@ -627,7 +635,8 @@ static size_t end_of_layer(const uint8_t *bytes, size_t n, uint32_t layer)
     return end;
 }
 
-/* A file of three layers, cut: behind the first two, and inside the last. */
+/* Writes a file with three layers, cut after the first two, and inside the
+ * last. */
 static void cut_layers(const gen_options *o)
 {
     static const char *const name[] = {
@@ -669,7 +678,7 @@ static void bad_lengths(const char *stem, const uint8_t *bytes, size_t n,
     bad(stem, copy, n, status);
 }
 
-/* Layers that may not be. */
+/* Writes files with forbidden layers. */
 static void bad_layers(const gen_options *o)
 {
     /* Places in SEGM: the number of primitives and the length, of layers 0 and
@@ -715,7 +724,7 @@ static void bad_layers(const gen_options *o)
              end + SAGA_CHUNK_NBYTES, SAGA_ERR_DATA);
 }
 
-/* Banks that may not be, in a file that has one. */
+/* Writes files with forbidden banks. */
 static void bad_memory(void)
 {
     static const bad_change headers[] = {
@@ -746,7 +755,8 @@ static void bad_memory(void)
     bad_headers(&o, headers, sizeof headers / sizeof *headers);
 }
 
-/* Networks that must be there, and fields of one that need not. */
+/* Writes files that lack a necessary network, or change fields of an optional
+ * one. */
 static void bad_fuse(void)
 {
     static const bad_change headers[] = {
@@ -769,7 +779,8 @@ static void bad_fuse(void)
     bad_headers(&o, headers, sizeof headers / sizeof *headers);
 }
 
-/* A file whose header allows one anchor of each tier more than its level. */
+/* Writes a file whose header allows one anchor of each tier more than its level
+ * does. */
 static void bad_slow(const char *stem, int kind)
 {
     FREED_BY(gen_stream_free) gen_stream g;
@@ -784,7 +795,7 @@ static void bad_slow(const char *stem, int kind)
     bad(stem, bytes, n, SAGA_ERR_LEVEL);
 }
 
-/* Work that takes longer than the level allows. */
+/* Writes files with more work than the level allows. */
 static void bad_work(void)
 {
     FREED_BY(gen_stream_free) gen_stream g;

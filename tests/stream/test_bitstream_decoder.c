@@ -106,7 +106,7 @@ static uint32_t bank_width_of(const uint8_t *p, const char *net)
                          field_named(BANK, net)->offset, "width", 0);
 }
 
-/* Networks 11 to 15. */
+/* Returns the weights of networks 11 to 15. */
 static uint32_t bank_weights_of(const uint8_t *p)
 {
     const uint32_t in = 8 * (uint32_t)get(HEADER, p, "octaves", 0) + 6 +
@@ -123,7 +123,7 @@ static uint32_t bank_weights_of(const uint8_t *p)
            (l + v) * bank_width_of(p, "net_slot") + d * v + v * (d + 1);
 }
 
-/* Inputs of a network with sources s. */
+/* Returns the inputs of an entropy network with the sources s. */
 static uint32_t inputs_of(const uint8_t *p, uint32_t s)
 {
     return (uint32_t)get(HEADER, p, "features", 0) *
@@ -131,13 +131,15 @@ static uint32_t inputs_of(const uint8_t *p, uint32_t s)
            (s >> 3 & 1u) * (uint32_t)get(HEADER, p, "bank_width", 0);
 }
 
-/* Weights of a network with two hidden layers of w units, none if w is 0. */
+/* Returns the weights of a network with two hidden layers of w units, or with
+ * none if w is 0. */
 static uint32_t layers_of(uint32_t n_in, uint32_t w, uint32_t n_out)
 {
     return w ? n_in * w + w * w + w * n_out : n_in * n_out;
 }
 
-/* Section 9, with the fields' names; W of a network is its own width. */
+/* Returns the number of weights by section 9, with the fields' names; W of a
+ * network is its own width. */
 static uint32_t weights_of(const uint8_t *p)
 {
     static const char *const sources[3] = {
@@ -237,7 +239,7 @@ TEST(rig_should_hold_the_same_values)
     }
 }
 
-/* A decoder in a block that begins with it: free it. */
+/* Opens a decoder at the beginning of a block, which the caller frees. */
 static saga_decoder *open_file(saga_info *info, const file *f)
 {
     saga_decoder *dec;
@@ -280,8 +282,8 @@ static void check_found(saga_decoder *dec, file *f, const uint8_t *entry,
                      report.n_primitives);
 }
 
-/* The layers that saga_decode makes of n bytes of a segment, 0 if it is
- * TRUNCATED. An exact copy shows what is read. */
+/* Returns the number of layers that saga_decode makes of n bytes of a segment,
+ * 0 if it is TRUNCATED. The bytes are in a copy of exact size. */
 static uint32_t layers_in(saga_decoder *dec, const saga_segment *seg,
                           const uint8_t *bytes, size_t n)
 {
@@ -299,7 +301,7 @@ static uint32_t layers_in(saga_decoder *dec, const saga_segment *seg,
     return report.n_layers;
 }
 
-/* A segment of an opened file, cut on both sides of each layer's end. */
+/* Checks a segment of an opened file, cut on both sides of each layer's end. */
 static void check_cuts(saga_decoder *dec, file *f, const saga_segment *seg)
 {
     const uint8_t *const p = f->p + seg->offset;
@@ -358,7 +360,8 @@ TEST(segments_should_be_found_with_the_same_values)
 
 /* --- Ranges and the decoder ---------------------------------------------- */
 
-/* Fields whose values hang on others: only what is outside is tried. */
+/* Returns whether the valid values of a field depend on other fields. Only
+ * values outside of its range are then tried. */
 static int is_coupled(const field *f)
 {
     static const char *const names[] = {
@@ -436,7 +439,7 @@ static int is_refused_width(const trial *r, const field *f, const uint8_t *p,
            (v > 32 && p == h + field_named(HEADER, "net_colour")->offset);
 }
 
-/* Bytes are tried with all their values, wider fields at the bounds. */
+/* Tries a field: a byte with all its values, a wider field at its bounds. */
 static void try_field(const table *t, const field *f, uint8_t *p, void *user)
 {
     trial *const r = user;
@@ -485,7 +488,8 @@ TEST(decoder_should_refuse_what_lies_outside_the_ranges)
     }
 }
 
-/* A camera with v in element i of a field; 0 in the rest of its rotation. */
+/* Returns the status of a view whose camera has v in element i of a field, and
+ * 0 in the rest of its rotation. */
 static saga_status status_of_view(saga_decoder *dec, uint8_t *header,
                                   const field *f, uint32_t i, int64_t v)
 {
@@ -507,7 +511,7 @@ static saga_status status_of_view(saga_decoder *dec, uint8_t *header,
     return saga_view(dec, &c, 0);
 }
 
-/* The bounds of a field of the camera, and what lies just outside. */
+/* Tries the bounds of a field of the camera, and the values just outside. */
 static void try_camera(saga_decoder *dec, uint8_t *header, const field *f,
                        uint32_t i)
 {

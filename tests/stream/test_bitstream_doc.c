@@ -84,7 +84,7 @@ TEST(headers_should_be_as_the_tables_say)
     }
 }
 
-/* A chunk at p[at..n): its payload; moves *at past it. */
+/* Returns the payload of the chunk at p[at..n); moves *at past the chunk. */
 static uint8_t *chunk(file *f, size_t *at, const char *type, uint32_t *nbytes)
 {
     uint8_t *const head = f->p + *at;
@@ -113,7 +113,8 @@ static void check_base(file *f, size_t *at)
     assert_int_equal(base_of(f->p, "nbytes"), *at - begin);
 }
 
-/* The three chunks of a layer at *at, and what its segment says of it. */
+/* Checks the three chunks of a layer at *at, and what its segment states about
+ * it. */
 static void check_layer(file *f, size_t *at, uint8_t *layer)
 {
     const size_t begin = *at;
@@ -132,7 +133,7 @@ static void check_layer(file *f, size_t *at, uint8_t *layer)
         assert_int_equal(get(LAYER, layer, "nbytes", 0), *at - begin);
 }
 
-/* The chunks of segment i at *at, and what the index says of it. */
+/* Checks the chunks of segment i at *at, and what the index states about it. */
 static void check_segment(file *f, size_t *at, uint32_t i,
                           const uint8_t *entry, uint32_t first_frame)
 {
@@ -155,7 +156,7 @@ static void check_segment(file *f, size_t *at, uint32_t i,
     assert_int_equal(get(SEGMENT, seg, "first_frame", 0), first_frame);
 }
 
-/* The chunk of names, where there is one: a name for each camera. */
+/* Checks the chunk of names, if there is one: it has a name for each camera. */
 static void check_names(file *f, size_t *at)
 {
     uint32_t nbytes, done = tables[NAMES].nbytes, length = 0;
@@ -177,7 +178,7 @@ static void check_names(file *f, size_t *at)
     assert_int_equal(done, nbytes);
 }
 
-/* The chunk of sound, where there is one. */
+/* Checks the chunk of sound, if there is one. */
 static void check_sound(file *f, size_t *at)
 {
     uint32_t nbytes;

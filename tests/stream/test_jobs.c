@@ -13,7 +13,7 @@ enum { N_STREAMS = 4, LARGE = 4 << 20, CANARY = 0xa5 };
 
 /* --- Streams with a view ------------------------------------------------- */
 
-/* Decodes what was found, and looks at it. */
+/* Decodes the segment that was found, and makes its view. */
 static void show(player *s)
 {
     assert_ok(saga_decode(s->dec, &s->seg, s->bytes + s->seg.offset,
@@ -39,7 +39,7 @@ static gen_options options_of(uint32_t i)
 
 /* --- Drawing ------------------------------------------------------------- */
 
-/* How a picture is divided. */
+/* The division of a picture. */
 typedef struct {
     int32_t tile;
     uint32_t list;
@@ -57,7 +57,7 @@ static size_t scratch_nbytes(const division *d)
     return SAGA_JOB_NBYTES(d->tile, d->list) + (d->n_tiles - 1) * tile;
 }
 
-/* A rectangle; its own rows begin at `rows`. */
+/* Draws a rectangle, whose rows begin at `rows`. */
 static void draw_rect(const player *s, const division *d, int32_t x0,
                       int32_t y0, int32_t x1, int32_t y1,
                       const saga_picture *picture)
@@ -83,7 +83,7 @@ static size_t line_nbytes(const player *s, const division *d)
     return 3u * s->camera.width * (d->bits == 16 ? 2u : 1u);
 }
 
-/* The whole picture, exact-size (free it). */
+/* Draws the whole picture into memory of exact size, which the caller frees. */
 static uint8_t *draw(const player *s, const division *d)
 {
     const size_t line = line_nbytes(s, d), n = line * s->camera.height;
@@ -134,7 +134,7 @@ static void check_budgets(const player *s)
     }
 }
 
-/* A picture that shows something, so that the comparisons mean something. */
+/* Checks that a picture shows something, so that comparing it is useful. */
 static void assert_is_picture(const player *s)
 {
     uint8_t *const p = draw(s, &plain);
@@ -306,7 +306,8 @@ static uint32_t apart(uint32_t a, uint32_t b)
     return a < b ? b - a : a - b;
 }
 
-/* v / 257 rounded: 65535 = 255 * 257. */
+/* Checks depths: the 8-bit value is v / 257 rounded, since 65535 = 255 * 257.
+ */
 static void check_depths(const player *s)
 {
     const division d8 = { 16, 100, 2, 1u << 30, 8 };

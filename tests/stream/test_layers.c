@@ -12,7 +12,7 @@
 
 enum { N_STREAMS = 12, N_SEGMENTS = 2, N_LAYERS = 3 };
 
-/* The first n bytes of a segment, in an exact copy. */
+/* Decodes the first n bytes of a segment, in a copy of exact size. */
 static saga_status decode_bytes(player *p, size_t n)
 {
     uint8_t *const copy = copy_of(p->bytes + p->seg.offset, n);
@@ -43,8 +43,8 @@ static gen_options options_of(uint32_t i)
     return o;
 }
 
-/* A part of the stream's first picture as the only segment, which shares its
- * memory. */
+/* Returns a stream whose only segment is a part of the first picture of g,
+ * whose memory it shares. */
 static gen_stream part_alone(const gen_stream *g, const saga_symbols *part)
 {
     gen_stream alone = *g;
@@ -56,7 +56,7 @@ static gen_stream part_alone(const gen_stream *g, const saga_symbols *part)
     return alone;
 }
 
-/* The stream with the first n layers of each segment. */
+/* Returns the stream with the first n layers of each segment. */
 static gen_stream first_layers(const gen_stream *g, uint32_t n)
 {
     gen_stream less = *g;
@@ -78,7 +78,7 @@ static void assert_same_primitive(const player *a, uint32_t i,
 
 /* --- Parts of a picture -------------------------------------------------- */
 
-/* All that the stream shows, and each of its parts alone. */
+/* A player of the whole stream, and one of each of its parts. */
 typedef struct {
     player all, part[N_LAYERS];
     int n;
@@ -117,7 +117,8 @@ static void assert_parts_are_primitives(const taken_apart *t)
     assert_int_equal(t->all.report.n_primitives, first);
 }
 
-/* The part whose next splat is the nearest; the first of equals. */
+/* Returns the part whose next splat is the nearest; the first part if several
+ * are equal. */
 static int nearest(const taken_apart *t, const uint32_t at[N_LAYERS])
 {
     int best = -1;
@@ -295,7 +296,7 @@ TEST(cut_segment_should_have_the_layers_that_are_whole)
     }
 }
 
-/* A layer that is cut may be anything; one that is whole may not. */
+/* Damage in a layer that is cut is accepted; in a complete layer it is not. */
 TEST(damage_should_count_in_whole_layers_only)
 {
     const gen_options o = options_of(0);

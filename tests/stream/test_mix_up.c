@@ -20,7 +20,7 @@ static void view(player *p, uint32_t camera, int32_t t)
     assert_true(p->camera.width >= SIDE && p->camera.height >= SIDE);
 }
 
-/* A player that shows segment 0. */
+/* Makes a player that shows segment 0. */
 static void begin(player *p)
 {
     player_make(p, &options);
@@ -64,7 +64,7 @@ static saga_status finish(const player *p, painter *a)
     return s;
 }
 
-/* A player shows segment 0, and b has all of its picture. */
+/* Makes a player that shows segment 0, and gives b its whole picture. */
 static void begin_drawn(player *p, painter *b)
 {
     begin(p);
@@ -72,7 +72,7 @@ static void begin_drawn(player *p, painter *b)
     assert_ok(finish(p, b));
 }
 
-/* A job that has been begun and is far from its end. */
+/* Begins a job, which stays far from its end. */
 static void begin_job(const player *p, painter *a)
 {
     prepare(a);
@@ -80,7 +80,8 @@ static void begin_job(const player *p, painter *a)
         assert_int_equal(go_on(p, a, FEW), SAGA_AGAIN);
 }
 
-/* The job is refused and leaves the picture alone; begun anew it is drawn. */
+/* Checks that the job is refused and leaves the picture alone. A new job draws
+ * it. */
 static void assert_refused(const player *p, painter *a)
 {
     uint8_t before[sizeof a->rgb];

@@ -49,8 +49,8 @@ static void find_segments(base *b)
     }
 }
 
-/* Random weights take about a byte each: a stream of more weights than a base
- * has bytes is too large, and need not be coded to know it. */
+/* Returns whether a stream is too large. Random weights take about a byte each,
+ * so a stream with more weights than a base has bytes need not be coded. */
 static int is_too_large(const gen_stream *g)
 {
     size_t n_weights = 0;
@@ -65,7 +65,8 @@ static int is_too_large(const gen_stream *g)
     return n_weights > BASE_NBYTES;
 }
 
-/* A small stream of many kinds: pictures, anything, outputs at the limits. */
+/* Makes a small stream of one of several kinds: with pictures, with anything,
+ * with outputs at the limits. */
 static void make_base(base *b, uint64_t number)
 {
     gen_options o = { 0 };
@@ -113,7 +114,7 @@ static void keep_base(base *b, uint64_t number)
 
 /* --- One stream ---------------------------------------------------------- */
 
-/* Most of the damage goes to segments, to get far. */
+/* Returns the kind of damage; most goes to segments, so that it gets far. */
 static mutate_class class_of(uint64_t number)
 {
     static const mutate_class classes[] = {
@@ -128,7 +129,7 @@ static mutate_class class_of(uint64_t number)
     return classes[number % (sizeof classes / sizeof *classes)];
 }
 
-/* The first of several layers may do. */
+/* Returns whether p is one of the original's segments, or its first layers. */
 static int is_original_segment(const base *b, const uint8_t *p, size_t n)
 {
     for (uint32_t i = 0; i < b->info.n_segments; i++)
@@ -139,7 +140,7 @@ static int is_original_segment(const base *b, const uint8_t *p, size_t n)
     return 0;
 }
 
-/* Bytes that were accepted are those that were there before. */
+/* Returns whether accepted bytes are those of the original. */
 static int is_unchanged(const base *b, const mutate_result *result,
                         const uint8_t *bytes)
 {

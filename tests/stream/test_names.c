@@ -33,7 +33,7 @@ static file make(int named)
     return make_with(named, 0);
 }
 
-/* Puts a payload in the place of the names, and what is behind it away. */
+/* Replaces the payload of the names, and removes everything after it. */
 static void replace(file *f, const void *payload, size_t n)
 {
     uint8_t *const at = f->p + f->info.head_nbytes;

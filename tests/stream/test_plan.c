@@ -49,7 +49,7 @@ static void fill_block(player *p)
     memset(p->work, CANARY, p->info.work_nbytes + N_CANARIES);
 }
 
-/* Everything but the decoder; p->g is filled. */
+/* Prepares everything except the decoder; p->g is set already. */
 static void prepare(player *p)
 {
     gen_stream_encode(&p->g, &p->bytes, &p->n);
@@ -145,7 +145,8 @@ static gen_options options_of(uint64_t seed, uint32_t i)
     return o;
 }
 
-/* The first tree that fills level 0 to the brim. */
+/* Returns the options of the first stream whose tree reaches the limits of
+ * level 0. */
 static gen_options full_options(void)
 {
     gen_options o = { .seed = testing_seed(1), .level = 0, .full = 1,
@@ -271,7 +272,7 @@ static uint64_t nets_of_document(const saga_model *m)
     return nbytes;
 }
 
-/* docs/bitstream.md, section 5. */
+/* Returns the work by docs/bitstream.md, section 5. */
 static uint64_t work_of_document(const saga_header *h)
 {
     const saga_model *const m = &h->model;
@@ -383,7 +384,7 @@ TEST(tools_should_cost_nothing_when_off)
 
 /* --- Work ---------------------------------------------------------------- */
 
-/* Steps in which n anchors of the given groups are decoded. */
+/* Returns the rounds in which n anchors of the given groups are decoded. */
 static uint32_t steps_of(const uint32_t *group, uint32_t n, uint32_t blocks)
 {
     uint32_t count[SAGA_MAX_GROUPS] = { 0 }, steps = 0;
@@ -395,8 +396,8 @@ static uint32_t steps_of(const uint32_t *group, uint32_t n, uint32_t blocks)
     return steps;
 }
 
-/* A fine anchor's group, from its suffix: bits 3, 2, 1, 0 are the lowest of
- * x, y, z, t. */
+/* Returns a fine anchor's group from its suffix, whose bits 3, 2, 1, 0 are the
+ * lowest of x, y, z, t. */
 static uint32_t suffix_group(uint32_t suffix, uint32_t n_groups)
 {
     return ((suffix >> 3 & 1u) + (suffix >> 2 & 1u) * 2 +
@@ -426,7 +427,7 @@ static uint32_t rounds_of_tier(const player *p, uint32_t number, int level)
     return steps;
 }
 
-/* The plan of all layers, without a bank. */
+/* Returns the planned multiply-accumulates of all layers, without a bank. */
 static uint64_t macs_of_layers(const player *p, uint32_t number)
 {
     const saga_model *const m = &p->g.header.model;
@@ -441,8 +442,9 @@ static uint64_t macs_of_layers(const player *p, uint32_t number)
     return macs;
 }
 
-/* The plan of a single layer, less the steps that there are not. Called when
- * segment `number` is decoded and nothing drawn. */
+/* Returns the planned multiply-accumulates of a single layer, without the
+ * rounds that do not occur. It is called when segment `number` is decoded and
+ * nothing is drawn. */
 static uint64_t macs_of_segment(const player *p, uint32_t number)
 {
     const saga_model *const m = &p->g.header.model;
@@ -606,7 +608,7 @@ static const gen_options picture_options = {
     .tools = SAGA_TOOLS_PICTURE, .n_segments = 2
 };
 
-/* The block at another aligned place, with other neighbours. */
+/* Copies the block to another aligned place with other neighbours. */
 static saga_decoder *decoder_copy(const player *p, uint8_t **block)
 {
     const size_t n = p->info.work_nbytes;
@@ -707,7 +709,7 @@ static int nearer(const void *a, const void *b)
          : p->index < q->index ? -1 : p->index > q->index;
 }
 
-/* The primitives that a camera sees, in the order of drawing. */
+/* Lists the primitives that a camera sees, in drawing order. */
 static uint32_t see_all(seen *list, const player *p, const saga_camera *c,
                         int32_t t)
 {
@@ -800,7 +802,7 @@ static saga_status try_draw(const saga_decoder *dec, const saga_camera *c)
     return saga_draw(dec, &job, &picture, 1u << 30);
 }
 
-/* Nothing decoded: what may not be called says so. */
+/* Checks that calls that need a decoded segment are refused. */
 static void assert_nothing_decoded(saga_decoder *dec, const saga_camera *c)
 {
     saga_report report;

@@ -13,14 +13,15 @@
 
 enum { MORE = 3000 };        /* bytes behind the end of a file */
 
-/* A caller asks these of the start of a file. */
+/* The calls that need only the start of a file. */
 enum { PROBE, OPEN, FIND, RIG, N_CALLS };
 
 static const char *const call_text[N_CALLS] = {
     "saga_probe", "saga_open", "saga_find", "saga_rig"
 };
 
-/* A decoder in a block that begins with it (free it), or NULL. */
+/* Opens a decoder at the beginning of a block, which the caller frees; returns
+ * NULL if it is refused. */
 static saga_decoder *open_bytes(saga_status *s, const uint8_t *bytes, size_t n)
 {
     saga_decoder *dec;
@@ -37,7 +38,7 @@ static saga_decoder *open_bytes(saga_status *s, const uint8_t *bytes, size_t n)
     return *s ? NULL : dec;
 }
 
-/* The bytes are in a block of their exact size. */
+/* Returns the status of a call. The bytes are in memory of exact size. */
 static saga_status status_of(int call, const uint8_t *bytes, size_t n)
 {
     FREED uint8_t *const copy = must(malloc(n ? n : 1));
@@ -263,7 +264,8 @@ TEST(header_should_have_the_size_that_its_tools_say)
 
 /* --- Segments ------------------------------------------------------------ */
 
-/* The statuses of a segment in its bytes, and where more follow. */
+/* Checks the statuses of a segment in its own bytes, and with further bytes
+ * after them. */
 static void check_segment(saga_decoder *dec, const saga_segment *seg,
                           const uint8_t *bytes, size_t n, saga_status want)
 {

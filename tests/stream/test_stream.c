@@ -68,7 +68,7 @@ static void assert_same_nets(const saga_net_symbols *a,
 
 /* --- One stream there and back ------------------------------------------- */
 
-/* The segment that begins with the frames of those before it. */
+/* Returns the segment that begins after the frames of those before it. */
 static saga_segment segment_of(player *p, const gen_stream *g,
                                uint32_t number)
 {
@@ -96,7 +96,7 @@ static void check_layer(const gen_stream *g, const saga_symbols *want,
     assert_same_symbols(&s, want, g->header.model.features);
 }
 
-/* The bytes of the segment are in a block of their own. */
+/* Decodes a segment from a copy of exact size. */
 static void decode_copy(player *p, const gen_stream *g, uint32_t number)
 {
     const saga_segment seg = segment_of(p, g, number);
@@ -239,7 +239,7 @@ static void assert_all(const uint32_t *count, uint32_t first, uint32_t last)
     assert_int_equal(n_seen(count, first, last), last - first + 1);
 }
 
-/* The sources a kind may have. */
+/* Checks that each kind had all sources that it may have. */
 static void assert_sources(const coverage *c)
 {
     static const uint8_t coarse[] = { 0, 1, 4, 5 };
@@ -320,7 +320,7 @@ TEST(stream_should_decode_to_the_symbols_it_was_made_from)
 
 /* --- Limits -------------------------------------------------------------- */
 
-/* The first tree that fills level 0 to the brim. */
+/* Makes the first stream whose tree reaches the limits of level 0. */
 static void make_full(gen_stream *g)
 {
     const saga_level_caps *const cap = &saga_caps[0];
@@ -361,7 +361,7 @@ TEST(stream_should_survive_layers_without_anchors)
     check_stream(&g);
 }
 
-/* Every set as large as a set can be, and all its members equal. */
+/* Every set has its largest size, and all its members are equal. */
 TEST(stream_should_survive_full_sets_of_equal_suffixes)
 {
     FREED_BY(gen_stream_free) gen_stream g;
@@ -398,7 +398,7 @@ TEST(stream_should_survive_every_extreme_residual)
 
 typedef void (*spoil)(gen_stream *g);
 
-/* A parent with two different fine suffixes; they change places. */
+/* Swaps two different fine suffixes of a parent. */
 static void unsort(uint32_t *suffix, const uint8_t *n_children)
 {
     uint32_t at = 0;
@@ -668,7 +668,8 @@ static void net_scale_mode(gen_stream *g)
     first_layer(g)->scale_mode = SAGA_N_SCALE_MODES;
 }
 
-/* The first line of the given kind, where the scale allows all drops but it. */
+/* Sets the first row or column of the given mode so that its scale allows all
+ * drops except this one. */
 static void drop_to(gen_stream *g, uint8_t mode, int scale, int drop)
 {
     saga_layer_symbols *const l = first_layer(g);
@@ -834,7 +835,7 @@ static void assert_same_splats(const saga_splat *a, const saga_splat *b)
     assert_int_equal(a->y1, b->y1);
 }
 
-/* Two decoders hold the same segment and see the same. */
+/* Checks that two decoders with the same segment see the same. */
 static void assert_same_views(player *a, player *b, int32_t t)
 {
     player_view(a, 0, t);

@@ -17,7 +17,7 @@ static void make(player *p, uint64_t seed, uint32_t tools)
     player_make(p, &o);
 }
 
-/* Number of splats that time t has. */
+/* Makes the view at time t; returns its number of splats. */
 static uint32_t view(player *p, int32_t t)
 {
     assert_ok(saga_view(p->dec, &p->camera, t));
@@ -40,7 +40,8 @@ static int is_untouched(const saga_splat *s)
     return 1;
 }
 
-/* Takes [first, first + n), one splat of room before and behind it. */
+/* Takes the splats [first, first + n), with room for one more splat before and
+ * after them. */
 static void check_part(const player *f, uint32_t first, uint32_t n)
 {
     FREED saga_splat *const all = malloc(((size_t)n + 2) * sizeof *all);

@@ -267,7 +267,8 @@ TEST(work_should_be_as_the_formula_says)
 
 /* --- Stopping ------------------------------------------------------------ */
 
-/* Says stop when it is asked for the `at`th time; 0: never. */
+/* A saga_watch that stops the decoder when it is asked for the `at`th time;
+ * never if at is 0. */
 typedef struct {
     uint32_t at, n_asked;
 } patience;
@@ -330,7 +331,8 @@ static void stop_opening(film *f, uint32_t at, uint32_t expected)
 
 enum { EARLY = 5, AT_RANDOM = 6 };
 
-/* At every early question, the last one, and some between. */
+/* Stops the decoder at every early question, at the last one, and at some
+ * between. */
 static void stop_everywhere(gen_stream *g, uint64_t seed)
 {
     patience opened = { 0, 0 }, decoded = { 0, 0 };
@@ -397,7 +399,7 @@ TEST(opening_should_stop_within_the_base)
     stop_opening(&f, p.n_asked / 2, digest(&f));
 }
 
-/* Says stop when the time is over. */
+/* A saga_watch that stops the decoder when the time is over. */
 static int is_late(void *user)
 {
     return cpu_seconds() > *(const double *)user;

@@ -59,7 +59,7 @@ typedef struct {
     uint32_t seen[SAGA_N_SYMS], total[SAGA_N_SYMS];
 } transcoder;
 
-/* The lie at symbol k of a sort, or NULL. */
+/* Returns the forbidden value for symbol k of a sort, or NULL. */
 static const lie *lie_at(const transcoder *t, uint8_t sym, uint32_t k)
 {
     for (int i = 0; i < MAX_LIES; i++) {
@@ -184,7 +184,8 @@ static void scaffold_of(saga_scaffold *sc, const opened *o)
     saga_syntax_begin(sc);
 }
 
-/* Twice: the first pass counts the symbols of each sort. */
+/* Transcodes a file in two passes, of which the first counts the symbols of
+ * each sort. */
 static void transcode(opened *o, const broken *b)
 {
     static const broken honest = { .name = "the file" };
@@ -229,7 +230,7 @@ static void open_file(opened *o, const char *name)
 
 /* --- Trees --------------------------------------------------------------- */
 
-/* A symbol of an adaptive model. */
+/* Codes a symbol of an adaptive model. */
 static void put(saga_range_enc *e, saga_adaptive *m, uint32_t n_sym,
                 uint32_t sym)
 {

@@ -9,7 +9,7 @@
 
 #include <unistd.h>
 
-/* Chance moves trainings by less than this, dB. */
+/* By chance, trainings differ by less than this, in dB. */
 #define MOST_LOST 0.3
 
 /* Ten visits to a picture are the fewest that any preset makes: they are the
@@ -31,7 +31,7 @@ static saga_capture capture_of(const training *a)
     return tiny_capture(&s);
 }
 
-/* Returns what the decoded file is better than its warm-up, dB. */
+/* Returns by how many dB the decoded file is better than its warm-up. */
 static double gain(const saga_capture *c, const training *a, int render)
 {
     saga_train_options o = tiny_options(a->primitives, a->warm, render);
@@ -68,7 +68,8 @@ static bool is_never_worse(const training *a)
     return ok;
 }
 
-/* Numbers, not memory, are what this is about. */
+/* Trains, and checks that the gain does not fall. Skipped under sanitizers,
+ * because it tests numbers. */
 static void check(const training *a, size_t n)
 {
     bool ok = true;

@@ -17,7 +17,8 @@
 #include <omp.h>
 #endif
 
-/* One in how many is tried: the sanitizers take long. */
+/* Returns the stride at which allocations are tried, because sanitizers take
+ * long. */
 static int stride(void)
 {
     return testing_sanitized() ? 11 : 1;
@@ -30,7 +31,7 @@ typedef struct {
     const char *pictures;    /* folder for those of an evaluation */
 } session;
 
-/* After each iteration; packing cannot be stopped. */
+/* Stops the training after each iteration; packing cannot be stopped. */
 static bool stop_at_once(void *user, const saga_train_progress *p)
 {
     (void)user;
@@ -52,7 +53,7 @@ static void begin(session *s, folder *f)
     s->train = NULL;
 }
 
-/* The first iteration, or what there is to do before it. */
+/* Runs the first iteration, or what comes before it. */
 static bool begin_training(void *user, saga_error *error)
 {
     session *const s = user;
@@ -62,7 +63,7 @@ static bool begin_training(void *user, saga_error *error)
     return s->train != NULL;
 }
 
-/* One more iteration, and what is to be done behind it. */
+/* Runs one more iteration, and what follows it. */
 static bool go_on_training(void *user, saga_error *error)
 {
     session *const s = user;
@@ -94,7 +95,7 @@ TEST_IN_FOLDER(training_should_be_refused_when_memory_ends)
     saga_capture_free(&s.capture);
 }
 
-/* From a checkpoint in the rendering. */
+/* Resumes from a checkpoint in the rendering stage. */
 static bool resume(void *user, saga_error *error)
 {
     session *const s = user;
@@ -122,7 +123,8 @@ TEST_IN_FOLDER(resuming_should_be_refused_when_memory_ends)
 
 /* --- Evaluation ---------------------------------------------------------- */
 
-/* Removes all of a folder; false if there is something that is no picture. */
+/* Removes everything in a folder; returns false if it has a file that is not a
+ * picture. */
 static bool only_pictures(const char *path)
 {
     DIR *const dir = opendir(path);

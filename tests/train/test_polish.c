@@ -12,8 +12,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* A fit of `render` iterations on three views of five frames, before it is
- * polished. */
+/* Returns a fit after `render` iterations on three views with five frames,
+ * before it is polished. */
 static saga_train *rendered(tiny *room, int render)
 {
     static tiny_stop place;
@@ -34,7 +34,7 @@ static saga_fit_polished polish(saga_train *t)
     return p;
 }
 
-/* Sets the features as they are decoded. Returns the bits of all that is. */
+/* Sets the features as they are decoded. Returns the bits of everything. */
 static double code(saga_train *t, real *feature)
 {
     saga_error error = { "" };

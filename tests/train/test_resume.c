@@ -57,8 +57,8 @@ TEST(train_should_depend_on_the_seed_alone)
 
 /* --- Threads ------------------------------------------------------------- */
 
-/* This counts how often threads meet in an iteration of the rendering: how
- * often n times, in the last bin more often. */
+/* Counts how often threads meet in an iteration of the rendering stage: bin n
+ * counts the iterations with n meetings, the last bin those with more. */
 enum { MEETINGS = 64 };
 typedef struct { size_t before; int bin[MEETINGS + 1], n; } meetings;
 
@@ -75,8 +75,8 @@ static bool count_meetings(void *user, const saga_train_progress *p)
     return true;
 }
 
-/* Returns what half of the iterations do not exceed: others refresh, or measure
- * the file. */
+/* Returns the median number of meetings. Some iterations also refresh, or
+ * measure the file. */
 static int usual_meetings(const meetings *m)
 {
     int n = 0, sum = m->bin[0];
@@ -86,8 +86,8 @@ static int usual_meetings(const meetings *m)
     return n;
 }
 
-/* Where threads meet a hundred times in an iteration, two are slower than one.
- */
+/* If threads met a hundred times in an iteration, two threads would be slower
+ * than one. */
 TEST(train_should_not_depend_on_threads_that_seldom_meet)
 {
     saga_train_options o = tiny_defaults();
@@ -230,7 +230,7 @@ TEST(lambda_should_bring_its_primitives)
     free(whole.bytes);
 }
 
-/* A checkpoint at a place. */
+/* Returns options that stop with a checkpoint at a place. */
 static saga_train_options stop_at(saga_train_options o, tiny_stop place)
 {
     o.checkpoint = room.checkpoint;
@@ -263,8 +263,8 @@ TEST(train_should_keep_what_its_minutes_gave)
 
 /* --- A look at a checkpoint ---------------------------------------------- */
 
-/* Trains until a stop; what a look at its checkpoint gives, NULL where there is
- * nothing. */
+/* Trains until a stop; returns the file that its checkpoint shows, or NULL if
+ * there is none yet. */
 static uint8_t *peek_at(saga_train_options o, tiny_stop place, size_t *n,
                         saga_error *error)
 {
@@ -305,7 +305,8 @@ static double psnr_of(const uint8_t *bytes, size_t n)
     return 10 * log10(255 * 255 * count / sum);
 }
 
-/* At the end of the rendering they are the bytes of the file. */
+/* Checks that the checkpoint at the end of the rendering stage shows the bytes
+ * of the file. */
 static void check_last_look(const saga_train_options *o, const trained *whole)
 {
     saga_error error;
@@ -397,7 +398,7 @@ TEST(train_should_refuse_a_checkpoint_of_other_options)
         assert_true(resume_fails(&p[i], says[i]));
 }
 
-/* The first n bytes, one of them changed (at >= n: none). */
+/* Writes the first n bytes, one of them changed (none if at >= n). */
 static void write_damaged(const saga_bytes *b, size_t n, size_t at)
 {
     FILE *const file = must(fopen(room.checkpoint, "wb"));

@@ -16,7 +16,7 @@
 
 #include <unistd.h>
 
-/* The middle one is trained first. */
+/* The middle segment is trained first. */
 enum { N = 3, FRAMES = 3, FIRST = 1, PICTURE = 3 * 64 * 36 };
 
 typedef struct {
@@ -78,7 +78,7 @@ static saga_train *begin(const fixture *f, slice *s,
     return t;
 }
 
-/* Goes on with the next segment, if there is one. */
+/* Continues with the next segment, if there is one. */
 static bool proceed(saga_train *t, const fixture *f, slice *s)
 {
     const int next = saga_train_upcoming(t);
@@ -89,7 +89,7 @@ static bool proceed(saga_train *t, const fixture *f, slice *s)
     return next >= 0;
 }
 
-/* Runs until it is stopped, or nothing is left. */
+/* Runs until the training is stopped or everything is done. */
 static saga_outcome run(saga_train *t, const fixture *f, slice *s)
 {
     saga_error error = { "" };
@@ -549,7 +549,8 @@ static void train_should_resume_to_the_same_file(void **state)
     saga_train_free(t);
 }
 
-/* Returns what a bit costs once the first segment has steered the size. */
+/* Returns the price of a bit after the first segment has been steered to its
+ * size. */
 static double steered_price(const fixture *f, const saga_train_options *o)
 {
     double lambda;
@@ -614,8 +615,8 @@ static void base_should_leave_room_to_fill_the_size(void **state)
     saga_train_free(t);
 }
 
-/* Returns what a training of segment k alone gives, with the networks of
- * another; stopped and resumed on the way. */
+/* Trains segment k alone with given networks, stopped and resumed on the way;
+ * returns the training. */
 static saga_train *train_alone(const fixture *f, int k, const char *networks)
 {
     saga_train_options o = small(f);

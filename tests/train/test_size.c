@@ -22,7 +22,7 @@ static saga_train_options of_size(size_t n_bytes)
     return o;
 }
 
-/* Runs until the file is there, with new programs in between where the progress
+/* Runs until the file is finished, with a new process whenever the progress
  * function stops it. */
 static trained encode(const saga_train_options *o)
 {

@@ -19,7 +19,8 @@ static real any(uint64_t *k, real lo, real hi)
     return lo + (hi - lo) * (real)saga_rng_float(saga_rng_stream(1, 2), (*k)++);
 }
 
-/* Half of them live for 1/2^2 to 1/2 segment, half for 2 to 4. */
+/* Makes primitives of which half have temporal widths of 1/2^2 to 1/2 segment,
+ * and half of 2 to 4. */
 static saga_splat_params make_primitives(void)
 {
     saga_splat_params p;

@@ -15,7 +15,8 @@ enum { N = 200, N_AGES = 401, N_CAMERAS = 17 };
 
 /* --- Primitives without a tool ------------------------------------------- */
 
-/* N of them, with random motions and slopes; widths from an eighth on. */
+/* Makes N primitives with random motions and slopes, and widths of at least an
+ * eighth. */
 static saga_splat_params primitives(void)
 {
     const saga_rng r = saga_rng_stream(3, 0);
@@ -42,8 +43,8 @@ static uint32_t order(int k)
     return (uint32_t)k << SAGA_TOOL_MOTION_SHIFT;
 }
 
-/* Sums over ages of -1 to 1 what primitive i has moved away, times
- * age^power. */
+/* Returns the sum, over ages of -1 to 1, of the distance that primitive i has
+ * moved away, times age^power. */
 static double moved_away(const saga_splat_params *p,
                          const saga_splat_params *q, size_t i, int power)
 {
@@ -62,8 +63,8 @@ static double moved_away(const saga_splat_params *p,
     return sum;
 }
 
-/* The rest of a least-squares fit is orthogonal to all that could be fitted.
- * */
+/* The residual of a least-squares fit is orthogonal to everything that could be
+ * fitted. */
 TEST(lower_orders_should_be_the_nearest)
 {
     for (int to = 0; to < 3; to++) {

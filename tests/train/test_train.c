@@ -41,7 +41,7 @@ static int tear_down(void **state)
 
 TEST_GROUP(set_up, tear_down);
 
-/* Trains until the stage begins, as the checkpoint has it then. */
+/* Trains until the stage begins; returns the training from its checkpoint. */
 static saga_train *train_until(saga_train_options *o, saga_train_stage stage)
 {
     static tiny_stop place;
@@ -89,7 +89,8 @@ TEST(train_should_make_a_file_that_decodes)
     assert_int_equal(r->report.sizes.total, r->n);
 }
 
-/* 0.5 % or 16 bytes, whichever is larger (issue 3). */
+/* Checks that bits agree within 0.5 % or 16 bytes, whichever is larger (issue
+ * 3). */
 static bool agrees(const char *what, double bits, double wanted)
 {
     if (fabs(bits - wanted) <= fmax(128, 0.005 * wanted))
@@ -115,8 +116,8 @@ static void chunks_should_be_what_was_spent(const saga_encode_sizes *z)
                        sum[SAGA_COMPONENT_PRIM_OFFSET], 8 * (double)z->prim));
 }
 
-/* Steps; one in 50 is far out: what a high lambda and many iterations make of
- * features. */
+/* Sets features to multiples of a step, of which one in 50 is far out, as after
+ * many iterations with a high lambda. */
 static void make_rare(saga_train *t, double step)
 {
     const size_t n = (size_t)t->scene.n.coarse * t->scene.model.features;
@@ -131,7 +132,7 @@ static void make_rare(saga_train *t, double step)
     }
 }
 
-/* Networks for every kind, whatever they are worth. */
+/* Keeps the networks of every kind, whatever they are worth. */
 static void keep_all(saga_train *t)
 {
     memset(t->fit->rate.context.keep, 0xff,
@@ -270,7 +271,7 @@ static void predict_decoded(near_integers *t, saga_twin *w)
     }
 }
 
-/* The other update, from here on. */
+/* Uses the plain update of the bank from here on. */
 static void write_plainly(saga_train *t)
 {
     t->scene.model.tools |= SAGA_TOOL_PLAIN_WRITE;
@@ -321,8 +322,8 @@ TEST(rate_should_be_near_the_integer_path)
 
 /* --- The scene's twin ---------------------------------------------------- */
 
-/* The fit from its beginning, with networks that fuse features: the same
- * structure and places, other parameters. */
+/* Starts the fit again with networks that fuse features: structure and places
+ * are the same, parameters differ. */
 static void add_fuse(saga_train *t)
 {
     saga_scene old = t->scene;
@@ -663,7 +664,8 @@ TEST(train_should_drop_temporal_tools_of_one_frame)
     free(r.bytes);
 }
 
-/* The same picture n times, with the noise of a camera. */
+/* Makes every view show the same picture n times, with the noise of a camera.
+ */
 static void hold_still(saga_capture *c, int n)
 {
     const saga_rng rng = saga_rng_stream(5, 0);

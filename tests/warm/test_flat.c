@@ -140,7 +140,7 @@ TEST(threads_should_seldom_meet)
     saga_flat_free(f);
 }
 
-/* Through a file; takes f away. */
+/* Saves f to a file, frees it, and restores it. */
 static saga_flat *saved_and_restored(const fixture *x, saga_flat *f,
                                      const saga_flat_options *o)
 {
@@ -161,7 +161,7 @@ static saga_flat *saved_and_restored(const fixture *x, saga_flat *f,
     return f;
 }
 
-/* Stopped while it grows and while it prunes. */
+/* The training is stopped while it grows and while it prunes. */
 TEST(bits_should_not_depend_on_interruptions)
 {
     static const int stops[] = { 30, 80 };
@@ -258,7 +258,7 @@ TEST(prune_should_take_what_is_worth_least)
     saga_flat_free(f);
 }
 
-/* The squared error of all training pictures. */
+/* Returns the squared error over all training pictures. */
 static double error_of_all(saga_flat *f)
 {
     const saga_pictures *const p = f->pictures;
@@ -408,7 +408,8 @@ TEST(cube_should_hold_what_there_is_to_see)
     }
 }
 
-/* Do two training views have the place in picture and range? */
+/* Returns whether two training views see the place in their pictures and
+ * ranges. */
 static bool is_shared(const saga_capture *c, const double *range,
                       const double *x)
 {
