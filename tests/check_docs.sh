@@ -2,19 +2,19 @@
 # SPDX-License-Identifier: MIT
 #
 # check_docs.sh [FOLDER]: guarantees, for every .md of the tree,
-#   width      80 columns, but for tables, code and pictures
+#   width      80 columns, except tables, code and pictures
 #   links      a link leads to a file of the tree, and so does every path and
 #              every NAME.md in the text: from the page's folder, from docs/ or
 #              from the root; suffixes may be left out, * matches
-#   diary      README, docs/, docs/design and docs/results tell the present: no
-#              sessions, no commits
+#   diary      README, docs/, docs/design and docs/results describe the present:
+#              no sessions, no commits
 #   decisions  a paragraph of docs/design has 10 lines at most
 #   dates      a page of docs/lab has a date
 #   lists      docs/lab/README.md and docs/design/README.md name every page,
 #              those in archive/ too
 #   examples   the commits that docs/adding.md names are in the history, with
-#              that subject; where there is all of it
-#   metrics    docs/metrics.md has a row for each metric that saga eval tells
+#              that subject, if the history is complete
+#   metrics    docs/metrics.md has a row for each metric of saga eval
 set -eu
 cd "${1:-$(dirname "$0")/..}"
 

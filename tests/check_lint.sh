@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: MIT
 #
 # check_lint.sh: guarantees that clang-tidy finds nothing in the sources that
-# are not tests, but for what .clang-tidy excepts and argues.
+# are not tests, except for the exceptions of .clang-tidy.
 set -eu
 cd "$(dirname "$0")/.."
 

@@ -14,10 +14,10 @@
 #               must arrive at its end, but saga_parallel
 #   names       file names are unique in the tree
 #   licence     an SPDX line among the first three
-#   text        no tab (but in a Makefile), no trailing blank, a newline at
+#   text        no tab (except in a Makefile), no trailing blank, a newline at
 #               the end, ASCII; C lines of at most 80 columns, except in
 #               generated tables (*_tables.h)
-# It reads what git would add, or the whole folder where there is no git.
+# It reads what git would add, or the whole folder if there is no git.
 set -eu
 cd "${1:-$(dirname "$0")/..}"
 

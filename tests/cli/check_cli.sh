@@ -13,20 +13,21 @@
 #               parts add up to the file
 #   bad         every bad vector whose header or chunks are damaged ends with
 #               status 1 and one line that names the file; nothing crashes
-#   render      the pixels of saga-dec; times, sizes, sequences and paths; what
-#               cannot be drawn or written is told, nothing half-written stays
-#   verify      text and JSON of a file; what has no picture is refused
-#   analyse     text and JSON of a file; what cannot be masked is refused
+#   render      the pixels of saga-dec; times, sizes, sequences and paths; a
+#               picture that cannot be drawn or written is reported, nothing
+#               half-written stays
+#   verify      text and JSON of a file; a file without a picture is refused
+#   analyse     text and JSON of a file; a file that cannot be masked is refused
 #   outputs     of saga and saga-dec: devices and pipes stay what they are,
 #               files of the user's stay, umask is obeyed, what a killed run
-#               left goes, a standard output that is full is told
+#               left is removed, a standard output that is full is reported
 #   synth       a capture appears whole, or not at all
 #   names       cameras whose names are no UTF-8 are in every report; what JSON
 #               cannot tell of is an error
-#   check       a camera without light and a hole in it are told of, in text and
-#               on a page that needs no other file; poses of another convention
-#               are named, and right in what --fix writes; what is no capture is
-#               refused
+#   check       a camera without light and a hole in it are reported, in text
+#               and on a page that needs no other file; poses of another
+#               convention are named, and right in what --fix writes; anything
+#               but a capture is refused
 #   eval        a capture of the file's own pictures is found equal; a known
 #               error has its PSNR; a capture that does not fit is refused
 set -u

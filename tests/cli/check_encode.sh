@@ -5,7 +5,7 @@
 #   good        a capture becomes a file that `saga info` takes; the report
 #               says its size, in text and JSON; no checkpoint stays; two
 #               threads make the same file
-#   size        --size and --bitrate are met within 5 %, or it is told
+#   size        --size and --bitrate are met within 5 %, or that is reported
 #   stopped, interrupted
 #               Ctrl-C and SIGTERM end it with status 2 and a checkpoint, and
 #               --resume makes the file of a run that was not stopped; without
@@ -13,21 +13,23 @@
 #               checkpoint no finished file; a second Ctrl-C leaves nothing
 #               half-written; a resumed run tells the percent of all; what
 #               `saga info` says of a checkpoint
-#   exposure    where cameras are exposed differently, the table says beside
-#               which pictures each row is, the file's beside both
-#   alone       two runs do not write to one file; what a killed one left goes
+#   exposure    if cameras are exposed differently, the table states the
+#               pictures with which each row is compared; the file is compared
+#               with both
+#   alone       two runs do not write to one file; what a killed one left is
+#               removed
 #   segments    --segment makes one file of several, which eval, info, cut and
 #               saga-dec take; a killed one resumes, in the segment it was in
 #   layers      --layers makes a file that `saga cut --layers` cuts to the bytes
-#               and, by `saga eval`, the quality that were told; what has no
+#               and, by `saga eval`, the quality that were reported; what has no
 #               layers is refused
 #   parts       two ranks that train one segment each, and saga join, make the
-#               bytes of one process; what does not go together is refused
+#               bytes of one process; parts that do not fit are refused
 #   log         --log keeps every tenth iteration, as CSV and as JSON lines,
 #               and a resumed run's is that of one that was not stopped
 #   sweep       --sweep makes files of ever more primitives, their results, and
-#               the curve of those that none beats, which `saga report` reads;
-#               a stopped one goes on to the same files, with other options not
+#               the curve of those that none beats, which `saga report` reads; a
+#               stopped one continues to the same files, with other options not
 #   usage       wrong values end with status 2 and one line that names them
 #   capture     a damaged picture, an unknown view or frame: status 1
 #   output      a folder that is not there is found before training, a full

@@ -2,16 +2,16 @@
 # SPDX-License-Identifier: MIT
 """check_exchange.py: guarantees, for splats that are exported and imported, and
 files that are cut and joined,
-  draw        a renderer that is not ours draws the exported PLY like saga-dec
-              the file: places, shapes, opacities, colours, axes and units
+  draw        an independent renderer draws the exported PLY like saga-dec the
+              file: places, shapes, opacities, colours, axes and units
   formats     PLY, SPZ and GLB hold the same splats, SPZ within its steps
   programs    @playcanvas/splat-transform reads the same splats from SPZ,
               compressed PLY and SOG, within their steps; skipped without npm
   outputs     the frames asked for, and whole or not at all; README lists the
               formats that the help lists
-  import      a file of PLY splats is drawn like these by a renderer that is not
-              ours; a sequence of SPZ has its frames; a PLY that is none is
-              told
+  import      a file of PLY splats is drawn like these by an independent
+              renderer; a sequence of SPZ has its frames; an invalid PLY is
+              reported
   cut         frames of a file draw the same pixels, from the same bytes
   join        the parts of a file, joined, are the file; in another order they
               draw what they drew

@@ -7,7 +7,7 @@
 #               also where a number or the held-out views are missing
 #   small       a small scene through demo.sh and floors.sh: the still file has
 #               no temporal tools and the zeroed one fewer bytes; a second run
-#               trains nothing anew; without a demo it is told
+#               trains nothing anew; a missing demo is reported
 set -u
 cd "$(dirname "$0")/../.." || exit
 saga=${SAGA:-${BUILD:-build}/saga}

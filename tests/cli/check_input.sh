@@ -7,9 +7,8 @@
 # nothing on stdout, no half-written file.
 #   json        transforms.json that is damaged, lacks keys, has wrong types,
 #               numbers that are not finite
-#   cameras     poses that are none, lenses and sizes that cannot be, cameras
-#               that move or have nothing in common with each other or the
-#               points
+#   cameras     invalid poses, lenses and sizes that cannot be, cameras that
+#               move or have nothing in common with each other or the points
 #   frames      unequal counts, missing, empty, odd and damaged pictures and
 #               points, times that do not fit
 #   neu3d       videos and poses_bounds.npy that are missing, damaged or do not

@@ -7,7 +7,7 @@
 #   library     pkg-config is enough for a program of a user; the shared library
 #               shows the functions of saga.h and no others; the examples run;
 #               the Python module finds the library beside which it is put, and
-#               ldconfig is told where nothing is put below DESTDIR
+#               ldconfig runs if nothing is put below DESTDIR
 #   web         build/web has all that its package.json names, for npm pack
 #   pages       every option of every command is in the manual page and in each
 #               completion; the page has no warnings; bash completes, after an

@@ -7,8 +7,9 @@
               definition is ours, in flat pictures
   temporal    PSNR of differences of successive pictures is what they give,
               and so is that after the best factor of a view
-  lpips       a file of weights that is none, lacks one or is cut is told; with
-              those of ../shared/data, where they are, LPIPS is in the report
+  lpips       a file of weights that is invalid, incomplete or cut is reported;
+              with those of ../shared/data, if they exist, LPIPS is in the
+              report
   compare     two results differ by what they say, two curves by a known
               factor; other protocols, other files and damage are refused
 

@@ -10,7 +10,7 @@
   look-at     --look-at with and without --eye
   film        .mp4 has the pictures, their number and rate; nothing stays where
               ffmpeg fails or is missing
-  bad         paths that are none are told in one line"""
+  bad         invalid paths give a message of one line"""
 
 import functools
 import json

@@ -8,7 +8,7 @@
               lines, to the bit
   ffmpeg      reads the stream, and has the colours again
   failure     a file that ends too early leaves no output, nor a part of it
-  words       what contradicts itself is told in one line"""
+  words       contradictory options give a message of one line"""
 
 import os
 import re

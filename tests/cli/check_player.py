@@ -10,8 +10,8 @@ player of ports/web, in headless Chromium with WebGL2 in software,
               the camera's size, and the decoder's own bits
   pace        pictures get smaller where the machine is slow, and are sharp at
               rest; not where the worker is what takes the time
-  element     attributes, properties and events do what they say; who wants
-              little motion gets no autoplay
+  element     attributes, properties and events do what they say; users who
+              prefer reduced motion get no autoplay
   keys, touch move the camera, also in a tall window
   state       a line tells camera and time, and brings them back; the page's
               address does

@@ -6,9 +6,9 @@
               saga.h
   pictures    every good vector that has a rig gives the checksums of
               vectors/MANIFEST; times between frames are saga-dec's
-  errors      what is no file, cut or damaged, and cameras and times that are
-              not there, raise saga.Error, each bad vector its status
-  arrays      of pictures and primitives, where there is numpy; else it says so
+  errors      a missing, cut or damaged file, and cameras and times that are not
+              there, raise saga.Error, each bad vector its status
+  arrays      of pictures and primitives, if numpy exists; else it says so
   encode      runs the program, passes options, gives the report or the message
   readme      the packages it names are there, its example gives what it says
 

@@ -7,9 +7,9 @@
 #   protocol    invented evaluations give the means that they must
 #   page        invented rows give the differences that they must, of today's
 #               options alone, the newest state against the one before
-#   small       a small scene at two rates: rows with everything in them, which a
-#               second run keeps and a change of the code does not; x265 beside
-#               it, where there is one; what is missing is told
+#   small       a small scene at two rates: rows with everything in them, which
+#               a second run keeps and a change of the code does not; x265
+#               beside it, where there is one; what is missing is reported
 set -u
 cd "$(dirname "$0")/../.." || exit
 saga=$(realpath "${SAGA:-${BUILD:-build}/saga}")

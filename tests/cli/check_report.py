@@ -4,7 +4,7 @@
 
   page        nothing is loaded from elsewhere; the results and the pictures'
               bytes are in it; a hostile name ends no element
-  jpeg        pictures that somebody made JPEGs are told to be such
+  jpeg        pictures that were turned into JPEGs are labelled as JPEGs
   foreign     files that are no picture, or that lie outside of the results'
               folder, also behind links and `..`, do not get into the page
   refused     other protocols, missing files, a page that cannot be written; no

@@ -1,12 +1,11 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """check_sight.py: guarantees, for what pictures of `saga render` show,
-  stereo  two eyes beside one another, the left one first: saga-dec's pixels for
+  stereo  two eyes next to each other, the left one first: saga-dec's pixels for
           cameras moved along their axis here, in metres or the capture's units
-  depth   the mean depth that a renderer which is not ours finds, in the
-          capture's units, and its opacity; PNG and EXR, read here, hold the
-          same
-  bad     what does not go together is told in one line"""
+  depth   the mean depth that an independent renderer finds, in the capture's
+          units, and its opacity; PNG and EXR, read here, hold the same
+  bad     options that do not go together give a message of one line"""
 
 import functools
 import json

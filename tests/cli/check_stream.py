@@ -3,15 +3,16 @@
 """check_stream.py: guarantees, for films of several segments in the player of
 ports/web, in headless Chromium, from a server that sends half as fast
 again as the film is played, with a delay,
-  open        a poster stands until there is a picture; what has come is told
+  open        a poster stands until there is a picture; what has come is
+              reported
   seams       at most two pictures of the film are late where a segment ends and
               the next begins, or the film begins anew: each segment is fetched
               once, in order, and decoded ahead of time. Without looking ahead
               the same film stands at its first seam, so the measure works
   pixels      a segment that was decoded ahead has the decoder's own bits
-  seek        a seek to what has not come is told, and shows it
+  seek        a seek to what has not come is reported, and shows it
   late        where the server is too slow the clock stands: no picture is left
-              out, and `waiting` and `playing` are told
+              out, and `waiting` and `playing` are reported
   rate        the speed of the bar and of the element is that of the film
 Without Chromium, or without the decoder for it, it says that it was skipped.
 """

@@ -4,17 +4,17 @@
   files       the page with what it carries, its parts, the file: whole and in
               parts (RFC 9110, 14), with lengths and types; nothing else
   refusals    other methods, other hosts, paths out of the folder, requests that
-              are none or do not end: an answer, and the server goes on
+              are invalid or do not end: an answer, and the server continues
   head        the lines of a GET without its bytes
   slow        clients that take nothing of a large file: others are answered at
-              once, Ctrl-C and SIGTERM end the server within a second, and who
-              takes it slowly gets all of it
+              once, Ctrl-C and SIGTERM end the server within a second, and a
+              slow client gets all of it
   port 80     the host without a port (skipped, and said, where that port
               cannot be had)
   checkpoint  of a stopped training: what it would pack now, which the training
               goes on from; in the warm-up a word of it
   command     the address on stdout, Ctrl-C ends with 0, a port that is taken
-              and files that cannot be shown are told in one line
+              and files that cannot be shown give a message of one line
 check_web.py has a browser look at it."""
 
 import json

@@ -5,13 +5,12 @@
               without
   pixels      the canvas has saga-dec's pixels, bit by bit: vectors, cameras of
               the rig and moved ones, times between frames, with SIMD and
-              without; the CRC the page shows is theirs, and told from a wrong
-              one
-  bad         every bad vector is refused with the MANIFEST's status; what is
-              damaged, missing or no file at all is told in a sentence that
-              names it, Escape closes it, and a good file can be opened then. A
-              server that keeps its files from other pages is told from one that
-              is not there
+              without; the CRC the page shows is theirs, and distinguished from
+              a wrong one
+  bad         every bad vector is refused with the MANIFEST's status; a damaged,
+              missing or wrong file gives a message that names it, Escape closes
+              it, and a good file can be opened then. A server that keeps its
+              files from other pages is distinguished from one that is not there
   ranges      of a file of several segments only those that are shown are
               fetched, each once, and the head; counted by the server. Without
               ranges the file is taken whole, once. Of a film of ten seconds,
@@ -20,10 +19,10 @@
   controls    mouse, wheel and keys move what they should; a key camera comes
               back as it was, in the capture's units. What is asked of a viewer
               before its file is open does not keep it from showing that
-  numbers     the rate that is told is that of the last two seconds
+  numbers     the rate that is reported is that of the last two seconds
   view        `saga view` serves the page with the file, and the page finds the
               program's CRC
-  rate        tells what a picture costs; no bound, since machines differ
+  rate        reports what a picture costs; no bound, since machines differ
 Without Chromium, or without the decoder for it, it says that it was skipped.
 `check_web.py FILE.saga ...` tells the rate of these files and does nothing else.
 """
