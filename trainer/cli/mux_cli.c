@@ -94,8 +94,8 @@ static int mux(const options *o, const char *name, const saga_bytes *film,
     saga_recording take = { .start = (int32_t)start };
     int status = SAGA_EXIT_OK;
 
-    /* An error in the sound is one of the command line, an error in the film
-     * one of its data. */
+    /* The exit status tells a sound that cannot be read from a film that is
+     * refused. */
     if (!silent && !read_sound(&sound, o->audio, error))
         return SAGA_EXIT_USAGE;
     take.ogg = sound.data;

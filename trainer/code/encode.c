@@ -328,7 +328,8 @@ static bool write_segments(const saga_encoder *e, saga_buffer *out,
     return true;
 }
 
-/* Whether it stands between head and segments: no picture needs it. */
+/* Tells whether a chunk stands between the base and the segments (names,
+ * sound). No picture needs such a chunk. */
 static bool is_aside(const saga_chunk *chunk)
 {
     return chunk->type == SAGA_CHUNK_NAMES || chunk->type == SAGA_CHUNK_SOUND;

@@ -19,8 +19,8 @@ enum {
     COORDINATE_SYSTEM = (int)0xADBE0003, /* type of an extension */
     MOST_SHIFT = 30,
     GZIP_RATIO = 1032,       /* deflate's highest ratio */
-    ZSTD_RATIO = 1 << 15     /* zstd's: a block of 128 kB takes at least 4
-                              * bytes */
+    ZSTD_RATIO = 1 << 15     /* zstd's highest ratio: a block of 128 kB
+                              * takes at least 4 bytes */
 };
 
 /* The fields that both headers have, and the arrays that follow. */

@@ -119,7 +119,7 @@ static bool take_if_there(uint32_t *nbytes, walk *w, uint32_t type,
     return true;
 }
 
-/* Takes names and sound, which stand at byte `at` where there are any. */
+/* Reads the optional chunks of names and sound, which begin at byte `at`. */
 static bool take_aside(walk *w, uint64_t at)
 {
     return take_if_there(&w->to->names_nbytes, w, SAGA_CHUNK_NAMES, &at) &&
