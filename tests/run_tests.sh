@@ -262,6 +262,7 @@ many() {
     check matrix tests/run_matrix.sh "$size"
     check init tests/check_init.sh "$size"
     [ "$what" != all ] || check mutants tests/run_mutants.sh
+    [ "$what" != all ] || check checks python3 tests/run_small_mutants.py checks
 }
 
 export BUILD="$build" SAGA="$build/gcc/saga" SAGA_DEC="$build/gcc/saga-dec"

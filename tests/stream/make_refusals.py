@@ -291,6 +291,9 @@ def index(plain):
                         ("offset", (1 << 64) - 1), ("nbytes", 2**32 - 1)):
         row("segment.1", f"index0.{name}={value}", TRUNCATED,
             Edit(plain).set(f"index0.{name}", value))
+    row("segment.1", "n=segment_end-1-and-SEGM.type", TRUNCATED,
+        Edit(plain, sign=False).set("segment0.SEGM.type", 0x58585858)
+        .cut(segment_end(plain) - 1))
     row("segment.1", "n=segment_end-1", TRUNCATED,
         Edit(plain, sign=False).cut(segment_end(plain) - 1))
 
@@ -448,6 +451,14 @@ HEAD = """\
 """
 
 
+def depths(space, time):
+    """Trees that suffixes of 8 bits make too deep by one; both files have no
+    fine anchors, so that nothing else depends on these bits."""
+    for film, what in ((space, "space"), (time, "time")):
+        row("section.10", f"one-too-deep-in-{what}", DATA,
+            Edit(film).set("header.tier_coarse.suffix_bits", 8))
+
+
 def main():
     transcode = sys.argv[1]
     folder = sys.argv[2] if len(sys.argv) > 2 else "vectors"
@@ -466,6 +477,7 @@ def main():
     names(film("names"))
     sound(film("sound"))
     counts(plain)
+    depths(film("deepest_in_space"), film("deepest_in_time"))
     if transcode != "-":
         contents(transcode, film("linear"), folder)
     with open(os.path.join(folder, "REFUSALS"), "w") as f:

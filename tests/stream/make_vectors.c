@@ -9,6 +9,7 @@
 #include "file.h"
 #include "freed.h"
 #include "fx.h"
+#include "gen_extreme.h"
 #include "gen_mutate.h"
 #include "gen_slow.h"
 #include "gen_stream.h"
@@ -114,19 +115,36 @@ static void make_good(gen_stream *g, gen_options o)
     }
 }
 
-static void good(const char *stem, gen_options o)
+static void write_good(const char *stem, gen_stream *g)
 {
     char name[64];
-    FREED_BY(gen_stream_free) gen_stream g;
     FREED uint8_t *bytes;
     size_t n;
 
     snprintf(name, sizeof name, "good/%s.saga", stem);
-    make_good(&g, o);
-    gen_stream_encode(&g, &bytes, &n);
+    gen_stream_encode(g, &bytes, &n);
     write_file(name, bytes, n);
-    for (uint32_t i = 0; i < g.n_segments; i++)
-        describe(name, &g, &(saga_bytes){ bytes, n }, i);
+    for (uint32_t i = 0; i < g->n_segments; i++)
+        describe(name, g, &(saga_bytes){ bytes, n }, i);
+}
+
+static void good(const char *stem, gen_options o)
+{
+    FREED_BY(gen_stream_free) gen_stream g;
+
+    make_good(&g, o);
+    write_good(stem, &g);
+}
+
+static void good_extremes(void)
+{
+    gen_stream g;
+    const char *name;
+
+    for (int i = 0; gen_extreme(&g, i, &name); i++) {
+        write_good(name, &g);
+        gen_stream_free(&g);
+    }
 }
 
 /* Writes the first stream whose tree reaches the limits of level 0. */
@@ -962,6 +980,7 @@ int main(int argc, char **argv)
     for (size_t i = 0; i < sizeof row / sizeof *row; i++)
         good(row[i].stem, row[i].o);
     good_full();
+    good_extremes();
     sounds();
     cut_layers(three_layers);
     bad_all();

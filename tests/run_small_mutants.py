@@ -1,0 +1,301 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""run_small_mutants.py checks [FILE...] | random N [SEED]: what the vectors
+notice of small changes of the decoder.
+
+checks: each condition under which the decoder refuses a file is switched off,
+one at a time. A condition whose absence no line of vectors/ notices fails,
+unless NEEDLESS says why nothing can.
+
+random: N changes of one operator or number each, in the source files of common/
+and decoder/, drawn with SEED (the commit's hash if there is none). Prints those
+that no vector notices, and fails if they are more than 5 % of those not listed
+in EQUIVALENT.
+
+A mutant is one file compiled anew and linked with the rest, on which
+check_vectors runs: for checks with the refusals alone, for random changes with
+all vectors, by the plain code and by the machine's best. Objects are in
+small-mutants/ of the build folder.
+"""
+import hashlib
+import os
+import random
+import re
+import shlex
+import subprocess
+import sys
+
+ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..")
+BUILD = os.path.join(os.environ.get("BUILD", "build"), "small-mutants")
+TIMEOUT = 60
+NOTICED, MISSED, BROKEN = "noticed", "missed", "does not compile"
+
+# Conditions whose absence no vector shows, with the reason: FILE: TERM.
+LAST = "the check that no byte is left finds it too"
+END = "an error of the coder is looked at again at the chunk's end"
+COUNT = "it guards memory; the counts are compared at the end again"
+SUM = "the sum of the row, which is compared next, finds it too"
+NEEDLESS = {
+    "decoder/plan.c: h->level >= SAGA_N_PROFILES":
+        "without it the limits are those behind the end of their table",
+    "decoder/names.c: n - at < 2": LAST,
+    "decoder/names.c: more > n - at": LAST,
+    "decoder/names.c: n < at": LAST,
+    "decoder/names.c: !at": LAST,
+    "decoder/decoder.c: n->coarse < 1": "a tree has a leaf, which is one more",
+    "common/syntax_nets.c: c->error": END,
+    "common/syntax_segment.c: c->error": END,
+    "common/syntax_segment.c: rank >= sc->n.coarse": COUNT,
+    "common/syntax_segment.c: n > sc->n.prim": COUNT,
+    "common/syntax_segment.c: nd.pending == 0":
+        "a file with it needs an encoder of trees that are not valid",
+    "common/syntax_nets.c: sum < 0": "the check of the row finds it too",
+    "common/mlp.c: weight_abs_sum < 0": "the caller finds it first",
+    "common/mlp.c: shift < 0": "no symbol is negative",
+    "common/mlp.c: bias < -limit": SUM,
+    "common/mlp.c: bias > limit": SUM,
+    "common/mlp.c: weight_abs_sum > 65538": SUM,
+    "decoder/range_dec.c: d->pos >= d->n + TAIL":
+        "the end of the chunk is compared with the bytes that were read",
+    "decoder/range_dec.c: d->code >= d->range":
+        "a code that equals the range gives the last symbols, until an escape "
+        "or a split is refused; a chunk that ends before one, with three zeros "
+        "behind it, is one of 2^24",
+}
+
+# Changes that give the same decoder, with the reason: FILE: LINE -> CHANGE.
+EQUIVALENT = {}
+
+
+# --- Building ----------------------------------------------------------------
+
+def commands():
+    """How each file is compiled, and how check_vectors is linked."""
+    program = f"{BUILD}/check_vectors"
+    make = ["make", "-s", f"BUILD={BUILD}", "OPT=-O1", "WERROR="]
+    subprocess.run(make + [program], check=True)
+    text = subprocess.run(["make", "-Bn", *make[2:], program], check=True,
+                          capture_output=True, text=True).stdout
+    compiles, link = {}, None
+    for line in text.splitlines():
+        words = shlex.split(line) if " -c " in line or program in line else []
+        if "-c" in words:
+            compiles[words[words.index("-c") + 1]] = words
+        elif words[-2:] == ["-o", program]:
+            link = words
+    return compiles, link
+
+
+class Builder:
+    def __init__(self, folder, ways):
+        self.compiles, self.link = commands()
+        self.folder, self.ways = folder, ways
+
+    def try_source(self, path, text):
+        """What check_vectors says if a file has another text: NOTICED, MISSED
+        or BROKEN, and what it printed."""
+        source = f"{BUILD}/mutant/{os.path.basename(path)}"
+        objects = f"{BUILD}/mutant/mutant.o"
+        program = f"{BUILD}/mutant/check_vectors"
+        os.makedirs(os.path.dirname(source), exist_ok=True)
+        with open(source, "w") as f:
+            f.write(text)
+        words = list(self.compiles[path])
+        words[words.index("-o") + 1] = objects
+        words[words.index("-c") + 1] = source
+        words += ["-I" + os.path.dirname(path), "-w"]
+        if subprocess.run(words, capture_output=True).returncode:
+            return BROKEN, ""
+        link = self.link[:-2]
+        link.insert(1, objects)
+        subprocess.run(link + ["-o", program], check=True)
+        return self.run(program)
+
+    def run(self, program):
+        for way in self.ways:
+            try:
+                out = subprocess.run([program, self.folder, *way], text=True,
+                                     capture_output=True, timeout=TIMEOUT)
+            except subprocess.TimeoutExpired:
+                return NOTICED, "runs too long"
+            if out.returncode:
+                lines = [s for s in out.stdout.splitlines() if "FAIL" in s]
+                return NOTICED, "\n".join(lines) or f"exit {out.returncode}"
+        return MISSED, ""
+
+
+def refusals():
+    """A folder with the vectors that must be refused."""
+    folder = f"{BUILD}/refusals"
+    os.makedirs(folder, exist_ok=True)
+    for name in ("good", "bad", "sound", "REFUSALS"):
+        if not os.path.lexists(f"{folder}/{name}"):
+            os.symlink(os.path.abspath(f"vectors/{name}"), f"{folder}/{name}")
+    with open(f"{folder}/MANIFEST", "w") as f:
+        f.writelines(line for line in read("vectors/MANIFEST").splitlines(True)
+                     if line.startswith(("bad/", "sound/")))
+    return folder
+
+
+def read(path):
+    with open(path) as f:
+        return f.read()
+
+
+def blanked(text):
+    """The text with comments, strings and directives as blanks."""
+    pattern = re.compile(r'/\*.*?\*/|"(?:\\.|[^"\\\n])*"|\'(?:\\.|[^\'\\])*\'|'
+                         r'^#(?:[^\n\\]|\\\n|\\.)*', re.S | re.M)
+    return pattern.sub(lambda m: re.sub(r"[^\n]", " ", m[0]), text)
+
+
+def line_of(text, at):
+    return text.count("\n", 0, at) + 1
+
+
+# --- Checks ------------------------------------------------------------------
+
+CHECKED = ("decoder/head.c", "decoder/plan.c", "decoder/probe.c",
+           "decoder/names.c", "decoder/sound.c", "decoder/decoder.c",
+           "decoder/draw.c", "decoder/project.c", "decoder/range_dec.c",
+           "common/model.c", "common/syntax_nets.c", "common/syntax_segment.c",
+           "common/mlp.c")
+# What refuses a file: statuses that are about its bytes, 0 where the traversal
+# returns it, and errors of the range coder.
+STATUS = r"\s*\{?\s*return SAGA_ERR_(?:DATA|TRUNCATED|VERSION|LEVEL)"
+ZERO = r"\s*\{?\s*(?:return (?:0|-1);|d->coder\.error = 1)"
+WITH_ZERO = ("names.c", "range_dec.c", "syntax_nets.c", "syntax_segment.c",
+             "mlp.c")
+
+
+def closing(text, at):
+    """The place of the bracket that closes the one at `at`."""
+    depth = 0
+    for k in range(at, len(text)):
+        depth += (text[k] == "(") - (text[k] == ")")
+        if depth == 0:
+            return k
+    raise ValueError("a bracket is open")
+
+
+def terms(text, begin, end, operator):
+    """Spans of the terms between operators outside brackets, and of those in a
+    bracket that is a term."""
+    depth, first, spans = 0, begin, []
+    k = begin
+    while k < end:
+        depth += (text[k] == "(") - (text[k] == ")")
+        if depth == 0 and text[k:k + 2] == operator:
+            spans.append((first, k))
+            first = k = k + 2
+        else:
+            k += 1
+    return spans + [(first, end)]
+
+
+def conditions(path, text):
+    """Spans of conditions that refuse, and what switches each off."""
+    refuses = STATUS
+    if path.endswith(WITH_ZERO):
+        refuses = f"(?:{STATUS}|{ZERO})"
+    code = blanked(text)
+    for match in re.finditer(r"\bif (\()", code):
+        end = closing(code, match.start(1))
+        if re.match(refuses, code[end + 1:]):
+            for span in terms(code, match.start(1) + 1, end, "||"):
+                yield span, "0 &&"
+    # Functions that return whether something is valid.
+    for match in re.finditer(r"\bint \w+_(?:is|are)_valid\([^{]*\{.*?\n\}",
+                             code, re.S):
+        for value in re.finditer(r"return ([^;?]*);", match[0]):
+            begin = match.start() + value.start(1)
+            end = match.start() + value.end(1)
+            if "&&" in code[begin:end]:
+                for span in terms(code, begin, end, "&&"):
+                    yield span, "1 ||"
+
+
+def check_mutants(builder, files):
+    failed = count = 0
+    for path in files:
+        text = read(path)
+        for (begin, end), off in conditions(path, text):
+            term = " ".join(text[begin:end].split())
+            changed = f"{text[:begin]} ({off} ({text[begin:end]})){text[end:]}"
+            result, said = builder.try_source(path, changed)
+            key = f"{path}: {term}"
+            count += 1
+            if result == NOTICED or key in NEEDLESS:
+                print(f"     {path}:{line_of(text, begin)}: {term}: "
+                      f"{said.count(chr(10)) + 1} lines", flush=True)
+                continue
+            failed += 1
+            print(f"FAIL {path}:{line_of(text, begin)}: {term}: {result}",
+                  flush=True)
+    print(f"{'FAIL' if failed else 'ok  '} {count - failed} of {count} checks "
+          "are noticed or have a reason")
+    return failed != 0
+
+
+# --- Random changes ----------------------------------------------------------
+
+SWAPS = {"<": ["<=", ">"], "<=": ["<", "=="], ">": [">=", "<"],
+         ">=": [">", "=="], "==": ["!="], "!=": ["=="], "+": ["-"],
+         "-": ["+"], "<<": [">>"], ">>": ["<<"], "&&": ["||"], "||": ["&&"],
+         "+=": ["-="], "-=": ["+="], "&": ["|"], "|": ["&"]}
+TOKEN = re.compile(r"(?<=[\w)\]] )(<<|>>|<=|>=|==|!=|&&|\|\||\+=|-=|[-<>+&|])"
+                   r"(?= )|\b(\d+)(?=[uU]?\b)(?![.x\w])")
+
+
+def changes(path):
+    """All changes of a file: place, length, new text."""
+    code = blanked(read(path))
+    for match in TOKEN.finditer(code):
+        if match[1]:
+            for new in SWAPS[match[1]]:
+                yield match.start(), len(match[1]), new
+        else:
+            yield match.start(), len(match[2]), str(int(match[2]) + 1)
+
+
+def random_mutants(builder, n, seed):
+    files = [p for p in sorted(builder.compiles)
+             if re.match(r"(?:common|decoder)/\w+\.c$", p)]
+    every = [(p, c) for p in files for c in changes(p)]
+    drawn = random.Random(int(hashlib.sha256(seed.encode()).hexdigest(), 16))
+    missed = tried = 0
+    while tried < n:
+        path, (at, length, new) = drawn.choice(every)
+        text = read(path)
+        changed = text[:at] + new + text[at + length:]
+        line = line_of(text, at)
+        after = " ".join(changed.splitlines()[line - 1].split())
+        if f"{path}: {after}" in EQUIVALENT:
+            continue
+        result, _ = builder.try_source(path, changed)
+        if result == BROKEN:
+            continue
+        tried += 1
+        if result == MISSED:
+            missed += 1
+            print(f"     missed {path}:{line}: {after}", flush=True)
+    ok = missed * 20 <= n
+    print(f"{'ok  ' if ok else 'FAIL'} {n - missed} of {n} random mutants are "
+          f"noticed, of {len(every)}; seed {seed}")
+    return not ok
+
+
+def main():
+    os.chdir(ROOT)
+    mode, rest = sys.argv[1], sys.argv[2:]
+    if mode == "checks":
+        os.makedirs(BUILD, exist_ok=True)
+        return check_mutants(Builder(refusals(), [[]]), rest or CHECKED)
+    builder = Builder("vectors", [["plain"], []])
+    seed = rest[1] if len(rest) > 1 else subprocess.run(
+        ["git", "rev-parse", "HEAD"], check=True, capture_output=True,
+        text=True).stdout.strip()
+    return random_mutants(builder, int(rest[0]), seed)
+
+
+sys.exit(main())
