@@ -4,14 +4,14 @@ import type { EngineView } from 'saga-web/engine.js';
 
 /** The resource of an asset of the type gsplat whose file is a film. */
 export class SagaSplats extends GSplatContainer {
-    /** The clock, what is known of the file, and events. */
+    /** The clock, the file's properties, and events. */
     readonly view: EngineView;
 }
 
 /** For `app.loader.getHandler('gsplat').addParser`. */
 export class SagaParser {
-    /** simd: false for the plain decoder; seconds: that decoding a segment may
-     * take. */
+    /** simd: false for the decoder without SIMD; seconds: limit for decoding
+     * a segment. */
     constructor(app: AppBase, options?: { simd?: boolean; seconds?: number });
     canParse(context: { ext: string }): boolean;
     load(url: { load: string; original: string },

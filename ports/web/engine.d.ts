@@ -22,11 +22,11 @@ export class EngineView extends Viewer {
     /** modelView takes the capture's units to the camera. */
     lookFrom(modelView: ArrayLike<number>, projection: ArrayLike<number>,
         width: number, height: number): void;
-    /** For Gaussians: where the camera stands, in the capture's units. */
+    /** For Gaussians: the camera's position, in the capture's units. */
     lookFromPlace(eye: number[]): void;
-    /** From splats made for `values` to the engine's screen. */
+    /** Maps splats made for `values` to the engine's screen. */
     toClip(values: Int32Array, modelView: ArrayLike<number>,
         projection: ArrayLike<number>): number[];
-    /** Where a camera of the rig stands. */
+    /** Returns the place of a camera of the rig. */
     rigPlace(index: number): { fov: number; matrix: number[] };
 }

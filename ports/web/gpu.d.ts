@@ -12,7 +12,7 @@ export class SplatPainter {
 
 /** A canvas that shows splats, or pixels. */
 export class GpuScreen {
-    /** null where the browser has no WebGL2. */
+    /** Returns null if the browser has no WebGL2. */
     static open(canvas: HTMLCanvasElement): GpuScreen | null;
     /** Whether the browser has what splats need. */
     readonly takesSplats: boolean;
@@ -25,7 +25,7 @@ export class GpuScreen {
     read(): ImageData;
 }
 
-/** The same without a graphics processor: pixels alone. */
+/** A canvas without a graphics processor, for pixels only. */
 export class PlainScreen {
     constructor(canvas: HTMLCanvasElement);
     readonly takesSplats: false;

@@ -20,18 +20,18 @@ export class SagaPlayer extends HTMLElement {
     currentTime: number;
     playbackRate: number;
     muted: boolean;
-    /** Of the sound, 0 to 1. */
+    /** Volume of the sound, 0 to 1. */
     volume: number;
     src: string;
-    /** Of the rig, from 0; -1 where it was moved. */
+    /** Index of a camera of the rig, from 0; -1 if it was moved. */
     camera: number;
 
     open(source: string | File): Promise<void>;
     play(): void;
     pause(): void;
-    /** Camera and time in a line, to share a view. */
+    /** Returns camera and time as a line, to share a view. */
     toState(): string;
-    /** Returns whether the line was obeyed. */
+    /** Sets a view from such a line; returns whether it had one. */
     setState(line: string): boolean;
 }
 

@@ -8,13 +8,13 @@ export class SagaError extends Error {
 
 /** Where the bytes of a file come from. */
 export interface SagaSource {
-    /** For messages. */
+    /** The name for messages. */
     readonly name: string;
-    /** Bytes; NaN until it is known. */
+    /** The size in bytes; NaN until it is known. */
     readonly size: number;
-    /** Bytes that came so far. */
+    /** Number of bytes that have come so far. */
     readonly fetched: number;
-    /** Gives fewer bytes only where the file ends. */
+    /** Returns fewer bytes only at the end of the file. */
     read(offset: number, nbytes: number): Promise<Uint8Array>;
 }
 
@@ -34,7 +34,7 @@ export class BlobSource implements SagaSource {
     read(offset: number, nbytes: number): Promise<Uint8Array>;
 }
 
-/** By HTTP ranges; as a whole where the server gives none. */
+/** Reads by HTTP ranges; if the server has none, reads the whole file. */
 export class HttpSource implements SagaSource {
     constructor(url: string | URL);
     readonly name: string;
@@ -64,7 +64,7 @@ export interface SagaInfo {
     /** Frames a second. */
     fps: number;
     nCameras: number;
-    /** Of any segment. */
+    /** The maximum over all segments. */
     maxPrimitives: number;
     /** Bits of the header: docs/bitstream.md. */
     tools: number;
@@ -97,10 +97,10 @@ export interface SagaPicture {
     height: number;
     /** Rows of R, G, B; a view of the decoder's memory until the next call. */
     rgb: Uint8Array;
-    /** The same with an alpha of 255. */
+    /** The same picture with an alpha of 255. */
     rgba: Uint8Array;
     nPrimitives: number;
-    /** Of them seen from the camera. */
+    /** Number of primitives seen from the camera. */
     nSplats: number;
 }
 
@@ -125,7 +125,7 @@ export class SagaFile {
         source: string | URL | Blob | Uint8Array | SagaSource,
         options?: {
             module?: WebAssembly.Module;
-            /** That decoding the head, or a segment, may take; 30. */
+            /** Seconds that decoding the head or a segment may take; 30. */
             seconds?: number;
         },
     ): Promise<SagaFile>;
@@ -141,7 +141,7 @@ export class SagaFile {
     readonly hasSound: boolean;
 
     /** The film's sound, fetched now, or null: the time of the film at which it
-     * begins, in seconds, and an Ogg stream of Opus. Rejects if it is damaged. */
+     * begins, in seconds, and an Ogg stream of Opus. Rejects if damaged. */
     sound(): Promise<{ start: number; bytes: Uint8Array } | null>;
 
     /** The segment that shows the time num / den, in frames. */

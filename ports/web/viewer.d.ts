@@ -1,30 +1,30 @@
 // SPDX-License-Identifier: MIT
 import type { SagaCamera, SagaInfo, SagaSegment } from './saga.js';
 
-/** In the capture's units. */
+/** A key camera, in the capture's units. */
 export interface KeyCamera {
-    /** Of the path. */
+    /** Time of the path. */
     seconds: number;
-    /** Of the file. */
+    /** Frame of the file. */
     frame: number;
     eye: number[];
     target: number[];
     up: number[];
-    /** Vertical, degrees. */
+    /** Vertical field of view, degrees. */
     fov: number;
 }
 
-/** A canvas that shows a file: decoded in a worker, drawn by the graphics
- * processor or, with exact, by the decoder. Events: `opened`, `change`, `drawn`,
- * `ended`; `waiting` and `resumed` where a segment is late; `progress`, with
- * { segment, got, nbytes }; `sound`, of askSound; and `failed`, whose detail is a sentence. Until a
- * file is open, what would change its camera or time does nothing; setScale
- * holds. */
+/** A canvas that shows a file, decoded in a worker and drawn by the graphics
+ * processor or, with exact, by the decoder. Events: `opened`, `change`,
+ * `drawn`, `ended`; `waiting` and `resumed` when a segment is late and has come;
+ * `progress`, with { segment, got, nbytes }; `sound`, after askSound; and
+ * `failed`, whose detail is a sentence. Until a file is open, calls that would
+ * change its camera or time do nothing; setScale applies. */
 export class Viewer extends EventTarget {
     constructor(canvas: HTMLCanvasElement, options?: {
         exact?: boolean;
         simd?: boolean;
-        /** That decoding a segment may take; 30. */
+        /** Limit in seconds for decoding a segment; default 30. */
         seconds?: number;
     });
 
@@ -33,7 +33,7 @@ export class Viewer extends EventTarget {
     readonly segments: SagaSegment[];
     readonly hasSound: boolean;
     readonly name: string;
-    /** In frames. */
+    /** Time in frames. */
     readonly frame: number;
     readonly playing: boolean;
     /** A segment is late; the clock stands. */
@@ -85,7 +85,7 @@ export class Viewer extends EventTarget {
     read(): ImageData;
     /** Camera and time in a line. */
     toState(): string;
-    /** Returns whether the line was obeyed. */
+    /** Sets a view from such a line; returns whether it had one. */
     setState(line: string): boolean;
     /** Radians. */
     orbit(yaw: number, pitch: number): void;

@@ -46,7 +46,7 @@ static void write_bytes(const char *path, const uint8_t *bytes, size_t n)
     assert_int_equal(fclose(f), 0);
 }
 
-/* Reads bytes as a file. Where they are refused, there is a message. */
+/* Reads bytes as a file. A refusal must have a message. */
 static bool read_bytes(saga_cloud *cloud, const uint8_t *bytes, size_t n)
 {
     char path[64];

@@ -43,7 +43,7 @@ static void put_floats(uint8_t **at, const float v[3])
         saga_put_f32(at, v[k]);
 }
 
-/* The binary chunk that `whole` tells of. */
+/* Writes the binary chunk that `whole` describes. */
 static size_t put_bin(uint8_t *to)
 {
     uint8_t *at = to;
@@ -61,7 +61,8 @@ static size_t put_bin(uint8_t *to)
     return (size_t)(at - to);
 }
 
-/* Reads a file of a text and a binary chunk; why tells why not. */
+/* Reads a file made of a text chunk and a binary chunk; `why` gets the reason
+ * of a refusal. */
 static bool read_glb(saga_cloud *cloud, const char *text, const uint8_t *bin,
                      size_t nbytes, saga_error *why)
 {

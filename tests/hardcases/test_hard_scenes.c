@@ -103,9 +103,9 @@ static void expect_same(const given_view *a, const given_view *b)
 
 /* --- Shapes -------------------------------------------------------------- */
 
-/* Projection looks at a quaternion's direction alone: zero is the identity, as
- * is one unit of w and half a turn about an axis of the ellipsoid; (1, 0, 0, 1)
- * turns by a right angle as (512, 0, 0, 512) does. */
+/* Projection uses only the direction of a quaternion. Zero is the identity, as
+ * are one unit of w and half a turn about an axis of the ellipsoid; (1, 0, 0,
+ * 1) turns by a right angle as (512, 0, 0, 512) does. */
 TEST(zero_quaternion_should_be_the_identity)
 {
     static const int same[][4] = {
@@ -134,8 +134,9 @@ TEST(zero_quaternion_should_be_the_identity)
     given_close(&w);
 }
 
-/* It is (1, 0, 0, 0) at the centre, less 1 for each age, so nothing is left of
- * it half a segment later: the identity, not a number divided by zero. */
+/* The quaternion is (1, 0, 0, 0) at the centre and loses 1 for each age, so
+ * that it is zero half a segment later: the picture is that of the identity,
+ * without a division by zero. */
 TEST(quaternion_should_pass_through_zero)
 {
     const saga_camera c = front(SIDE, SIDE);
@@ -155,7 +156,8 @@ TEST(quaternion_should_pass_through_zero)
     given_close(&w);
 }
 
-/* A point is the low-pass alone, 0.1 px^2, whatever makes it a point. */
+/* A point is drawn as the low-pass alone, 0.1 px^2, whatever makes it a point.
+ */
 TEST(points_should_be_the_low_pass)
 {
     static const int scales[] = { 3, -1, -20, -31 };
@@ -173,7 +175,8 @@ TEST(points_should_be_the_low_pass)
     }
 }
 
-/* Standard deviations of 16 pictures and more: one grey, that of the cap. */
+/* Standard deviations of 16 pictures and more give a picture with one grey,
+ * that of the cap. */
 TEST(scene_wide_scales_should_fill_the_picture)
 {
     static const int scales[] = { 24, 28, 31 };
@@ -235,8 +238,8 @@ TEST(turned_needles_should_be_those_of_double)
 
 /* --- Where they are ------------------------------------------------------ */
 
-/* On the near plane it is seen; a box unit before it, at the camera's place and
- * behind, there is nothing. */
+/* A splat on the near plane is drawn; a box unit nearer, at the camera's place
+ * and behind it, nothing is drawn. */
 TEST(near_plane_should_decide_by_a_unit)
 {
     static const int32_t behind[] = { 1023, 1, 0, -1, -1024, -(1 << 22) };
@@ -259,8 +262,9 @@ TEST(near_plane_should_decide_by_a_unit)
     }
 }
 
-/* A ball of 2^20 around the camera: its mean, not its body, decides. In front
- * it is 65 pictures wide, even at one box unit of depth. */
+/* The camera is inside a ball of 2^20. Whether it is drawn depends on its mean,
+ * not its extent. In front it is 65 pictures wide, even at a depth of one box
+ * unit. */
 TEST(camera_inside_should_see_what_is_before_it)
 {
     static const struct { int32_t depth; int seen; } cases[] = {
@@ -460,8 +464,8 @@ TEST(coincident_splats_should_be_drawn_by_number)
 
 /* --- Time ---------------------------------------------------------------- */
 
-/* A frame of a thousand: 64 units. alpha is exp(-u^2), u of them away, and
- * nothing from sqrt(log 256) = 2.355 on. */
+/* The width is a frame of a thousand, 64 units. alpha is exp(-u^2) at a
+ * distance of u widths, and 0 from sqrt(log 256) = 2.355 on. */
 TEST(width_of_a_frame_should_last_a_frame)
 {
     static const int32_t away[] = { 0, 1, 32, 64, 128, 150, 151, 1000, 32767 };
@@ -542,7 +546,7 @@ TEST(times_outside_should_be_refused)
 
 /* --- The least and the most of everything -------------------------------- */
 
-/* One of each: anchor, primitive, frame, camera, pixel. */
+/* The file has one of each: anchor, primitive, frame, camera, pixel. */
 TEST(one_of_everything_should_be_enough)
 {
     const saga_camera c = front(1, 1);
@@ -568,9 +572,10 @@ TEST(one_of_everything_should_be_enough)
                      SAGA_ERR_ARG);
 }
 
-/* Rows of 16,384 pixels, and columns: a ball at each end and one that spans
- * everything, a picture in double for all of them. The ends are lit, and alike
- * but for the half pixel between the axis and the middle of the row. */
+/* Pictures with rows or columns of 16,384 pixels have a ball at each end and
+ * one that spans everything; each is compared with a picture in double. Both
+ * ends are lit, and equal except for the half pixel between the axis and the
+ * middle of the row. */
 TEST(longest_rows_should_be_drawn_to_both_ends)
 {
     gen_given g[3];

@@ -124,9 +124,10 @@ static saga_camera before(void)
     return c;
 }
 
-/* The picture beside double, from a stage on; PSNR in dB. Random networks make
- * points of opacity 8, whose edge is 6 in alpha a pixel: where a mean is 1/512
- * of a pixel off that is two levels. */
+/* Compares the picture with double from a stage on; returns the PSNR in dB.
+ * Random networks make points of opacity 8, whose edge has a slope of 6 in
+ * alpha a pixel: if a mean is wrong by 1/512 of a pixel, the error is two
+ * levels. */
 static double see(given_view *v, int32_t t, int stage)
 {
     const saga_camera c = before();
@@ -207,9 +208,9 @@ TEST(zero_symbols_should_be_one_grey_ball)
 
 /* --- All at their limits ------------------------------------------------- */
 
-/* The largest rows that are valid: the sum of the weights' magnitudes is near
- * 2^15, the bias near 2^30; signs alternate. No input is finer than its layer,
- * which would take from its weights. */
+/* Makes the largest valid rows: the sum of the weights' magnitudes is near
+ * 2^15, the bias near 2^30; signs alternate. No input has a finer format than
+ * its layer, which would make weights smaller. */
 static void full_layer(saga_layer_symbols *l, const saga_net_shape *s, int i)
 {
     const uint32_t n_in = s->dim[i], n_out = s->dim[i + 1];

@@ -80,7 +80,7 @@ TEST(last_row_may_be_first)
     assert_false(found[1].shows || found[2].shows);
 }
 
-/* A readout that all cameras have alike is the film's. */
+/* A readout that is the same in all cameras comes from the film itself. */
 TEST(cameras_should_be_compared)
 {
     static const camera c[CAMERAS] = { { 0, 0.8 }, { 0, 0.8 }, { 0, 0.3 } };
@@ -91,7 +91,7 @@ TEST(cameras_should_be_compared)
     assert_true(fabs(found[2].readout + 0.5) < 0.02 && found[2].shows);
 }
 
-/* One camera's readout bends the film a bit, and others the other way. */
+/* One camera's readout bends the film a little, and others the other way. */
 TEST(bent_film_should_be_told_from_a_camera)
 {
     static const camera c[CAMERAS] = { { 0, 0.8 }, { 0, -0.35 }, { 0, 0 } };

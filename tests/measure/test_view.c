@@ -284,8 +284,8 @@ TEST(hurried_film_should_say_how_to_wait)
 
 /* --- The path ------------------------------------------------------------ */
 
-/* Every camera looks at the focus, its up is the path's, it is as far away as
- * the rig, and no further to the side than the rig. */
+/* Every camera of the orbit looks at the focus, has the path's up, and is as
+ * far away as the rig and no further to the side than the rig. */
 TEST(orbit_should_stay_where_the_rig_was)
 {
     saga_orbit p;
@@ -402,8 +402,8 @@ TEST(capture_should_be_refused_where_it_differs)
     mismatch(&o, &c, "focal length");
 }
 
-/* Every frame of every view as the file gives it, each view's first frame
- * painted over with `level`. */
+/* Fills a capture with every frame of every view as the file gives it; each
+ * view's first frame has the grey `level`. */
 static void fill_capture(saga_capture *c, opened *o, const saga_eval *e,
                          int level)
 {

@@ -51,12 +51,12 @@ static void check_roundings(const saga_verify *v)
     assert_true(steps(v, SAGA_VERIFY_PRIMITIVES, "position") < 1.51);
 }
 
-/* The picture alone has this error: q's fraction has 8 bits, so that an alpha
- * is wrong by 2^-9 log(2) of itself and 2^-16, which weights add up to once; q
- * itself adds 5e-4. Twice for T, and a splat at the cut makes a level at most.
- * An opacity of 8 and the smallest splat there is have an edge of 6.4 in alpha
- * a pixel, 12.6 where it is steep, of which a mean that is 1/512 of a pixel
- * off makes three levels, or six. */
+/* The error of the pixels alone. q's fraction has 8 bits, so that an alpha has
+ * a relative error of 2^-9 log(2) and an absolute one of 2^-16; weights add
+ * these up to once each, and q itself adds 5e-4. T doubles them, and a splat at
+ * the cut makes at most a level. An opacity of 8 and the smallest splat have an
+ * edge of 6.4 in alpha a pixel, or 12.6 if it is steep; a mean that is wrong by
+ * 1/512 of a pixel then makes three levels, or six. */
 static void check_pixels(const saga_verify *v, int most)
 {
     const double relative = (1 / 512.0 + 5e-4) * log(2) + 1 / 256.0;
@@ -70,9 +70,9 @@ static void check_pixels(const saga_verify *v, int most)
     assert_true(v->picture[SAGA_VERIFY_ANIMATION].psnr > 60);
 }
 
-/* Networks have three layers, in which a step may grow: with random weights by
- * an order of magnitude. A formula that differs is off by whole values, 2^9
- * steps and more. */
+/* Networks have three layers, in which an error of a step may grow, with random
+ * weights by an order of magnitude. A wrong formula gives errors of whole
+ * values, 2^9 steps and more. */
 static void check_networks(const saga_verify *v)
 {
     for (int i = 0; i < v->n_rows; i++) {
@@ -114,9 +114,9 @@ TEST(vectors_should_be_near_double_in_every_stage)
     assert_true(n >= 10);
 }
 
-/* A trained file: everything in double since the symbols, and since the
- * scaffold, with which what the encoder does not know begins. A pixel of this
- * picture is two levels off: a splat that lives for 1/250 of the segment. */
+/* In a trained file everything after the symbols, and everything after the
+ * scaffold, is computed in double. One pixel of this picture is wrong by two
+ * levels: a splat there lives for 1/250 of the segment. */
 TEST(demo_should_be_near_double_as_a_whole)
 {
     const saga_verify_picture *p;

@@ -216,8 +216,8 @@ TEST(splat_should_not_depend_on_threads)
 
 /* --- Statistics ---------------------------------------------------------- */
 
-/* All blending weights and the light left over make one, per pixel: where
- * primitives are black, the white background is what is left. */
+/* At each pixel all blending weights and the remaining light add up to one: if
+ * primitives are black, the remaining light of the white background is left. */
 TEST(splat_stats_should_add_up)
 {
     fixture *const f = new_fixture(500, 80, 60, 40, 2);

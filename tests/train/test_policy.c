@@ -28,7 +28,8 @@ TEST(policy_should_price_bits_per_pixel)
     assert_true(saga_policy_of(0, 1e6, 1000).price.residual > 0);
 }
 
-/* Twice as many primitives, or half the error, make a bit worth half. */
+/* With twice as many primitives, or half the error, a bit has half the price.
+ */
 TEST(lambda_should_balance_primitives_and_bits)
 {
     const double lambda = saga_policy_lambda(1e-4, 1e7, 5000);
@@ -54,7 +55,8 @@ TEST(primitives_should_balance_lambda)
     }
 }
 
-/* Dearer bits: fewer units and longer steps, within their limits. */
+/* If bits are more expensive, there are fewer hidden units and longer steps,
+ * within their limits. */
 TEST(policy_should_be_monotone)
 {
     saga_policy last = saga_policy_of(0, 1e7, 5000);

@@ -282,7 +282,7 @@ TEST(segments_should_have_24_frames_if_they_fit)
     }
 }
 
-/* A picture every five seconds is no more work than one of 2.4 a second. */
+/* A picture every five seconds is as much work as 2.4 pictures a second. */
 TEST(seconds_should_not_count_beyond_frames)
 {
     uint8_t *const rgb = calloc((size_t)24 * 3 * 6000, 1);
@@ -306,7 +306,7 @@ TEST(seconds_should_not_count_beyond_frames)
     free(rgb);
 }
 
-/* Still things are there once, changing ones are new in each second. */
+/* Still things are coded once, changing ones in each second. */
 TEST(longer_segments_should_have_more_that_changes)
 {
     assert_true(saga_plan_primitives(12000, 0, 10) ==
@@ -317,7 +317,7 @@ TEST(longer_segments_should_have_more_that_changes)
                            saga_plan_primitives(12000, 0, 1))) < 1e-9);
 }
 
-/* A slower preset works more, and many pictures want more iterations. */
+/* A slower preset does more work, and many pictures need more iterations. */
 TEST(presets_should_be_in_order)
 {
     uint8_t *const rgb = calloc((size_t)3 * 1200, 1);

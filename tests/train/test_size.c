@@ -44,8 +44,8 @@ static bool is_about(size_t n, size_t wanted)
     return false;
 }
 
-/* Networks are most of this scene's file: it can hardly be smaller. More bytes
- * are cheaper ones. */
+/* Networks are most of this scene's file, which can hardly be smaller. A larger
+ * size must give cheaper bits. */
 TEST(size_should_be_what_was_asked_for)
 {
     const saga_train_options any = of_size(0);

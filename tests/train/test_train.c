@@ -456,8 +456,9 @@ static double picture_near(saga_train *t)
     return -10 * log10(sum / (3 * 64 * 36));
 }
 
-/* With and without Fuse. Half an LSB of the outputs is 0.0005 or less, inputs
- * and hidden units add to it (measured: 0.0014 and 0.0015). */
+/* The scene is tested with and without Fuse. Half an LSB of the outputs is at
+ * most 0.0005; inputs and hidden units add to it (measured: 0.0014 and 0.0015).
+ */
 TEST(scene_should_be_near_the_integer_path)
 {
     for (int fuse = 0; fuse < 2; fuse++) {
@@ -507,7 +508,7 @@ TEST(motion_should_be_cut_where_training_cut_it)
 
 /* --- Layers -------------------------------------------------------------- */
 
-/* 150 primitives in parts of 1, 2 and 4 sevenths. */
+/* The layers have 1, 2 and 4 sevenths of 150 primitives. */
 TEST(layers_should_have_twice_as_many_each)
 {
     static const uint32_t n_prim[] = { 21, 43, 86 };
@@ -526,8 +527,8 @@ TEST(layers_should_have_twice_as_many_each)
     free(r.bytes);
 }
 
-/* A context that depended on another layer would be none in the file: with
- * anchors that share what they know, estimates are what was written. */
+/* A context must not depend on another layer, because the file could not have
+ * it. With shared anchors, the estimates must equal what was written. */
 TEST(layers_should_be_coded_as_estimated)
 {
     static const uint32_t coded[] = {
@@ -624,7 +625,8 @@ TEST(train_should_draw_positions_as_decoded)
     saga_train_free(t);
 }
 
-/* From the first rounded feature on: its mean must not move any more. */
+/* After features are first rounded, their predicted means must not move any
+ * more. */
 TEST(entropy_networks_should_stand_still_at_last)
 {
     saga_train_options o = tiny_defaults();

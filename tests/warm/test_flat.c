@@ -426,9 +426,9 @@ static bool is_shared(const saga_capture *c, const double *range,
     return n >= 2;
 }
 
-/* Places drawn at random in the pyramids of the training views: the cube is
- * as large as their bounding box, but for the far corners that its coarse
- * grid of samples misses (0.87 here) and its 2 %. */
+/* Places are drawn at random in the pyramids of the training views. The cube
+ * must be as large as their bounding box, except for the far corners that its
+ * coarse grid of samples misses (0.87 here) and its margin of 2 %. */
 TEST(cube_should_be_as_large_as_what_two_views_share)
 {
     const saga_capture *const c = &((fixture *)*state)->capture;
@@ -479,7 +479,7 @@ TEST(cube_should_believe_the_depths_of_the_capture)
     assert_true(cube.unit < 4.2);
 }
 
-/* A place of the world is at the same pixel in half-cubes. */
+/* A place has the same pixel in the world's units and in half-cubes. */
 TEST(camera_should_see_the_cube_as_the_view_the_world)
 {
     const saga_capture *const c = &((fixture *)*state)->capture;
@@ -511,7 +511,7 @@ TEST(camera_should_see_the_cube_as_the_view_the_world)
 
 /* --- Depth --------------------------------------------------------------- */
 
-/* Depths that the sweep trusts, against the true ones. */
+/* The depths that the sweep trusts are compared with the true ones. */
 TEST(sights_should_have_the_true_depth)
 {
     const saga_capture *const c = &((fixture *)*state)->capture;
@@ -788,8 +788,7 @@ TEST(exposures_should_be_found)
     saga_pictures_free(&p);
 }
 
-/* A colour that an eighth of all pixels have to the last bit is behind
- * everything. */
+/* A colour that an eighth of all pixels have exactly is the background. */
 TEST(background_should_be_what_is_frequent)
 {
     static const double same[VIEWS] = { 1, 1, 1, 1, 1 };
