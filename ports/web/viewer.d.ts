@@ -16,10 +16,10 @@ export interface KeyCamera {
 
 /** A canvas that shows a file, decoded in a worker and drawn by the graphics
  * processor or, with exact, by the decoder. Events: `opened`, `change`,
- * `drawn`, `ended`; `waiting` and `resumed` when a segment is late and has come;
- * `progress`, with { segment, got, nbytes }; `sound`, after askSound; and
- * `failed`, whose detail is a sentence. Until a file is open, calls that would
- * change its camera or time do nothing; setScale applies. */
+ * `drawn`, `ended`; `waiting` and `resumed` when a segment is late and when it
+ * has come; `progress`, with { segment, got, nbytes }; `sound`, after askSound;
+ * and `failed`, whose detail is a sentence. Until a file is open, calls that
+ * would change its camera or time do nothing; setScale applies. */
 export class Viewer extends EventTarget {
     constructor(canvas: HTMLCanvasElement, options?: {
         exact?: boolean;
