@@ -5,6 +5,17 @@
 #include <stdlib.h>
 #include <string.h>
 
+const char *const saga_packed_columns[PACKED_COLUMNS] = {
+    "min_x", "min_y", "min_z", "max_x", "max_y", "max_z",
+    "min_scale_x", "min_scale_y", "min_scale_z",
+    "max_scale_x", "max_scale_y", "max_scale_z",
+    "min_r", "min_g", "min_b", "max_r", "max_g", "max_b"
+};
+
+const char *const saga_packed_words[PACKED_WORDS] = {
+    "packed_position", "packed_rotation", "packed_scale", "packed_color"
+};
+
 enum { MOST_LINE = 128, NO_ELEMENT = 0, CHUNK, VERTEX, SH, N_ELEMENTS };
 
 /* The contents of a header: the number of each element and of its
