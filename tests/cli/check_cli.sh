@@ -765,6 +765,25 @@ grep -q 'nothing was found that --fix' "$tmp/err" && [ ! -e "$tmp/poses/again.js
 expect 0 check "$tmp/./poses" --fix "$tmp/poses/../poses/beside.json"
 cmp -s "$tmp/poses/beside.json" "$tmp/poses/fixed.json" ||
     complain "check --fix beside the capture"
+# Small errors are found too; the lens that all had becomes one of each.
+python3 - "$tmp/poses" >>"$tmp/bad" 2>&1 <<'PYTHON'
+import json, sys
+
+j = json.load(open(sys.argv[1] + "/fixed.json"))
+for i, f in enumerate(j["frames"]):
+    f["fl_x"] = f.get("fl_x", j.get("fl_x")) * (1.01, 0.99, 1.005)[i % 3]
+    # A turn of 0.3 degrees about one of the camera's axes x and y.
+    for row in f["transform_matrix"][:3]:
+        row[2] += (0.005, -0.005)[i // 2 % 2] * row[i % 2]
+        row[i % 2] -= (0.005, -0.005)[i // 2 % 2] * row[2]
+json.dump(j, open(sys.argv[1] + "/moved.json", "w"))
+PYTHON
+expect 0 check "$tmp/poses/moved.json" --fix "$tmp/poses/refined.json"
+grep -q 'Poses and lenses can be refined' "$tmp/out" ||
+    complain "check: no word of poses that can be refined"
+expect 0 check "$tmp/poses/refined.json"
+grep -q '^nothing to mind' "$tmp/out" ||
+    complain "check --fix: $(sed -n '/to mind/,/^$/p' "$tmp/out")"
 for name in "$tmp/poses/transforms.json" "$tmp/./poses/transforms.json" \
     "$tmp/fixed.json"; do
     told 2 'give --fix a new name there' check "$tmp/poses" --fix "$name"

@@ -226,7 +226,7 @@ static int run(int argc, char **argv)
 static const saga_cli_option option_list[] = {
     { "--html", "FILE", "the same as a page, with thumbnails and a plan",
       saga_cli_text, offsetof(options, html), 0, 0 },
-    { "--fix", "FILE", "write a transforms.json without the mistake found",
+    { "--fix", "FILE", "write a transforms.json without what was found",
       saga_cli_text, offsetof(options, fix), 0, 0 },
     { "--json", NULL, "the same as JSON; null for what is unknown",
       saga_cli_flag, offsetof(options, json), 0, 0 },
@@ -249,7 +249,10 @@ const saga_command saga_command_check = {
     "late; what to mind, in words; and what encoding will take. Features of\n"
     "every two cameras are matched; where they are not where poses say,\n"
     "the usual mistakes are tried (axes, inverse, focal length, exchanged\n"
-    "files), and --fix undoes the one that explains the pictures.\n"
+    "files), and --fix undoes the one that explains the pictures. Small\n"
+    "errors of poses and lenses are found by adjusting all cameras to the\n"
+    "matches (bundle adjustment); where matches kept apart then fit better,\n"
+    "--fix writes the refined cameras.\n"
     "\n"
     "masks/ beside images/ has pictures of the same names: what is not white\n"
     "does not count; masks/CAMERA.png is for all of a camera. Lenses of\n"

@@ -149,6 +149,61 @@ static void exchange(json_t *frames, const saga_mistake *m,
     json_decref(before);
 }
 
+/* --- Cameras refined ----------------------------------------------------- */
+
+/* Returns a length in pixels that an entry or the top of the file has, or else
+ * `missing`. */
+static double length_of(const json_t *entry, const json_t *root,
+                        const char *key, double missing)
+{
+    const json_t *x = json_object_get(entry, key);
+
+    x = x ? x : json_object_get(root, key);
+    return x ? json_number_value(x) : missing;
+}
+
+/* Writes the lens of a refined camera into an entry. The pinhole of the loaded
+ * pictures has the lens' centre; both focal lengths change alike. */
+static void refine_lens(json_t *entry, const json_t *root,
+                        const saga_shot *shot, const saga_pinhole *refined)
+{
+    const double width = shot->original_width, height = shot->original_height;
+    const double was[4] = { shot->fx, shot->fy, shot->cx, shot->cy };
+    const json_t *const own = json_object_get(entry, "camera_angle_x");
+    const double angle = json_number_value(
+        own ? own : json_object_get(root, "camera_angle_x"));
+    double lens[N_CENTRE];
+
+    lens[0] = length_of(entry, root, "fl_x", width / 2 / tan(angle / 2));
+    lens[1] = length_of(entry, root, "fl_y", lens[0]);
+    lens[2] = length_of(entry, root, "cx", width / 2);
+    lens[3] = length_of(entry, root, "cy", height / 2);
+    for (int k = 0; k < 2; k++) {
+        lens[2 + k] += (refined->lens[2 + k] - was[2 + k]) * lens[k] / was[k];
+        lens[k] *= refined->lens[k] / was[k];
+    }
+    for (int k = 0; k < N_CENTRE; k++)
+        saga_json_set_value(entry, lens_keys[k], json_real(lens[k]));
+}
+
+static void refine_entries(json_t *root, const saga_refinement *r,
+                           const saga_capture *c)
+{
+    json_t *const frames = json_object_get(root, "frames");
+
+    for (size_t i = 0; i < json_array_size(frames); i++) {
+        json_t *const entry = json_array_get(frames, i);
+        const int v = view_of(entry, c);
+
+        if (v < 0)
+            continue;
+        refine_lens(entry, root, &c->views[v], &r->cameras[v]);
+        saga_json_set_value(entry, "transform_matrix",
+                            matrix_of(r->cameras[v].rotation,
+                                      r->cameras[v].translation));
+    }
+}
+
 /* --- Files --------------------------------------------------------------- */
 
 /* Returns the folder part of a path, with the slash at its end, or "./". The
@@ -208,7 +263,8 @@ bool saga_check_fix(const char *path, const char *name,
                     const saga_survey *survey, const saga_capture *capture,
                     saga_error *error)
 {
-    const saga_mistake *const m = &survey->calibration.mistake;
+    const saga_calibration *const fit = &survey->calibration;
+    const saga_mistake *const m = &fit->mistake;
     char *const json = saga_path_is_folder(name)
         ? saga_path_join(name, "transforms.json", error)
         : saga_string_copy(name, error);
@@ -219,8 +275,8 @@ bool saga_check_fix(const char *path, const char *name,
                                  "transforms.json only")) &&
               check_place(path, json, error);
 
-    /* If no mistake was found, nothing is read and nothing is written. */
-    if (ok && !survey->calibration.found) {
+    /* If there is nothing to correct, nothing is read or written. */
+    if (ok && !fit->found && !fit->refinement.helps) {
         fputs("check: nothing was found that --fix could undo\n", stderr);
     } else if (ok) {
         root = saga_json_read(json, error);
@@ -232,11 +288,15 @@ bool saga_check_fix(const char *path, const char *name,
         /* The lens that all cameras share, then the lens and the pose of each
          * entry. */
         saga_json_watch();
-        scale_lens(root, m);
-        if (m->swapped[0] >= 0)
-            exchange(frames, m, capture);
-        else
-            turn_entries(frames, m);
+        if (!fit->found) {
+            refine_entries(root, &fit->refinement, capture);
+        } else {
+            scale_lens(root, m);
+            if (m->swapped[0] >= 0)
+                exchange(frames, m, capture);
+            else
+                turn_entries(frames, m);
+        }
         ok = !saga_json_starved() && !saga_json_lost()
             ? write_json(path, root, error)
             : saga_no_memory(0, path, error);

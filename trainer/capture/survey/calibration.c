@@ -443,6 +443,8 @@ bool saga_calibration_find(saga_calibration *calibration,
               compare(calibration, &s, error);
     if (ok)
         judge(calibration, &s, cameras);
+    if (ok && !calibration->found)
+        ok = saga_refine(&calibration->refinement, &s.pairs, error);
     ok = ok && find_exposures(calibration, &s, error);
     saga_pairs_free(&s.pairs);
     free(s.scratch);
@@ -457,5 +459,6 @@ void saga_calibration_free(saga_calibration *calibration)
     free(calibration->stops);
     free(calibration->shared);
     free(calibration->n_features);
+    free(calibration->refinement.cameras);
     *calibration = (saga_calibration){.off = NULL};
 }

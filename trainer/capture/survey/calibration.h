@@ -13,6 +13,7 @@
 #define SAGA_CALIBRATION_H
 
 #include "capture.h"
+#include "refine.h"
 
 /* How camera-to-world matrices (A, b) of a file came to be: rotation A and
  * centre b would be right. */
@@ -52,6 +53,8 @@ typedef struct saga_calibration {
     bool found;                  /* mistake, with which n_fit becomes */
     saga_mistake mistake;
     int n_fit_then;
+    saga_refinement refinement;  /* of small errors; none if a mistake was
+                                  * found */
 } saga_calibration;
 
 /* Fills *calibration; saga_calibration_free also after a failure. */

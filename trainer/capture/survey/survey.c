@@ -429,6 +429,17 @@ static void judge_calibration(saga_survey *s, const saga_capture *c)
                  c->views[v].name, fit->off[v]);
 }
 
+/* Says how far small errors of poses and lenses can be undone. */
+static void judge_refinement(saga_survey *s)
+{
+    const saga_refinement *const r = &s->calibration.refinement;
+    if (r->helps)
+        note(s, "Poses and lenses can be refined: matches that were kept apart "
+             "lie %.2f pixels from where cameras say, and %.2f after "
+             "adjustment of all cameras to the other matches. --fix FILE "
+             "writes them so.", r->before, r->after);
+}
+
 /* Notes if two cameras at one place with the same direction do not see the
  * same. */
 static void judge_twin(saga_survey *s, const saga_capture *c, int v)
@@ -544,6 +555,7 @@ bool saga_survey_make(saga_survey *survey, const saga_capture *capture,
             survey->views[v].stops = survey->calibration.stops[v];
     /* Judgements, which only add notes. */
     judge_calibration(survey, capture);
+    judge_refinement(survey);
     judge_rig(survey, capture);
     for (int v = 0; v < capture->n_views; v++)
         judge_view(survey, capture, v);
