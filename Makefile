@@ -303,7 +303,7 @@ WASM_LD = wasm-ld
 WASM_FLAGS = --target=wasm32 -std=c11 -O3 -flto $(WARN) -ffreestanding \
              -mbulk-memory -MMD -MP
 WASM_LDFLAGS = --no-entry --stack-first -z stack-size=65536 --strip-all
-WASM_SRC := $(COMMON_SRC) $(DECODER_SRC) ports/web/saga_web.c
+WASM_SRC := $(COMMON_SRC) $(DECODER_SRC) $(sort $(wildcard ports/web/*.c))
 HAS_WASM := $(and $(shell command -v $(WASM_CC)),$(shell command -v $(WASM_LD)))
 WEB = $(BUILD)/web
 WEB_FILES := $(addprefix $(WEB)/,$(notdir $(sort $(wildcard \

@@ -31,17 +31,29 @@ static int32_t width_ratio_q16(int32_t dt, int32_t log2_width_q10)
     return fx_clamp64(fx_rshift64(product, n), 0, LIMIT_U);
 }
 
-/* Returns dt in temporal widths, Q16, |age| <= 4. A width longer than half a
- * segment counts as half a segment. */
-static int32_t age_q16(const saga_primitive *p, const saga_prim_format *f,
-                       int32_t dt)
-{
-    const int32_t width = f->has_width && p->log2_width_q10 < HALF_SEGMENT
-        ? p->log2_width_q10 : HALF_SEGMENT;
-    const int32_t u = width_ratio_q16(dt, width);
-    const int32_t age = u < LIMIT_AGE ? u : LIMIT_AGE;
+/* A primitive's place in its own time, Q16. */
+typedef struct {
+    int32_t u;                   /* |dt| in temporal widths, at most 16 */
+    int32_t age;                 /* dt in them, |age| <= 4 */
+} moment;
 
-    return dt < 0 ? -age : age;
+/* For the age, a width longer than half a segment counts as half a segment,
+ * which has the ratio 2 |dt|. */
+static moment moment_of(const saga_primitive *p, const saga_prim_format *f,
+                        int32_t t)
+{
+    const int32_t dt = t - p->t_centre;
+    int32_t age = dt < 0 ? -2 * dt : 2 * dt;
+    moment m = { 0, 0 };
+
+    if (f->has_width) {
+        m.u = width_ratio_q16(dt, p->log2_width_q10);
+        if (p->log2_width_q10 < HALF_SEGMENT)
+            age = m.u;
+    }
+    age = age < LIMIT_AGE ? age : LIMIT_AGE;
+    m.age = dt < 0 ? -age : age;
+    return m;
 }
 
 /* Returns ((b3 age + b2) age + b1) age in Q20, in supports. Since |b| <= 2^35
@@ -111,35 +123,38 @@ static void animate_quat(saga_animated *out, const saga_primitive *p,
 
 /* Returns log2(e) u^2 in Q20. u^2 <= 2^40 in Q32, the product is below 2^61,
  * and the result is at most 370 * 2^20 < 2^29. */
-static int32_t fade_q20(int32_t dt, int16_t log2_width_q10)
+static int32_t fade_q20(int64_t u)
 {
-    const int64_t u = width_ratio_q16(dt, log2_width_q10);
-
     return (int32_t)fx_rshift64(u * u * LOG2_E_Q20, 32);
+}
+
+/* With the network's o in log2 units opacity = 2^3 / (1 + 2^(3 - o)), so that
+ * q0 = 3 - log2(opacity) = log2(1 + 2^(3 - o)); a fading primitive's exp(-u^2)
+ * adds log2(e) u^2. */
+static int32_t q0_q20(const saga_primitive *p, const saga_prim_format *f,
+                      int32_t u)
+{
+    const int32_t o_q12 = fx_requant32(-(int32_t)p->opacity, f->q_opacity, 12) +
+                          (SAGA_PEAK_LOG2 << 12);
+
+    return saga_softplus2_q12_q20(o_q12) + fade_q20(u);
 }
 
 void saga_animate(saga_animated *out, const saga_primitive *p,
                   const saga_prim_format *f, int32_t t)
 {
-    const int32_t dt = t - p->t_centre, age = age_q16(p, f, dt);
-    const int32_t o_q12 = fx_requant32(-(int32_t)p->opacity, f->q_opacity, 12) +
-                          (SAGA_PEAK_LOG2 << 12);
+    const moment m = moment_of(p, f, t);
     int i;
 
-    animate_mean(out->x, p, f, age);
-    animate_quat(out, p, f, age);
+    animate_mean(out->x, p, f, m.age);
+    animate_quat(out, p, f, m.age);
     for (i = 0; i < 3; i++)
         out->log2_scale_q10[i] = p->log2_scale_q10[i];
-    /* With the network's o in log2 units opacity = 2^3 / (1 + 2^(3 - o)), so
-     * that q0 = 3 - log2(opacity) = log2(1 + 2^(3 - o)); a fading primitive's
-     * exp(-u^2) adds log2(e) u^2. */
-    out->q0_q20 = saga_softplus2_q12_q20(o_q12);
-    if (f->has_width)
-        out->q0_q20 += fade_q20(dt, p->log2_width_q10);
+    out->q0_q20 = q0_q20(p, f, m.u);
 }
 
 void saga_animate_mean(int32_t x[3], const saga_primitive *p,
                        const saga_prim_format *f, int32_t t)
 {
-    animate_mean(x, p, f, age_q16(p, f, t - p->t_centre));
+    animate_mean(x, p, f, moment_of(p, f, t).age);
 }

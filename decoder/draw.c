@@ -22,12 +22,12 @@ static const saga_key *keys_of(const saga_decoder *dec)
     return (const saga_key *)(const void *)const_at(dec, dec->plan.keys_at);
 }
 
-/* Computes the colours of the last seen->n of n splats. */
-static void shade(saga_splat *splats, uint32_t n, const saga_decoder *dec,
+/* Computes the colours of the last seen->n of n splats, seen from `from`. */
+static void shade(saga_splat *splats, uint32_t n, const int32_t *from,
                   const saga_scaffold *sc, saga_seen *seen)
 {
     if (seen->n > 0)
-        saga_shade(splats + (n - seen->n), sc, seen, dec->camera.centre);
+        saga_shade(splats + (n - seen->n), sc, seen, from);
     seen->n = 0;
 }
 
@@ -76,10 +76,10 @@ static uint32_t make_splats(saga_splat *splats, saga_key *keys,
             keys[n].index = n;
             see(&splats[n++], dec, at, &seen);
             if (seen.n == most)
-                shade(splats, n, dec, &sc, &seen);
+                shade(splats, n, dec->camera.centre, &sc, &seen);
         }
     }
-    shade(splats, n, dec, &sc, &seen);
+    shade(splats, n, dec->camera.centre, &sc, &seen);
     return n;
 }
 
@@ -178,28 +178,43 @@ saga_status saga_draw(const saga_decoder *dec, saga_job *job,
     return saga_raster(job, picture, &drawing, budget);
 }
 
-saga_status saga_colour_at(uint16_t colour_q15[3], saga_decoder *dec,
-                           uint32_t index, const int32_t from[3])
+saga_status saga_colours_at(saga_splat *splats, saga_decoder *dec,
+                            const uint32_t *index, uint32_t n,
+                            const int32_t from[3])
 {
     saga_seen seen = { 0 };
     saga_scaffold sc;
-    saga_splat splat;
-    int i;
+    uint32_t most, i;
 
     if (!dec->has_segment)
         return SAGA_ERR_STATE;
-    if (index >= n_prims(dec))
-        return SAGA_ERR_ARG;
+    for (i = 0; i < n; i++)
+        if (index[i] >= n_prims(dec))
+            return SAGA_ERR_ARG;
     for (i = 0; i < 3; i++)
         if (from[i] < -(1 << 29) || from[i] > 1 << 29)
             return SAGA_ERR_ARG;
     saga_block_scaffold(&sc, dec, &dec->n);
-    see(&splat, dec, index, &seen);
-    if (seen.n > 0)
-        saga_shade(&splat, &sc, &seen, from);
-    for (i = 0; i < 3; i++)
-        colour_q15[i] = splat.colour_q15[i];
+    most = saga_shade_points(&sc);
+    for (i = 0; i < n; i++) {
+        see(splats + i, dec, index[i], &seen);
+        if (seen.n == most)
+            shade(splats, i + 1, from, &sc, &seen);
+    }
+    shade(splats, n, from, &sc, &seen);
     return SAGA_OK;
+}
+
+saga_status saga_colour_at(uint16_t colour_q15[3], saga_decoder *dec,
+                           uint32_t index, const int32_t from[3])
+{
+    saga_splat splat;
+    const saga_status s = saga_colours_at(&splat, dec, &index, 1, from);
+    int i;
+
+    for (i = 0; !s && i < 3; i++)
+        colour_q15[i] = splat.colour_q15[i];
+    return s;
 }
 
 saga_status saga_splat_at(saga_splat *out, const saga_decoder *dec,

@@ -376,6 +376,12 @@ saga_status saga_primitive_at(saga_animated *out, const saga_decoder *dec,
 saga_status saga_colour_at(uint16_t colour_q15[3], saga_decoder *dec,
                            uint32_t index, const int32_t from[3]);
 
+/* Sets colour_q15 of splats[0..n) to the colours of primitives index[0..n), as
+ * saga_colour_at does, in less time. On an error nothing is written. */
+saga_status saga_colours_at(saga_splat *splats, saga_decoder *dec,
+                            const uint32_t *index, uint32_t n,
+                            const int32_t from[3]);
+
 /* Gets splat number `order` of the last view, in drawing order, nearest first.
  * Returns SAGA_OK, ARG or STATE. */
 saga_status saga_splat_at(saga_splat *out, const saga_decoder *dec,

@@ -485,12 +485,19 @@ export class SagaFile {
         return this.picture();
     }
 
-    async view(camera, num, den) {
+    // Decodes the segment of a time, sets the camera, and returns the time in
+    // the decoder's units.
+    async look(camera, num, den) {
         const { number, t } = this.find(num, den);
 
         await this.decode(number);
         this.ints(this.wasm.saga_web_camera(), CAMERA_LENGTH)
             .set(camera.values);
+        return t;
+    }
+
+    async view(camera, num, den) {
+        const t = await this.look(camera, num, den);
         const start = performance.now();
 
         this.check(this.wasm.saga_web_view(t), 'cannot be seen from there');
@@ -498,19 +505,21 @@ export class SagaFile {
     }
 
     // Returns the splats of a picture, for a graphics processor to draw
-    // (gpu.js). bytes is an array of saga_splat of saga.h, nearest first: a
-    // view of the decoder's memory that is valid until the next call.
+    // (gpu.js). bytes is an array of saga_splat of saga.h, nearest first,
+    // without boxes and computed in floats: a view of the decoder's memory that
+    // is valid until the next call.
     async splats(camera, num, den = 1) {
-        await this.view(camera, num, den);
+        const t = await this.look(camera, num, den);
         const start = performance.now();
         const { values } = camera;
+        const at = this.wasm.saga_web_splats(t);
         const [, , , , nPrimitives, nSplats] =
             this.ints(this.wasm.saga_web_picture(), 6);
-        const at = this.wasm.saga_web_splats();
 
         if (!at)
             this.check(-2, 'is too large for this browser\'s memory');
-        this.times.draw = performance.now() - start;
+        this.times.view = performance.now() - start;
+        this.times.draw = 0;
         return { width: values[WIDTH], height: values[WIDTH + 1], nPrimitives,
             nSplats, tools: this.info.tools,
             background: Array.from(values.slice(BACKGROUND, BACKGROUND + 3),
@@ -522,11 +531,7 @@ export class SagaFile {
     // for an engine that sorts and projects them itself. bytes come from
     // planesOf.
     async gaussians(camera, num, den = 1) {
-        const { number, t } = this.find(num, den);
-
-        await this.decode(number);
-        this.ints(this.wasm.saga_web_camera(), CAMERA_LENGTH)
-            .set(camera.values);
+        const t = await this.look(camera, num, den);
         const start = performance.now();
         const at = this.wasm.saga_web_gaussians(t);
         const [, , , , nPrimitives, nSplats] =

@@ -13,6 +13,7 @@
  * Memory grows as needed. Therefore JavaScript must take a new view of the
  * memory after every function here that takes a size, and after saga_web_draw.
  */
+#include "float_splats.h"
 #include "saga.h"
 
 enum {
@@ -119,10 +120,11 @@ EXPORT(saga_web_adopt) int32_t saga_web_adopt(void);
 EXPORT(saga_web_view) int32_t saga_web_view(int32_t t);
 EXPORT(saga_web_draw) int32_t saga_web_draw(void);
 
-/* Returns the splats of the last saga_web_view, to be drawn by JavaScript, or
- * NULL if memory is missing or there was no view. Their number is in
- * saga_web_picture. The segment's bytes and the last picture are lost. */
-EXPORT(saga_web_splats) const saga_splat *saga_web_splats(void);
+/* Returns the splats that the camera at saga_web_camera sees at time t, to be
+ * drawn by JavaScript (float_splats.h), or NULL if memory is missing or nothing
+ * is decoded. Their number is in saga_web_picture. The segment's bytes and the
+ * last picture are lost. */
+EXPORT(saga_web_splats) const saga_splat *saga_web_splats(int32_t t);
 
 /* Returns the primitives that are visible at time t, with the colours that the
  * camera at saga_web_camera sees from its centre, or NULL if memory is missing
@@ -151,6 +153,8 @@ static struct {
     uint8_t *head, *work, *input;
     size_t head_nbytes;
     saga_camera view;       /* of the last saga_web_view */
+    saga_camera looked; /* of the last saga_web_splats, whose colours are in the
+                         * input's memory; width 0: they are gone */
     web_info told;
     web_camera camera;
     web_segment segment;
@@ -196,6 +200,7 @@ static const saga_watch watch = { ask, NULL };
 uint8_t *saga_web_head(uint32_t nbytes)
 {
     web.dec = NULL;
+    web.looked.width = 0;
     web.head = align_up(&__heap_base);
     web.head_nbytes = nbytes;
     return reach(web.head, nbytes) ? web.head : NULL;
@@ -332,6 +337,7 @@ const web_segment *saga_web_segment(void)
 
 uint8_t *saga_web_input(uint32_t nbytes)
 {
+    web.looked.width = 0;
     return reach(web.input, nbytes) ? web.input : NULL;
 }
 
@@ -358,7 +364,7 @@ int32_t saga_web_adopt(void)
     const saga_status s = web.dec ? saga_tell(&report, web.dec)
                                   : SAGA_ERR_STATE;
 
-    web.view.width = 0;
+    web.view.width = web.looked.width = 0;
     if (s == SAGA_OK)
         web.picture.n_primitives = report.n_primitives;
     return s;
@@ -458,6 +464,7 @@ int32_t saga_web_draw(void)
 
     if (!web.dec || !width)
         return SAGA_ERR_STATE;
+    web.looked.width = 0;
     /* The picture takes the place of the segment's bytes: R, G, B, then R, G,
      * B, A, then scratch. */
     if (!reach(rgb, 7 * (uint64_t)n_pixels + nbytes + 2 * ALIGN))
@@ -475,15 +482,32 @@ int32_t saga_web_draw(void)
     return SAGA_OK;
 }
 
-const saga_splat *saga_web_splats(void)
+/* Returns whether the input's memory has the colours of this place. */
+static int has_colours(const int32_t *centre)
 {
-    saga_splat *const to = (saga_splat *)(void *)web.input;
-    const uint32_t n = web.picture.n_splats;
+    const saga_camera *const c = &web.looked;
 
-    if (!web.dec || !reach(web.input, (uint64_t)n * sizeof *to) ||
-        saga_splats_at(to, web.dec, 0, n))
+    return c->width && c->centre[0] == centre[0] &&
+           c->centre[1] == centre[1] && c->centre[2] == centre[2];
+}
+
+const saga_splat *saga_web_splats(int32_t t)
+{
+    const uint32_t n = web.picture.n_primitives;
+    const int kept = has_colours(web.camera.centre);
+    int32_t n_splats;
+
+    web.looked.width = 0;
+    if (!web.dec || !reach(web.input, float_splats_nbytes(n)) ||
+        !get_camera(&web.looked))
         return NULL;
-    return to;
+    n_splats = float_splats(web.input, web.dec, n, &web.looked, t, kept);
+    if (n_splats < 0) {
+        web.looked.width = 0;
+        return NULL;
+    }
+    web.picture.n_splats = (uint32_t)n_splats;
+    return (const saga_splat *)(void *)web.input;
 }
 
 const web_gaussian *saga_web_gaussians(int32_t t)
@@ -493,6 +517,7 @@ const web_gaussian *saga_web_gaussians(int32_t t)
     web_gaussian *to = first;
     uint32_t i;
 
+    web.looked.width = 0;
     if (!web.dec || !reach(web.input, (uint64_t)n * sizeof *to))
         return NULL;
     /* Invisible primitives are left out. */

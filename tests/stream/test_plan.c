@@ -736,6 +736,8 @@ static void check_colours(uint32_t tools)
     FREED_BY(end) player p;
     saga_camera c;
     FREED seen *list;
+    FREED saga_splat *made;
+    FREED uint32_t *index;
     uint32_t crc, n;
 
     o.tools = tools;
@@ -747,6 +749,11 @@ static void check_colours(uint32_t tools)
     crc = draw(p.dec, &c);
     n = see_all(list, &p, &c, t);
     assert_true(n > 5);
+    made = must(malloc(n * sizeof *made));
+    index = must(malloc(n * sizeof *index));
+    for (uint32_t i = 0; i < n; i++)
+        index[i] = list[i].index;
+    assert_ok(saga_colours_at(made, p.dec, index, n, c.centre));
     for (uint32_t i = 0; i < n; i++) {
         uint16_t colour[3];
         saga_splat s;
@@ -754,7 +761,14 @@ static void check_colours(uint32_t tools)
         assert_ok(saga_colour_at(colour, p.dec, list[i].index, c.centre));
         assert_ok(saga_splat_at(&s, p.dec, i));
         assert_memory_equal(colour, s.colour_q15, sizeof colour);
+        assert_memory_equal(made[i].colour_q15, colour, sizeof colour);
     }
+    /* One that is not there spoils all. */
+    index[n - 1] = p.info.max_primitives + p.info.base_primitives;
+    memset(made, 1, n * sizeof *made);
+    assert_int_equal(saga_colours_at(made, p.dec, index, n, c.centre),
+                     SAGA_ERR_ARG);
+    assert_int_equal(made[0].colour_q15[0], 257);
     assert_int_equal(draw(p.dec, &c), crc);
 }
 
