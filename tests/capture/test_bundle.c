@@ -173,7 +173,8 @@ static saga_refinement refine(const saga_capture *c)
     saga_refinement r;
     FREED_BY(saga_pairs_free) saga_pairs pairs;
 
-    assert_done(saga_pairs_find(&pairs, c, 0, &error) &&
+    assert_done(saga_pairs_look(&pairs, c, 0, &error) &&
+                saga_pairs_list(&pairs, &error) &&
                 saga_pairs_match(&pairs, saga_pair_agree, &error));
     assert_done(saga_refine(&r, &pairs, &error));
     return r;

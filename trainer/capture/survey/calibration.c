@@ -418,7 +418,8 @@ static void count_shared(int *shared, const saga_pairs *pairs)
 
 static bool compare(saga_calibration *cal, search *s, saga_error *error)
 {
-    if (!saga_pairs_find(&s->pairs, s->c, 0, error))
+    if (!saga_pairs_look(&s->pairs, s->c, 0, error) ||
+        !saga_pairs_list(&s->pairs, error))
         return false;
     count_shared(cal->shared, &s->pairs);
     if (!saga_pairs_match(&s->pairs, saga_pair_agree, error))

@@ -45,7 +45,8 @@ typedef struct counts { double at[GROUPS][N_SHIFTS]; } counts;
 typedef struct finder {
     const saga_capture *c;
     int first;               /* first frame of the examined interval */
-    saga_pairs at[STRETCH];  /* corners of all views at these frames */
+    saga_pairs at[STRETCH];  /* corners of all views at these frames; the
+                              * first one has the list of pairs for all */
     counts *counts;          /* (n_views) */
 } finder;
 
@@ -98,7 +99,7 @@ static bool moves(const saga_capture *c, int v, int frame,
 static bool find_corners(finder *f, saga_error *error)
 {
     for (int k = 0; k < STRETCH; k++) {
-        if (!saga_pairs_find(&f->at[k], f->c, f->first + k, error))
+        if (!saga_pairs_look(&f->at[k], f->c, f->first + k, error))
             return false;
         for (int v = 0; v < f->c->n_views; v++) {
             saga_features *const all = &f->at[k].features[v];
@@ -109,7 +110,7 @@ static bool find_corners(finder *f, saga_error *error)
             all->n = kept;
         }
     }
-    return true;
+    return saga_pairs_list(&f->at[0], error);
 }
 
 /* ------------------------------------------------------------------- counts */

@@ -77,7 +77,7 @@ static void mark_neighbours(bool *compared, const saga_capture *c, int v)
         compared[v * n + w] = compared[w * n + v] = true;
 }
 
-static bool list_pairs(saga_pairs *p, saga_error *error)
+bool saga_pairs_list(saga_pairs *p, saga_error *error)
 {
     const int n = p->capture->n_views;
     const size_t square = (size_t)n * (size_t)n;
@@ -104,7 +104,7 @@ static bool list_pairs(saga_pairs *p, saga_error *error)
     return p->list != NULL;
 }
 
-bool saga_pairs_find(saga_pairs *pairs, const saga_capture *capture, int frame,
+bool saga_pairs_look(saga_pairs *pairs, const saga_capture *capture, int frame,
                      saga_error *error)
 {
     *pairs = (saga_pairs){.capture = capture, .frame = frame,
@@ -112,7 +112,7 @@ bool saga_pairs_find(saga_pairs *pairs, const saga_capture *capture, int frame,
     for (int v = 0; v < capture->n_views; v++)
         pairs->within = fmax(pairs->within, SAGA_MATCH_WITHIN / 960.0 *
                                             capture->views[v].width);
-    return find_features(pairs, error) && list_pairs(pairs, error);
+    return find_features(pairs, error);
 }
 
 /* ------------------------------------------------------------------ matches */

@@ -33,10 +33,13 @@ typedef struct saga_pairs {
     double within;           /* pixels, of these pictures */
 } saga_pairs;
 
-/* Finds the features of all views at a frame, and lists which views are
- * compared. saga_pairs_free, also after a failure. */
-bool saga_pairs_find(saga_pairs *pairs, const saga_capture *capture, int frame,
+/* Finds the features of all views at a frame; the list is empty.
+ * saga_pairs_free, also after a failure. */
+bool saga_pairs_look(saga_pairs *pairs, const saga_capture *capture, int frame,
                      saga_error *error);
+
+/* Lists which views are compared; it depends on the poses only. */
+bool saga_pairs_list(saga_pairs *pairs, saga_error *error);
 
 /* Finds the matches of a pair; matches has room for SAGA_FEATURES_MOST. Returns
  * how many. */
