@@ -256,14 +256,23 @@ TEST(quantiser_should_meet_8_bits)
 
 /* A row of q_out 9 from inputs of q_in 12 has a shift of 0 at the scale 2^-3,
  * where steps of 1 have become 8. A weight is at most 32767 of these, in 16
- * bits, and a bias 65535, the largest residual; both are rounded. */
-TEST(quantiser_should_refuse_a_row_that_no_scale_makes_valid)
+ * bits, and a bias 65535, the largest residual; both are rounded, and larger
+ * ones are cut. A sum of two weights of 32767 leaves 131,069 below 2^31, less
+ * than the largest bias, which is 65535 << 9 in the format of the sum. */
+TEST(quantiser_should_cut_a_row_that_no_scale_makes_valid)
 {
-    static const struct { float weight[2], bias; int valid; } row[] = {
-        { { 32767 * 8 + 3, 0 }, 0, 1 }, { { 32767 * 8 + 4, 0 }, 0, 0 },
-        { { 32767 * 8, -32767 * 8 }, 0, 1 }, { { 0, 0 }, 65535 * 8 + 3, 1 },
-        { { 0, 0 }, 65535 * 8 + 4, 0 }, { { 0, -1e30f }, 0, 0 },
-        { { 0, 0 }, -1e30f, 0 },
+    static const struct {
+        float weight[2], bias;
+        int32_t symbol[2], bias_symbol;
+        int valid;
+    } row[] = {
+        { { 32766 * 8 + 3, 0 }, 0, { 32766, 0 }, 0, 1 },
+        { { 32767 * 8 + 4, 0 }, 0, { 32767, 0 }, 0, 1 },
+        { { 32767 * 8, -32767 * 8 }, 0, { 32767, -32767 }, 0, 1 },
+        { { 0, 0 }, 65535 * 8 + 4, { 0, 0 }, 65535, 1 },
+        { { 8, -1e30f }, 0, { 1, -32767 }, 0, 1 },
+        { { 0, 0 }, -1e30f, { 0, 0 }, -65535, 1 },
+        { { 32767 * 8, 32767 * 8 }, 65535 * 8, { 0, 0 }, 0, 0 },
     };
     const uint8_t q_out[2] = { 9, 9 };
 
@@ -279,11 +288,17 @@ TEST(quantiser_should_refuse_a_row_that_no_scale_makes_valid)
         saga_error error = { "" };
 
         assert_int_equal(saga_quantise_layer(&s, &v, &error), row[i].valid);
-        if (!row[i].valid)
+        if (row[i].valid) {
+            assert_memory_equal(s.weight + 2, row[i].symbol,
+                                sizeof row[i].symbol);
+            assert_int_equal(s.bias[1], row[i].bias_symbol);
+            assert_int_equal(s.shift[1], 0);
+        } else {
             assert_string_equal(error.message,
                                 "row 1 of layer 2 of network 7 is too large "
                                 "to be coded; try another --seed, and report "
                                 "it");
+        }
     }
 }
 

@@ -31,17 +31,29 @@ static int64_t weight_of(const saga_layer_symbols *s,
                        s->step_shift + finer_of(v, k));
 }
 
-/* Sets the symbols of a row whose weights have the scale 2^e. Returns 1 if the
- * row is valid. */
-static int try_row(saga_layer_symbols *out, const saga_layer_values *v,
-                   uint32_t row, int e)
+/* Returns the largest symbol of input k whose integer weight is at most limit:
+ * the weight is q step_q16 / 2^shift, rounded. */
+static double most_symbol(const saga_layer_symbols *s,
+                          const saga_layer_values *v, uint32_t k, int limit)
+{
+    const double q = floor(ldexp(limit, s->step_shift + finer_of(v, k)) /
+                           s->step_q16);
+
+    return fmin(q, SAGA_MAX_RESIDUAL);
+}
+
+/* Sets the symbols of a row whose weights have the scale 2^e. Values that are
+ * too large for the format become the largest that fit if `cut` is set, and
+ * make the row invalid otherwise. Returns 1 if the row is valid. */
+static int set_row(saga_layer_symbols *out, const saga_layer_values *v,
+                   uint32_t row, int e, bool cut)
 {
     /* An integer weight is q step_q16 / 2^step_shift in Q e; `step` is the real
      * value of one q. The sum has the Q format of input times weight, e + q_in,
      * and so has the bias, apart from bias_shift. */
     const double step = ldexp(out->step_q16, -out->step_shift - e);
-    const double bias = floor(ldexp((double)v->bias[row],
-                                    e + v->q_in - out->bias_shift) + 0.5);
+    double bias = floor(ldexp((double)v->bias[row],
+                              e + v->q_in - out->bias_shift) + 0.5);
     const size_t at = (size_t)row * v->n_in;
     const int32_t limit = v->int8 ? 127 : 32767;
     int64_t sum = 0;
@@ -49,13 +61,20 @@ static int try_row(saga_layer_symbols *out, const saga_layer_values *v,
 
     /* From the format of the sum to that of the output. */
     out->shift[row] = (uint8_t)(e + v->q_in - v->q_out[row]);
+    if (cut)
+        bias = fmin(fmax(bias, -SAGA_MAX_RESIDUAL), SAGA_MAX_RESIDUAL);
     if (fabs(bias) > SAGA_MAX_RESIDUAL)
         return 0;
     out->bias[row] = (int32_t)bias;
     for (k = 0; k < v->n_in; k++) {
-        const double q = floor((double)v->weight[at + k] / step + 0.5);
+        double q = floor((double)v->weight[at + k] / step + 0.5);
         int64_t w;
 
+        if (cut) {
+            const double most = most_symbol(out, v, k, limit);
+
+            q = fmin(fmax(q, -most), most);
+        }
         if (fabs(q) > SAGA_MAX_RESIDUAL)
             return 0;
         /* The limit is for the decoder's integer weight, which has fewer bits
@@ -118,13 +137,15 @@ static int try_layer(saga_layer_symbols *out, const saga_layer_values *v,
 
     set_steps(out, v, e);
     for (row = 0; row < v->n_out; row++)
-        if (!try_row(out, v, row, row_exponent(v, row, e)))
+        if (!set_row(out, v, row, row_exponent(v, row, e), false))
             return 0;
     return 1;
 }
 
 /* Sets all rows at the scale 2^e. The scale of a row that is not valid there is
- * halved, which doubles its steps, until it is. */
+ * halved, which doubles its steps, until it is. A shift cannot be negative: at
+ * its last scale a row is cut to what fits. Returns false with *error set if
+ * even then the sum of a row may overflow. */
 static bool force_layer(saga_layer_symbols *out, const saga_layer_values *v,
                         int e, saga_error *error)
 {
@@ -135,8 +156,7 @@ static bool force_layer(saga_layer_symbols *out, const saga_layer_values *v,
         const int least = (int)v->q_out[row] - v->q_in;
         int k = row_exponent(v, row, e);
 
-        /* The shift cannot be negative, which ends the search. */
-        while (!try_row(out, v, row, k))
+        while (!set_row(out, v, row, k, k == least))
             if (--k < least)
                 return saga_fail(error, NULL,
                                  "try another --seed, and report it",
@@ -359,7 +379,7 @@ void saga_dequantise_layer(real *weight, real *bias,
     uint32_t row, k;
 
     for (row = 0; row < v->n_out; row++) {
-        /* The exponent of try_row, from the shift. */
+        /* The exponent of set_row, from the shift. */
         const int e = (int)s->shift[row] + v->q_out[row] - v->q_in;
         const size_t at = (size_t)row * v->n_in;
 

@@ -46,8 +46,9 @@ typedef struct saga_layer_values {
  * weights, or such a low q_out, that a step would be below 1 unit, the row's
  * steps are doubled until it is valid. The scales of weights (one, one for each
  * row or one for each column) are those with the fewest bits, scales included.
- * Returns false with *error set if memory is short, or if a row is not valid
- * even with a row shift of 0. */
+ * With a row shift of 0 steps cannot be doubled any more: weights and biases
+ * that are too large then become the largest that fit. Returns false with
+ * *error set if memory is short, or if the sum of such a row may overflow. */
 bool saga_quantise_layer(saga_layer_symbols *out, const saga_layer_values *v,
                          saga_error *error);
 
