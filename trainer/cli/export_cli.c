@@ -272,8 +272,8 @@ static int run(int argc, char **argv)
 }
 
 static const saga_cli_option option_list[] = {
-    { "-o", "OUT", "the file; its name ends as its format does. With %d or "
-      "%04d\nin the name: a file for each frame, in a new folder",
+    { "-o", "OUT", "the file, whose name ends as its format does; with "
+      "%d\nor %04d in the name a file for each frame, in a folder",
       saga_cli_text, offsetof(options, out), 0, 0 },
     { "--frame", "N", "which frame (default 0)", saga_cli_int,
       offsetof(options, frame), 0, INT32_MAX },

@@ -464,7 +464,7 @@ static const saga_cli_option option_list[] = {
 
 const saga_command saga_command_import = {
     "import", "SPLATS", 1,
-    "a .saga file of splats from any trainer (PLY, SPZ, ...)",
+    "a .saga file of splats from any trainer (PLY, ...)",
     "Codes splats that another program trained, without pictures. SPLATS is\n"
     "a file, or a folder of files, a frame each in the order of their names,\n"
     "in one of the formats that `saga help export` lists. A still keeps its\n"
