@@ -420,13 +420,13 @@ $(PAGE_FILES): $(BUILD)/saga $(BUILD)/saga-dec tools/help_pages.sh
 
 .PHONY: pages install uninstall
 pages: $(PAGE_FILES)
-INSTALL = BINDIR='$(BINDIR)' LIBDIR='$(LIBDIR)' INCLUDEDIR='$(INCLUDEDIR)' \
+PLACE   = BINDIR='$(BINDIR)' LIBDIR='$(LIBDIR)' INCLUDEDIR='$(INCLUDEDIR)' \
           DATADIR='$(DATADIR)' PYTHONDIR='$(PYTHONDIR)' DESTDIR='$(DESTDIR)' \
           tools/install.sh
 install: all shared pages
-	@$(INSTALL) put $(BUILD)
+	@$(PLACE) put $(BUILD)
 uninstall:
-	@$(INSTALL) remove $(BUILD)
+	@$(PLACE) remove $(BUILD)
 
 # Archives to be given away come to build/dist: a wheel, packages for npm, the
 # source, and the checksums of all. The same commit gives the same bytes.

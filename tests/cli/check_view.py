@@ -248,7 +248,7 @@ def encode(tmp, until, *options):
     process = subprocess.Popen(
         ["env", "--default-signal=INT", SAGA, "encode", tmp + "/cap", "-o",
          tmp + "/x.saga", "--primitives", "150", "--iterations", "3000",
-         "--log", log, *options], stdout=subprocess.DEVNULL,
+         "--ablate", "no-teachers", "--log", log, *options], stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE)
     while process.poll() is None and until:
         lines = read(log).split() if os.path.exists(log) else []
