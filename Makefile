@@ -114,7 +114,7 @@ TWICE_SRC := $(filter-out $(addprefix trainer/,scene/hierarchy.c scene/tree.c \
                scene/budget.c scene/medoid.c entropy/rate_bits.c \
                entropy/rate_choice.c),$(filter trainer/nn/% \
                trainer/splat/% trainer/scene/% trainer/entropy/%,$(FLOAT_SRC))) \
-               trainer/code/quantise.c
+               trainer/code/quantise.c trainer/code/quantise_nets.c
 F64_OBJ   := $(TWICE_SRC:%.c=$(OBJ)/f64/%.o)
 HELPER_OBJ := $(call obj,$(HELPER_SRC))
 REFERENCE_OBJ := $(call obj,$(REFERENCE_SRC))
