@@ -148,6 +148,11 @@ static json_t *take_scalar(toml_reader *r)
     return take_string(r, text) ? json_string(text) : NULL;
 }
 
+static bool out_of_memory(void)
+{
+    return saga_json_starved() || saga_json_lost();
+}
+
 /* Reads a list. `lists` holds the open lists, the outermost first. */
 static json_t *take_list(toml_reader *r)
 {
@@ -171,6 +176,8 @@ static json_t *take_list(toml_reader *r)
                 json_t *const inner = json_array();
                 saga_json_append_item(lists[depth], inner);
                 lists[++depth] = inner;
+                /* An inner list that found no place is freed already. */
+                ok = !out_of_memory();
             }
         } else {
             json_t *const value = take_scalar(r);
@@ -207,6 +214,9 @@ static bool take_header(toml_reader *r)
         if (!inner) {
             inner = json_object();
             saga_json_set_value(r->table, key, inner);
+            /* A table that found no place is freed already. */
+            if (out_of_memory())
+                return false;
         }
         if (!json_is_object(inner))
             return bad(r, "a table has the name of a value");
@@ -255,7 +265,7 @@ json_t *saga_toml_read(const char *path, saga_error *error)
     saga_json_watch();
     r.root = r.table = json_object();
     bool ok = take_all(&r);
-    if (saga_json_starved() || saga_json_lost() || !r.root)
+    if (out_of_memory() || !r.root)
         ok = saga_no_memory(0, path, error);
     saga_bytes_free(&bytes);
     if (!ok)
