@@ -34,14 +34,20 @@ bool saga_json_lost(void)
     return lost;
 }
 
-void saga_json_set_value(json_t *object, const char *key, json_t *value)
+bool saga_json_set_value(json_t *object, const char *key, json_t *value)
 {
-    lost |= json_object_set_new_nocheck(object, key, value) != 0;
+    const bool ok = json_object_set_new_nocheck(object, key, value) == 0;
+
+    lost |= !ok;
+    return ok;
 }
 
-void saga_json_append_item(json_t *array, json_t *value)
+bool saga_json_append_item(json_t *array, json_t *value)
 {
-    lost |= json_array_append_new(array, value) != 0;
+    const bool ok = json_array_append_new(array, value) == 0;
+
+    lost |= !ok;
+    return ok;
 }
 
 void saga_json_merge_object(json_t *object, json_t *other)

@@ -23,9 +23,10 @@ bool saga_json_starved(void);
 bool saga_json_lost(void);
 
 /* These do the same as jansson's json_object_set_new_nocheck,
- * json_array_append_new and json_object_update_new, and record failures. */
-void saga_json_set_value(json_t *object, const char *key, json_t *value);
-void saga_json_append_item(json_t *array, json_t *value);
+ * json_array_append_new and json_object_update_new, and record failures. The
+ * first two return false on failure, and have released the value then. */
+bool saga_json_set_value(json_t *object, const char *key, json_t *value);
+bool saga_json_append_item(json_t *array, json_t *value);
 void saga_json_merge_object(json_t *object, json_t *other);
 
 /* Reads a file whose root is an object; the caller releases it with

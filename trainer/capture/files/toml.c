@@ -148,11 +148,6 @@ static json_t *take_scalar(toml_reader *r)
     return take_string(r, text) ? json_string(text) : NULL;
 }
 
-static bool out_of_memory(void)
-{
-    return saga_json_starved() || saga_json_lost();
-}
-
 /* Reads a list. `lists` holds the open lists, the outermost first. */
 static json_t *take_list(toml_reader *r)
 {
@@ -174,10 +169,8 @@ static json_t *take_list(toml_reader *r)
             ok = depth + 1 < MOST_DEPTH || bad(r, "lists are too deep");
             if (ok) {
                 json_t *const inner = json_array();
-                saga_json_append_item(lists[depth], inner);
+                ok = saga_json_append_item(lists[depth], inner);
                 lists[++depth] = inner;
-                /* An inner list that found no place is freed already. */
-                ok = !out_of_memory();
             }
         } else {
             json_t *const value = take_scalar(r);
@@ -213,9 +206,7 @@ static bool take_header(toml_reader *r)
         json_t *inner = json_object_get(r->table, key);
         if (!inner) {
             inner = json_object();
-            saga_json_set_value(r->table, key, inner);
-            /* A table that found no place is freed already. */
-            if (out_of_memory())
+            if (!saga_json_set_value(r->table, key, inner))
                 return false;
         }
         if (!json_is_object(inner))
@@ -265,7 +256,7 @@ json_t *saga_toml_read(const char *path, saga_error *error)
     saga_json_watch();
     r.root = r.table = json_object();
     bool ok = take_all(&r);
-    if (out_of_memory() || !r.root)
+    if (saga_json_starved() || saga_json_lost() || !r.root)
         ok = saga_no_memory(0, path, error);
     saga_bytes_free(&bytes);
     if (!ok)
