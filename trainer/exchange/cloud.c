@@ -40,6 +40,16 @@ float saga_cloud_logit(double opacity)
          : opacity >= 1.0 ? INFINITY : (float)log(opacity / (1.0 - opacity));
 }
 
+int saga_cloud_largest(const float q[4])
+{
+    int largest = 0;
+
+    for (int k = 1; k < 4; k++)
+        if (fabsf(q[k]) > fabsf(q[largest]))
+            largest = k;
+    return largest;
+}
+
 /* A half turn F about a coordinate axis is a diagonal matrix with two entries
  * of -1 and the third 1. The ellipsoid of the rotation R becomes that of F R,
  * which is the same as that of F R F: the F on the right only changes the signs

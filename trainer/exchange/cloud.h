@@ -33,6 +33,10 @@ void saga_cloud_free(saga_cloud *cloud);
 /* Returns the logit of an opacity: infinite for 0 and 1. */
 float saga_cloud_logit(double opacity);
 
+/* Returns which component of a quaternion has the largest magnitude: formats
+ * leave it out, made positive, since the others give it. */
+int saga_cloud_largest(const float q[4]);
+
 /* Turns it half around the axis x or z (0 or 2). PLY files have x right, y down
  * and z forward by custom. Around x, that is right, up, back, as SPZ has it;
  * around z, left, up, forward, as glTF has it. */

@@ -72,11 +72,9 @@ static uint32_t part_of(float v, const float range[2][3], int a, int bits)
 
 static uint32_t rotation_word(const float q[4])
 {
-    uint32_t word, largest = 0;
+    const uint32_t largest = (uint32_t)saga_cloud_largest(q);
+    uint32_t word;
 
-    for (uint32_t k = 1; k < 4; k++)
-        if (fabsf(q[k]) > fabsf(q[largest]))
-            largest = k;
     /* -sqrt(1/2)..sqrt(1/2) become 0..1023. The quaternion's sign is chosen so
      * that its largest component is positive. */
     word = largest;

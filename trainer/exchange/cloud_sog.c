@@ -112,11 +112,9 @@ static void put_scale(uint8_t p[4], const writer *w, size_t i)
 static void put_quat(uint8_t p[4], const writer *w, size_t i)
 {
     const float *const q = w->cloud->quat + 4 * i;
-    int largest = 0, n = 0;
+    const int largest = saga_cloud_largest(q);
+    int n = 0;
 
-    for (int k = 1; k < 4; k++)
-        if (fabsf(q[k]) > fabsf(q[largest]))
-            largest = k;
     /* The largest component is made positive. The others, from -sqrt(1/2) to
      * sqrt(1/2), become 0..255. */
     for (int k = 0; k < 4; k++)

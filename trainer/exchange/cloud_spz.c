@@ -65,11 +65,9 @@ static void put_positions(uint8_t **at, const saga_cloud *cloud, int bits)
 static uint32_t quat_word(const float wxyz[4])
 {
     const float q[4] = { wxyz[1], wxyz[2], wxyz[3], wxyz[0] };
-    uint32_t word, largest = 0;
+    const uint32_t largest = (uint32_t)saga_cloud_largest(q);
+    uint32_t word;
 
-    for (uint32_t k = 1; k < 4; k++)
-        if (fabsf(q[k]) > fabsf(q[largest]))
-            largest = k;
     /* Two bits tell which component is left out; each other one takes ten
      * bits. */
     word = largest;
