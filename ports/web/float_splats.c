@@ -43,7 +43,7 @@ typedef struct {
     uint32_t *place;             /* (N_DIGITS) */
 } parts;
 
-/* This is a camera in pixels and box units. */
+/* A camera in pixels and box units. */
 typedef struct {
     float w[9];
     float focal[2], principal[2], half[2], lo[2], hi[2];

@@ -107,9 +107,9 @@ static double differ(const saga_pinhole *a, const saga_pinhole *b,
     return sqrt(sum / (N_VIEWS * N_PLACES));
 }
 
-/* What the room's cameras see of a cloud, one pixel in twenty of which is
- * anywhere: the disturbed cameras come to see the adjusted places so, and keep
- * the world where it was. */
+/* The room's cameras see a cloud, and one pixel in twenty is drawn anywhere:
+ * the disturbed cameras come to see the adjusted places so, and keep the world
+ * where it was. */
 TEST(adjustment_should_find_what_was_disturbed)
 {
     const saga_capture *const c = *state;

@@ -8,7 +8,7 @@
 #               vectors/MANIFEST and of saga-dec; RECORD has every file
 #   npm         every file that a package.json exports is in its package, and
 #               Node imports it by its name; the package of the decoder draws
-#               saga-dec's pixels. Engines are stubs here (check_engines.py has
+#               saga-dec's pixels. Engines are empty here (check_engines.py has
 #               the real ones). Without npm or the decoder in WebAssembly it
 #               says that this is skipped
 #   dist        all have the release of saga.h; the source is what git has;
@@ -105,20 +105,20 @@ else
         [ -s "$tmp/node_modules/saga-$p/LICENSE" ] ||
             complain "no licence in saga-$p"
     done
-    # stub PACKAGE NAME...: an engine as far as modules need it to load.
-    stub() {
+    # engine PACKAGE NAME...: an engine as far as modules need it to load.
+    engine() {
         local at=$tmp/node_modules/$1
         mkdir -p "$at"
-        echo '{ "type": "module", "exports": "./stub.js" }' >"$at/package.json"
-        printf 'export class %s {}\n' "${@:2}" >"$at/stub.js"
+        echo '{ "type": "module", "exports": "./engine.js" }' >"$at/package.json"
+        printf 'export class %s {}\n' "${@:2}" >"$at/engine.js"
     }
     # shellcheck disable=SC2046
-    stub three $(grep -oh 'THREE\.[A-Z][A-Za-z]*' ports/three/*.js |
+    engine three $(grep -oh 'THREE\.[A-Z][A-Za-z]*' ports/three/*.js |
         sed 's/.*\.//' | sort -u)
     # shellcheck disable=SC2046
-    stub playcanvas $(grep -oh 'pc\.[A-Z][A-Za-z]*' ports/playcanvas/*.js |
+    engine playcanvas $(grep -oh 'pc\.[A-Z][A-Za-z]*' ports/playcanvas/*.js |
         sed 's/.*\.//' | sort -u)
-    stub @sparkjsdev/spark ExtSplats SplatMesh utils
+    engine @sparkjsdev/spark ExtSplats SplatMesh utils
     cat >"$tmp/draw.mjs" <<'NODE'
 import { existsSync, readFileSync } from 'node:fs';
 

@@ -357,8 +357,8 @@ TEST(spz_should_not_be_believed)
     saga_cloud c;
 
     for (int k = 0; k < 3; k++) {
-        /* More splats than there are; a version that is not known; so many
-         * splats that memory for them is not even asked for. */
+        /* More splats than the file has; a version that is not known; a
+         * number of splats for which memory is not even requested. */
         const size_t n = one_splat(raw, k == 1 ? 5 : 3,
                                    k == 0 ? 2 : k == 1 ? 1 : UINT32_MAX, 0);
 

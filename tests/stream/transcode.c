@@ -44,7 +44,7 @@ typedef struct {
 
 enum { KEEP = -(1 << 20), MAX_LIES = 4 };
 
-/* What breaks a rule. Without a symbol in all of `lies` the row ends. */
+/* Symbols that break a rule. Without a symbol in all of `lies` the row ends. */
 typedef struct {
     const char *rule, *name;
     int in_prim;

@@ -9,7 +9,7 @@
 #include <stdlib.h>
 
 enum {
-    APART = 5,               /* one place of so many is kept apart */
+    APART = 5,               /* one place in five is kept apart */
     FEW_PLACES = 60,         /* or there is too little to go by */
     MOST_VIEWS = 100         /* their equations have 6.5 MB */
 };
