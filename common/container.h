@@ -136,12 +136,14 @@ typedef struct saga_io {
     uint32_t at;             /* bytes done */
 } saga_io;
 
-/* Each reads or writes all fields of its structure; the buffer has the sizes
- * given above. Reading does not check values, and writing does not change the
- * structure. saga_header_io covers the fixed part without magic and version,
- * and the fields that tools add to it: the bank's networks and the base's
- * sizes. Fields whose tool is off are not in the file and are read as 0, and so
- * is nbytes of a single layer. */
+/* Each function reads or writes all fields of its structure; the buffer has the
+ * sizes given above. Reading does not check values, and writing does not change
+ * the structure.
+ *   saga_header_io   the header's fixed part, without magic and version
+ *   saga_tools_io    the fields after it: those of the bank and of the base,
+ *                    each only if its tool is on; otherwise they are read as 0
+ *   saga_segment_io  SEGM; nbytes of a single layer is not in the file and is
+ *                    read as 0 */
 void saga_header_io(saga_io *f, saga_header *h);
 void saga_tools_io(saga_io *f, saga_header *h);
 void saga_camera_io(saga_io *f, saga_rig_camera *c);

@@ -12,10 +12,11 @@
 
 #include <stdint.h>
 
-/* The first computes the common input of F_fine, F_geo and F_color for a point
- * and stores it in net.v->kept: the interpolated and fused features of tier
- * SAGA_TIER_* at p, around the parent of the given rank, and the embedding of
- * an offset. The second converts n such points to the input of a network. */
+/* F_fine, F_geo and F_color have a common input for each point: the features of
+ * tier SAGA_TIER_* at p, interpolated around the parent of the given rank and
+ * fused, and the embedding of an offset. saga_keep_local computes this input
+ * and stores it in net.v->kept. saga_in_local converts the stored inputs of n
+ * points to the input format of network `net`. */
 void saga_keep_local(const saga_scaffold *sc, int tier, uint32_t point,
                      const saga_position *p, uint32_t parent,
                      const int16_t offset_q14[4]);

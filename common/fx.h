@@ -137,7 +137,7 @@ static inline int fx_clz64(uint64_t x)
 #endif
 }
 
-/* Bytes: the format is little-endian, the machine need not be. */
+/* Load and store little-endian integers, on machines of either byte order. */
 static inline uint32_t fx_load16_le(const uint8_t *p)
 {
     return (uint32_t)p[0] | (uint32_t)p[1] << 8;

@@ -19,11 +19,13 @@ typedef struct saga_neighbours {
 
 enum { SAGA_ALL_GROUPS = SAGA_MAX_GROUPS };
 
-/* Finds the neighbours of a position. Candidates are the ranks centre - w ..
- * centre + w of the tier that exist. Members are the at most K nearest with
- * d < rho^2. With before = SAGA_ALL_GROUPS the anchor `centre`, the parent of
- * the position, is always a member. Otherwise only anchors of groups < before
- * are candidates, and there may be no member. */
+/* Finds the neighbours of a position: the at most K nearest candidates with
+ * d < rho^2. Candidates are the anchors of the tier with ranks from centre - w
+ * to centre + w.
+ * To interpolate features, `before` is SAGA_ALL_GROUPS, and `centre`, the
+ * parent of the position, is always among the neighbours. To predict symbols,
+ * only anchors of the groups below `before`, which are decoded already, are
+ * candidates, and nb->n may be 0. */
 void saga_interp_find(saga_neighbours *nb, const saga_scaffold *sc, int tier,
                       const saga_position *query, uint32_t centre,
                       uint32_t before);

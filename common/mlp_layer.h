@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * A dense layer as its kernels see it: mlp.c's, and those of arch/.
+ * The description of a dense layer that the kernels of mlp.c and of arch/ read.
  */
 #ifndef SAGA_MLP_LAYER_H
 #define SAGA_MLP_LAYER_H
@@ -32,8 +32,8 @@ typedef struct saga_layer {
     saga_cpu cpu;            /* the machine has it */
 } saga_layer;
 
-/* mlp_avx2.c has the tiles of mlp_x86.h for machines that have AVX2 where the
- * compiler was not told to use it. */
+/* mlp_avx2.c compiles the tiles of mlp_x86.h for AVX2, for machines that turn
+ * out to have it although the compiler may not assume it. */
 #if defined SAGA_MAY_AVX2 && !defined __AVX2__ && \
     (defined __clang__ || __GNUC__ >= 12)
 #define SAGA_MLP_MAY_AVX2

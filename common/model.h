@@ -47,9 +47,9 @@ enum {
     X(OPACITY_T, 0, "temporal opacity", "temporal_opacity") \
     X(SLOPE, 1, "linear rotation", "linear_rotation") \
     X(VIEW, 2, "view-dependent colour", "view_dependent_colour") \
-    /* A base holds once for the file all that stands still. */ \
+    /* What stands still is coded once for the whole file, in a base. */ \
     X(BASE, 5, "base segment", "base_segment") \
-    /* Splats fall off by s + s^2 / 2, not by s. */ \
+    /* A splat's alpha falls off as exp(-(s + s^2 / 2)) instead of exp(-s). */ \
     X(STEEP, 6, "steep splats", "steep_splats") \
     X(BANK, 9, "memory bank", "memory_bank") \
     /* The bank is updated without the projection. */ \

@@ -1,14 +1,15 @@
 /* SPDX-License-Identifier: MIT
  *
- * 4-D Morton order: a suffix of 4 B bits interleaves x, y, z, t of B bits
- * each, x first, most significant bits first. The order of ranks everywhere.
+ * 4-D Morton order, which is the order of all ranks: a suffix of 4 B bits
+ * interleaves x, y, z, t of B bits each, x first, most significant bits first.
  */
 #ifndef SAGA_MORTON_H
 #define SAGA_MORTON_H
 
 #include <stdint.h>
 
-/* Coordinate of `axis` (0..3: x, y, z, t) in a suffix of 4 * bits bits. */
+/* Returns the coordinate of `axis` (0..3: x, y, z, t) in a suffix of 4 * bits
+ * bits. */
 static inline uint32_t saga_morton_axis(uint32_t suffix, uint32_t bits,
                                         uint32_t axis)
 {
@@ -19,7 +20,8 @@ static inline uint32_t saga_morton_axis(uint32_t suffix, uint32_t bits,
     return v;
 }
 
-/* The inverse: v[0..3] of `bits` bits each, bits in 0..8. */
+/* Returns the suffix of the coordinates v[0..3], which have `bits` bits each;
+ * bits is in 0..8. */
 static inline uint32_t saga_morton_suffix(const uint32_t v[4], uint32_t bits)
 {
     uint32_t suffix = 0, i, axis;
@@ -30,7 +32,7 @@ static inline uint32_t saga_morton_suffix(const uint32_t v[4], uint32_t bits)
     return suffix;
 }
 
-/* Modulo group of integer coordinates (paper: gamma). */
+/* Returns the modulo group of integer coordinates (paper: gamma). */
 static inline uint32_t saga_morton_group(const uint32_t v[4],
                                          uint32_t n_groups)
 {

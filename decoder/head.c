@@ -66,7 +66,7 @@ uint32_t saga_head_crc(const saga_header *h, const uint8_t *bytes)
 
 uint32_t saga_head_networks_crc(const saga_header *h, const uint8_t *bytes)
 {
-    /* It is the last field before the payload. */
+    /* The CRC is the last field of the chunk header, before the payload. */
     return fx_load32_le(bytes + (size_t)saga_head_base(h) - h->nets_nbytes -
                         4);
 }

@@ -14,9 +14,9 @@
  * VERSION. The tools are checked before the CRC. */
 saga_status saga_head_read(saga_header *h, const uint8_t *bytes, size_t n);
 
-/* The first returns the size of the head. The second returns the offset of the
- * end of its networks chunk, where the base begins if there is one. The counts
- * of the header have been checked. */
+/* saga_head_nbytes returns the size of the head. saga_head_base returns the
+ * offset of the end of its networks chunk, where the base begins if there is
+ * one. The counts of the header must have been checked. */
 uint64_t saga_head_nbytes(const saga_header *h);
 uint64_t saga_head_base(const saga_header *h);
 

@@ -99,8 +99,8 @@ static inline int32_t tile_y(const raster *r, uint32_t ty)
 /* Returns the shift from pixels to the units of the keys' boxes. */
 uint32_t saga_raster_box_shift(const saga_camera *cam);
 
-/* The first carries out STEP_KEEP; the second STEP_COUNT, STEP_SUM or
- * STEP_LIST. Both stop when the budget is used up, or set the next step. */
+/* saga_raster_keep carries out STEP_KEEP, saga_raster_list STEP_COUNT, STEP_SUM
+ * or STEP_LIST. Both stop when the budget is used up, or set the next step. */
 void saga_raster_keep(raster *r);
 void saga_raster_list(raster *r);
 

@@ -67,7 +67,8 @@ static void set_geometry(saga_primitive *p, const saga_model *m,
     take(&p->opacity, 1, out, rows[SAGA_OUT_OPACITY]);
     take(p->quat, 4, out, rows[SAGA_OUT_QUAT]);
     take(p->slope, 4, out, rows[SAGA_OUT_SLOPE]);
-    /* The network's output is relative to no rotation, (1, 0, 0, 0). */
+    /* The network's output is relative to the identity rotation, (1, 0, 0, 0).
+     */
     p->quat[0] = fx_sat16(p->quat[0] + (1 << q[SAGA_OUT_QUAT]));
     /* Without an output for it, the temporal centre is at the primitive. */
     p->t_centre = position->t;

@@ -24,7 +24,8 @@ static uint32_t splats_plain(saga_splat *s, const saga_primitive *p,
 uint32_t saga_splats(saga_splat *s, const saga_primitive *p, uint32_t n,
                      const saga_look *look, saga_cpu cpu)
 {
-    /* A run that does not fill its vectors, the last one, goes one by one. */
+    /* Only the last run may not fill its vectors; its primitives are computed
+     * one by one. */
 #ifdef SAGA_MAY_AVX2
     if (cpu >= SAGA_CPU_AVX2 && n % 4 == 0)
         return saga_splats__avx2(s, p, n, look);

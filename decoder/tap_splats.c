@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: MIT
  *
- * The splats of a view in bulk, for those who draw them by other means.
+ * Copies the splats of a view in bulk, for programs that draw them themselves.
  */
 #include "saga.h"
 
-/* A vertex buffer is described by these numbers, which saga.h tells. */
+/* Programs describe a vertex buffer by these offsets, which saga.h documents.
+ */
 _Static_assert(sizeof(saga_splat) == 44 &&
                offsetof(saga_splat, mean_q8) == 0 &&
                offsetof(saga_splat, chol_q28) == 8 &&
@@ -23,7 +24,8 @@ saga_status saga_splats_at(saga_splat *out, const saga_decoder *dec,
 
     if (s)
         return s;
-    /* Without a view there is no first splat, nor has a view of none one. */
+    /* There is no first splat before a view is prepared, and none in a view
+     * without splats. */
     if (report.n_splats == 0 &&
         saga_splat_at(&probe, dec, 0) == SAGA_ERR_STATE)
         return SAGA_ERR_STATE;

@@ -1,14 +1,16 @@
 /* SPDX-License-Identifier: MIT
  *
- * Inner products of two points at a time in words of 64 bits: twins of mlp.c's
- * plain loops, bit for bit, for machines of 64 bits without vectors. mlp.c
- * includes it there.
+ * Inner products of two points at a time in words of 64 bits. mlp.c includes
+ * this file on 64-bit machines without vectors; the results are those of its
+ * plain loops, bit for bit.
  *
- * A word holds a pair of activations as x + 2^32 y, so that one product with a
- * weight is both products, and one sum both sums, all modulo 2^64. In between
- * the halves may run into one another; a sum's end is s + 2^32 t, and since
- * neither overflows 32 bits (saga_mlp_row_is_valid) s is the lower half and t
- * what remains. What is split earlier is joined to the same word again.
+ * A word holds the activations x and y of two points as x + 2^32 y. Multiplied
+ * by a weight, it gives the products of both points, and adding up such words
+ * gives both sums, all modulo 2^64. While sums grow, a negative lower half
+ * borrows from the upper half. The final word is s + 2^32 t. Since neither sum
+ * overflows 32 bits (saga_mlp_row_is_valid), s is its lower half and t is
+ * (word - s) / 2^32. Long rows are summed in pieces: sums that were split after
+ * one piece are joined to the same word before the next.
  */
 #ifndef SAGA_MLP_PAIRS_H
 #define SAGA_MLP_PAIRS_H
@@ -20,7 +22,8 @@
 
 #define SAGA_MLP_PAIRED 32u
 
-/* Some rows and two points: 512 bytes of stack, which are scarce. */
+/* The sums of some rows for two points. The 512 bytes of stack limit the number
+ * of rows. */
 typedef struct {
     int32_t sum[2][SAGA_MLP_PAIRED];     /* of each point, by rows */
     uint32_t n_row;
@@ -28,7 +31,8 @@ typedef struct {
     uint64_t pair[SAGA_MLP_PAIRED];      /* of n inputs at a time */
 } saga_pairs;
 
-/* x: (points, stride); of one point the other half is empty. */
+/* Joins the activations of x, (points, stride), to words. The upper halves are
+ * 0 if there is only one point. */
 static inline void make_pairs(saga_pairs *p, const int16_t *x, uint32_t stride,
                               uint32_t points)
 {
@@ -57,9 +61,10 @@ static inline uint64_t weight_at(const void *w, size_t at, int int8)
                 : (uint64_t)((const int16_t *)w)[at];
 }
 
-/* Adds the products of the pairs and the weights, from `at` on in the first
- * row, `stride` further in the next. Four rows share every load of a pair;
- * inlined, `int8` is known. */
+/* Adds the products of the pairs and the weights to the sums. The weights begin
+ * at w[at] in the first row and `stride` later in each further row. Four rows
+ * at a time share every load of a pair. The function is inlined, so that `int8`
+ * is a constant. */
 static inline __attribute__((always_inline))
 void add_products(saga_pairs *p, const void *w, size_t at, size_t stride,
                   int int8)
@@ -90,8 +95,9 @@ void add_products(saga_pairs *p, const void *w, size_t at, size_t stride,
     }
 }
 
-/* p->sum = the inner products of one or two points x, (points, pad(n_in)), and
- * p->n_row rows from `row` on. Weights are placed by rows. */
+/* Sets p->sum to the inner products of one or two points x, (points,
+ * pad(n_in)), and p->n_row rows from `row` on. Weights are stored row by row.
+ */
 static inline void sum_pairs(saga_pairs *p, const saga_layer *layer,
                              const int16_t *x, uint32_t row, uint32_t points)
 {

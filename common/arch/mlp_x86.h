@@ -1,23 +1,24 @@
 /* SPDX-License-Identifier: MIT
  *
- * Inner products with x86's pmaddwd, which WebAssembly's vectors have too: the
- * twins of mlp.c's plain loops, bit for bit. mlp.c includes it where there is
- * SSE2 or simd128.
+ * Inner products with the instruction pmaddwd of x86, which WebAssembly SIMD
+ * has too. mlp.c includes this file if SSE2 or simd128 is available; the
+ * results are those of its plain loops, bit for bit.
  *
- * Compilers find the instruction by themselves, but then add the lanes of each
- * row up on its own and turn sums into results one at a time, which takes
- * longer than the products of a row of 16 to 64. Here a layer's weights lie in
- * tiles of eight rows: a pair of activations in all lanes meets the pairs of
- * weights of eight rows (four without AVX2), each lane sums a row of its own,
- * and all become results together. Four rows of inner products, for the memory
- * and for what is no tile, are added up together.
+ * Compilers use pmaddwd by themselves, but then add up the lanes of each row
+ * separately and convert sums to results one at a time. For rows of 16 to 64
+ * inputs this takes longer than the products. Here the weights of a layer are
+ * stored in tiles of eight rows. A pair of activations, repeated in all lanes,
+ * is multiplied by the pairs of weights of eight rows (four without AVX2).
+ * Each lane sums one row, and all sums are converted together. The inner
+ * products of the memory bank, and of rows after the last tile, are computed
+ * four rows at a time.
  *
- * pmaddwd adds two products: only 2 (-32768)^2 would overflow, and neither
- * weights nor activations reach -32768. Builtins rather than immintrin.h, which
- * wants a C library.
+ * pmaddwd adds two products. Only 2 (-32768)^2 would overflow, and neither
+ * weights nor activations reach -32768. Compiler builtins are used because
+ * immintrin.h needs a C library.
  *
- * What includes it defines INLINE, how its functions are inlined, and, where
- * there is AVX2, SAGA_MLP_AVX2.
+ * The including file defines INLINE, the way in which functions are inlined,
+ * and SAGA_MLP_AVX2 if it is compiled for AVX2.
  */
 #ifndef SAGA_MLP_X86_H
 #define SAGA_MLP_X86_H
@@ -29,8 +30,8 @@
 
 #ifdef INLINE
 
-/* Rows of a tile: a vector of sums with AVX2, two without. Points that share
- * the loads of its weights. */
+/* The number of rows in a tile, whose sums are one vector with AVX2 and two
+ * without, and the number of points that share each load of weights. */
 #define SAGA_MLP_TILE 8u
 #define SAGA_MLP_POINTS 4u
 
@@ -49,7 +50,8 @@ INLINE saga_sums products(saga_words w, saga_words x)
     return (saga_sums)__builtin_ia32_pmaddwd256(w, x);
 }
 
-/* gcc 12 converts in halves, clang has no such builtins. */
+/* With __builtin_convertvector gcc 12 converts each half on its own, so that it
+ * needs builtins of x86, which clang does not have. */
 #ifdef __clang__
 
 INLINE saga_words load_i8(const int8_t *p)
@@ -93,7 +95,7 @@ INLINE saga_sums load_shifts(const uint8_t *p)
 
 #endif
 
-/* 2^(shift - 1), and 0 for a shift by 0. */
+/* Returns 2^(shift - 1), or 0 for a shift of 0. */
 INLINE saga_sums half_of(saga_sums shift)
 {
     const saga_sums zero = { 0 };
@@ -106,14 +108,16 @@ INLINE saga_sums rshift_each(saga_sums v, saga_sums shift)
     return v >> shift;
 }
 
-/* Lanes 0..3 of a and b, in both halves alike: a0 + a2, b0 + b2, a1 + a3, b1 +
- * b3; then of two such. */
+/* Returns, in each half of the vector, a0 + a2, b0 + b2, a1 + a3, b1 + b3,
+ * where a0..a3 and b0..b3 are the lanes of that half. */
 INLINE saga_sums fold2(saga_sums a, saga_sums b)
 {
     return __builtin_shufflevector(a, b, 0, 8, 1, 9, 4, 12, 5, 13) +
            __builtin_shufflevector(a, b, 2, 10, 3, 11, 6, 14, 7, 15);
 }
 
+/* Returns the sums of all lanes of a, b, c and d, from fold2(a, b) and
+ * fold2(c, d). */
 INLINE saga_i32x4 fold4(saga_sums ab, saga_sums cd)
 {
     const saga_sums s =
@@ -146,7 +150,8 @@ INLINE saga_sums products(saga_words w, saga_words x)
 
 #endif
 
-/* Bytes in the upper halves, then shifted down with their sign. */
+/* Places each byte in the upper half of a word, then shifts it down, which
+ * extends its sign. */
 INLINE saga_words load_i8(const int8_t *p)
 {
     typedef int8_t bytes __attribute__((vector_size(16)));
@@ -160,7 +165,9 @@ INLINE saga_words load_i8(const int8_t *p)
         6, 22, 7, 23) >> 8;
 }
 
-/* SSE2 and simd128 shift all lanes by one number: lane i is taken from i's. */
+/* SSE2 and simd128 shift all lanes by the same number. Therefore a vector is
+ * shifted once by each lane's number, and lane i is taken from the i-th result.
+ */
 typedef struct {
     int32_t by[4];
 } saga_shifts;
@@ -207,7 +214,8 @@ INLINE saga_i32x4 fold4(saga_sums ab, saga_sums cd)
 
 #endif
 
-/* Saturated, the lanes of low first. */
+/* Converts eight lanes to 16 bits with saturation; the lanes of low come first.
+ */
 INLINE saga_i16x8 pack(saga_i32x4 low, saga_i32x4 high)
 {
 #ifdef __wasm_simd128__
@@ -233,7 +241,8 @@ INLINE void store_sums(int32_t sum[4], saga_sums a, saga_sums b,
     __builtin_memcpy(sum, &s, sizeof s);
 }
 
-/* As mlp.c's. */
+/* Compute the inner products of x and four consecutive rows of n weights, as
+ * the functions of the same names in mlp.c do. */
 INLINE void dot4_i16(int32_t sum[4], const int16_t *w, const int16_t *x,
                      uint32_t n)
 {
@@ -272,7 +281,8 @@ INLINE void dot4_i8(int32_t sum[4], const int8_t *w, const int16_t *x,
 
 /* --- Tiles --------------------------------------------------------------- */
 
-/* LANES weights, aligned so that SSE2 can multiply from memory. */
+/* Loads LANES weights from w[at]. The weights are aligned, so that SSE2 can
+ * multiply from memory. */
 INLINE saga_words load(const void *w, size_t at, int int8)
 {
     if (int8)
@@ -280,7 +290,7 @@ INLINE saga_words load(const void *w, size_t at, int int8)
     return load_i16(__builtin_assume_aligned((const int16_t *)w + at, 16));
 }
 
-/* The same pair of activations in all lanes. */
+/* Returns the pair of activations x[0], x[1], repeated in all lanes. */
 INLINE saga_words pair(const int16_t *x)
 {
     const saga_sums zero = { 0 };
@@ -290,18 +300,19 @@ INLINE saga_words pair(const int16_t *x)
     return (saga_words)(zero + v);
 }
 
-/* Rows that are summed together: two vectors of them, of a tile or of two, or
- * one of a last tile. */
+/* The rows that are summed together: two vectors of rows, which are one tile
+ * without AVX2 and two tiles with it, or one vector for the last tile. */
 typedef struct {
     const void *weight;
-    size_t apart;                /* weights from one vector to the next */
+    size_t apart;                /* distance between the vectors, in weights */
     int int8;
     uint32_t vectors;
 } summed;
 
-/* sum[p] = the sums of rows for point p of `points`, over n inputs and some
- * that pad them. Inlined, all but n and the places are known and the sums stay
- * in registers; unrolled, gcc has too few for several points. */
+/* Sets sum[p] to the sums of the rows for point p, 0..points-1, over n inputs
+ * and the padding after them. The function is inlined with constant values of
+ * `points` and r->vectors, so that the sums stay in registers. It is unrolled
+ * for a single point only, because gcc runs out of registers otherwise. */
 INLINE void sum_tile(saga_sums sum[][2], const summed *r, const int16_t *x,
                      uint32_t stride, uint32_t n, uint32_t points)
 {
@@ -328,11 +339,11 @@ INLINE void sum_tile(saga_sums sum[][2], const summed *r, const int16_t *x,
         }
 }
 
-/* These constants make results of sums. */
+/* The constants that convert sums to results. */
 typedef struct {
-    saga_sums add[2];            /* bias, and half of what is shifted away */
+    saga_sums add[2];            /* bias + 2^(shift - 1), for rounding */
     saga_shifts shift[2];
-    saga_sums keep;              /* bits of negative values */
+    saga_sums keep;              /* all ones without ReLU, else 0 */
 } ending;
 
 INLINE void begin_ending(ending *e, const saga_layer *layer, uint32_t row,
@@ -351,7 +362,8 @@ INLINE void begin_ending(ending *e, const saga_layer *layer, uint32_t row,
     e->keep = zero - !layer->relu;
 }
 
-/* Eight results. Packing saturates at -32768, one too low. */
+/* Stores eight results. Packing saturates at -32768, which is corrected to
+ * -32767. */
 INLINE void store_results(int16_t *y, saga_i32x4 low, saga_i32x4 high)
 {
     saga_i16x8 out = pack(low, high);
@@ -360,7 +372,7 @@ INLINE void store_results(int16_t *y, saga_i32x4 low, saga_i32x4 high)
     __builtin_memcpy(y, &out, sizeof out);
 }
 
-/* relu?(fx_rshift(bias + sum, shift)), saturated. */
+/* Stores relu?(sat16(fx_rshift(bias + sum, shift))) of each row. */
 INLINE void finish_tile(int16_t *y, const ending *e, const saga_sums sum[2],
                         uint32_t vectors)
 {
@@ -381,8 +393,9 @@ INLINE void finish_tile(int16_t *y, const ending *e, const saga_sums sum[2],
 #endif
 }
 
-/* The rows from `row` on of n points. Weights are loaded once for
- * SAGA_MLP_POINTS points, a pair of activations once for two vectors. */
+/* Computes the outputs of the rows r, which begin with number `row`, for n
+ * points. Each load of weights serves SAGA_MLP_POINTS points, and each load of
+ * a pair of activations serves all vectors of rows. */
 INLINE void run_tile(int16_t *y, const saga_layer *layer, const summed *r,
                      const int16_t *x, uint32_t row, uint32_t n)
 {
@@ -407,7 +420,7 @@ INLINE void run_tile(int16_t *y, const saga_layer *layer, const summed *r,
     }
 }
 
-/* As run_tiles, of weights that are known to have 8 bits or 16. */
+/* Does the work of run_tiles; `int8` is a constant after inlining. */
 INLINE uint32_t run_all(int16_t *y, const saga_layer *layer, const int16_t *x,
                         uint32_t n, int int8)
 {
@@ -432,7 +445,8 @@ INLINE uint32_t run_all(int16_t *y, const saga_layer *layer, const int16_t *x,
     return row;
 }
 
-/* As many rows as there are whole tiles; returns their number. */
+/* Computes the rows of all whole tiles for n points. Returns the number of
+ * these rows. */
 INLINE uint32_t run_tiles(int16_t *y, const saga_layer *layer,
                           const int16_t *x, uint32_t n)
 {

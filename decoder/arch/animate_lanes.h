@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * decoder/animate.c in vectors: the same formulas, of which that file has the
- * proofs of range.
+ * decoder/animate.c in vectors. The formulas are the same; animate.c proves
+ * that all values fit.
  */
 #ifndef SAGA_ANIMATE_LANES_H
 #define SAGA_ANIMATE_LANES_H
@@ -22,9 +22,9 @@ _Static_assert(offsetof(saga_primitive, x) == 0 &&
                offsetof(saga_primitive, opacity) == 68 &&
                offsetof(saga_primitive, log2_width_q10) == 70, "WORDS");
 
-enum { WORDS = 9 };              /* of 64 bits in a primitive */
+enum { WORDS = 9 };              /* words of 64 bits in a primitive */
 
-/* LANES primitives, a word of each in a vector. */
+/* LANES primitives. Each vector holds one word of all of them. */
 typedef struct {
     i64s word[WORDS];
 } prims;
@@ -38,13 +38,13 @@ INLINE void load_prims(prims *to, const saga_primitive *p)
         to->word[k] = load_each(bytes + 8 * k, sizeof *p);
 }
 
-/* The field of 32 bits at byte `at`, low. */
+/* Returns the 32-bit field at byte `at` of each primitive; low (lanes.h). */
 INLINE i64s field32(const prims *p, int at)
 {
     return at & 4 ? shift_down(p->word[at >> 3], 32) : p->word[at >> 3];
 }
 
-/* The field of 16 bits at byte `at`, low. */
+/* Returns the 16-bit field at byte `at` of each primitive; low. */
 INLINE i64s field16(const prims *p, int at)
 {
     const i64s half = field32(p, at);
@@ -52,7 +52,7 @@ INLINE i64s field16(const prims *p, int at)
     return (i64s)(at & 2 ? (i32s)half >> 16 : (i32s)((u32s)half << 16) >> 16);
 }
 
-/* Each primitive has an age at the moment of the look. */
+/* The place of each primitive in its own time, as in animate.c. */
 typedef struct {
     i64s dt;
     i64s u;                      /* |dt| / width, Q16, at most 16 */
@@ -69,7 +69,8 @@ INLINE i64s width_ratio_q16(i64s abs_dt, i64s log2_width_q10)
     return clamp_each(round_each(product, &r), 0, LIMIT_U);
 }
 
-/* A width that counts as half a segment has the ratio 2 |dt|. */
+/* Computes the moment of each primitive. For the age, a width longer than half
+ * a segment counts as half a segment, which has the ratio 2 |dt|. */
 INLINE void find_moment(moment *m, const prims *p, const saga_prim_format *f,
                         int32_t t)
 {
@@ -135,9 +136,10 @@ INLINE void mean_of(i64s x[3], const prims *p, const saga_prim_format *f,
     }
 }
 
-/* The quaternion at that age, of 30 bits: animate.c's shift by the bits above
- * 30 and project.c's to 30 bits are one, but for what animate.c rounds up to
- * 2^30, which project.c halves. Low. */
+/* Sets q to the quaternion at the age, with 30 bits; low. animate.c shifts the
+ * bits above 30 away, and project.c shifts the result to 30 bits. Here both
+ * shifts are one. They differ only if animate.c rounds up to 2^30, which
+ * project.c halves. */
 INLINE void quat_of(i64s q[4], const prims *p, const saga_prim_format *f,
                     i64s age)
 {
@@ -151,14 +153,15 @@ INLINE void quat_of(i64s q[4], const prims *p, const saga_prim_format *f,
                                        20 - f->q_slope), 16);
         bits |= abs_each(q[i]);
     }
-    /* To the top, then down by 32 with one rounding: 30 bits stay. */
+    /* Shift the values up to 62 bits, then down by 32 with one rounding, so
+     * that 30 bits remain. */
     n = 62 - n_bits(bits);
     is_zero = negative(bits - 1);
     for (i = 0; i < 4; i++) {
         q[i] = round_off((i64s)shl((u64s)q[i], (u64s)n), 32);
         rounded |= abs_small(q[i]);
     }
-    /* 1 where rounding gave 2^30: halved, halves up. */
+    /* n is 1 in lanes where rounding gave 2^30. These are halved. */
     n = shift_down(rounded, 30);
     for (i = 0; i < 4; i++)
         q[i] = (i64s)shr((u64s)(q[i] + n), (u64s)n);

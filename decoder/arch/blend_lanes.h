@@ -1,27 +1,28 @@
 /* SPDX-License-Identifier: MIT
  *
  * Blending in vectors of LANES pixels of a row. The numbers of rows and of
- * groups of pixels are known before the first one, so that nothing is decided
- * per row; pixels outside the box are masked out, since their v may wrap
+ * groups of LANES pixels are known before the first row, so that rows need no
+ * branches. Pixels outside the box are masked out, because their v may wrap
  * around.
  *
- * Of q eleven bits of fraction count, as Q in Q11:
- *     Q = (v^2 + 32 + 64 q_line) >> 15,  v in Q13,
- * one shift for the two of the norm: 64 q_line is a multiple of 64. v is below
- * 7 2^13 in the box: its square and 64 * 11 2^20 + 32 are below 2^32. Where it
- * is steep, s itself is made in this way, of s_line at most 8 2^20.
+ * The norm rounds q to eleven bits of fraction in two shifts. Here one shift
+ * gives the same result, Q in Q11, because 64 q_line is a multiple of 64:
+ *     Q = (v^2 + 32 + 64 q_line) >> 15,  v in Q13.
+ * In the box v is below 7 2^13, so that v^2 and 64 * 11 2^20 + 32 are below
+ * 2^32. For steep splats the same formula computes s from s_line, which is at
+ * most 8 2^20.
  *
- * 2^-f is blend.c's polynomial. Builtins and vector types rather than
- * immintrin.h, which wants a C library. A file of a machine defines what
- * machines have differently and then includes this:
+ * 2^-f is the polynomial of alpha.h. Compiler builtins and vector types are
+ * used because immintrin.h needs a C library. The file of a machine defines the
+ * following, then includes this file:
  *
- *     INLINE, LANES             how its functions are inlined; 4 or 8
+ *     INLINE, LANES             how functions are inlined; 4 or 8
  *     PAIRS                     1: two groups of a row are blended at a time
  *     u32s, i32s, IOTA          vectors of LANES; { 0, 1, 2, .. }
  *     u32s min_u32(u32s, u32s)
- *     u32s exp2_minus(u32s q)   2^(3 - q) in Q16 or, above the cap, anything
- *                               above it, q in Q11 below the cut; anything for
- *                               other q
+ *     u32s exp2_minus(u32s q)   2^(3 - q) in Q16 for q in Q11 below the cut; if
+ *                               that exceeds the cap, any larger value than the
+ *                               cap. Undefined for other q
  */
 #ifndef SAGA_BLEND_LANES_H
 #define SAGA_BLEND_LANES_H
@@ -30,7 +31,7 @@
 
 #ifdef LANES
 
-enum { ROWS = 16 };              /* whose v and q are held at a time */
+enum { ROWS = 16 };              /* rows whose v and q are stored at a time */
 
 INLINE u32s all(uint32_t x)
 {
@@ -52,10 +53,10 @@ INLINE void store(uint32_t *p, u32s v)
     __builtin_memcpy(p, &v, sizeof v);
 }
 
-/* LANES columns are blended as a group. */
+/* A group of LANES columns that are blended together. */
 typedef struct {
-    u32s steps;                 /* of v from the tile's first column */
-    u32s outside;               /* 2^31 - 1 where not in the box, else 0 */
+    u32s steps;                 /* change of v since the tile's first column */
+    u32s outside;               /* 2^31 - 1 in lanes outside the box, else 0 */
 } group;
 
 typedef struct {
@@ -79,8 +80,9 @@ INLINE u32s steep_q11(u32s s, u32s q0)
     return (s + q0 + ((r * r + 16) >> 5)) >> 9;
 }
 
-/* A group of a row: v at the tile's first column and k = 32 + 64 q_line, or 32
- * + 64 s_line, are the same in all lanes. */
+/* Blends a group of a row. All lanes of v hold the value at the tile's first
+ * column, and all lanes of k hold 32 + 64 q_line or, for steep splats, 32 + 64
+ * s_line. */
 INLINE void blend_group(uint32_t *t, uint32_t plane, u32s v, u32s k,
                         const group *c, const paint *p, uint32_t tools)
 {
@@ -89,7 +91,7 @@ INLINE void blend_group(uint32_t *t, uint32_t plane, u32s v, u32s k,
     const u32s q = c->outside |
         (tools & SAGA_TOOL_STEEP ? steep_q11(sum >> 6, p->q0) : sum >> 15);
     const u32s before = load(t);
-    /* Finished pixels (T below its floor) take no more. */
+    /* alpha is 0 in finished pixels, whose T is below its floor. */
     const u32s a = alpha_q16(q) &
                     (u32s)((i32s)before > SAGA_T_FLOOR_Q16 - 1);
     const u32s w = (a * before + 0x8000u) >> 16;
@@ -102,12 +104,13 @@ INLINE void blend_group(uint32_t *t, uint32_t plane, u32s v, u32s k,
     }
 }
 
-/* v + 2^14, so that a shift rounds it, and k of up to ROWS rows. */
+/* For up to ROWS rows: v + 2^14, so that a right shift rounds v, and k. */
 typedef struct {
     uint32_t v[ROWS], k[ROWS];
 } rows;
 
-/* w below 7: its square in Q20 is below 2^26, q_line below 2^27. */
+/* Computes v and k of the rows. |w| < 7, so that its square in Q20 is below
+ * 2^26, and q_line is below 2^27. */
 INLINE void begin_rows(rows *r, const saga_patch *p, uint32_t first,
                        uint32_t tools)
 {
@@ -125,7 +128,7 @@ INLINE void begin_rows(rows *r, const saga_patch *p, uint32_t first,
         const u32s q = ((w_q13 * w_q13 + 32) >> 6) + begin;
 
         store(r->v + i, v0 - y * (uint32_t)p->n);
-        /* Beyond the cut everything is one value, so that 64 q fits 32 bits. */
+        /* All q beyond the cut become one value, so that 64 q fits 32 bits. */
         store(r->k + i, (min_u32(q, all(end)) << 6) + 32);
     }
 }
@@ -138,7 +141,7 @@ INLINE void begin_group(group *c, const saga_patch *p, int32_t first)
     c->outside = (u32s)((x < p->x0) | (x >= p->x1)) >> 1;
 }
 
-/* One or two neighbouring groups of n rows. */
+/* Blends one group, or two neighbouring groups, of n rows. */
 INLINE void blend_rows(uint32_t *t, uint32_t side, const rows *r,
                        const group *c, const paint *p, uint32_t n,
                        uint32_t n_groups, uint32_t tools)
@@ -169,7 +172,8 @@ INLINE void blend_kind(uint32_t *t, uint32_t side, const saga_patch *p,
         rows r;
 
         n = p->n_rows - row < ROWS ? p->n_rows - row : ROWS;
-        /* v and k of the rows once, then a column of groups after the other. */
+        /* v and k of the rows are computed once; then the groups are blended
+         * column by column. */
         begin_rows(&r, p, row, tools);
         for (; PAIRS && x + LANES < p->x1; x += 2 * LANES) {
             begin_group(c, p, x);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Blending in vectors of 128 bits. A file of a machine defines INLINE, what
- * machines have differently, and then includes this:
+ * Blending in vectors of 128 bits. The file of a machine defines INLINE and the
+ * following functions, then includes this file:
  *
  *     u32x4 mulhi_15(u32x4 a, u32x4 b)      a b >> 15 in each lane, both
  *                                           below 2^15
@@ -30,7 +30,8 @@ INLINE u32s min_u32(u32s a, u32s b)
     return (a & is_less) | (b & ~is_less);
 }
 
-/* Where q is below 3, so far above the cap, 65524. */
+/* Returns 2^(3 - q). If q is below 3, it returns 65524, which is above the cap.
+ */
 INLINE u32s exp2_minus(u32s q)
 {
     const i32s r = (i32s)q - (SAGA_PEAK_LOG2 << 11);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * common/fx_math.c in vectors: the same formulas, of which that file has the
- * proofs of range. It needs what lanes.h says.
+ * common/fx_math.c in vectors. The formulas are the same; fx_math.c proves that
+ * all values fit. lanes.h says what must be defined before this file.
  */
 #ifndef SAGA_FX_LANES_H
 #define SAGA_FX_LANES_H
@@ -17,7 +17,8 @@ typedef struct {
     i64s mant, exp;
 } pairs;
 
-/* saga_exp2_frac_q16_q30(64 f): so few bits are all that anybody has. */
+/* Returns saga_exp2_frac_q16_q30(64 f). All arguments in the decoder have at
+ * most 10 bits of fraction. */
 INLINE i64s exp2_frac_q10_q30(i64s f)
 {
     const i64s base = lower(entries(saga_exp2_q30, shift_down(f & 1023, 3)));
@@ -28,7 +29,7 @@ INLINE i64s exp2_frac_q10_q30(i64s f)
     return base + shift_down(product + ((int64_t)1 << 38), 39);
 }
 
-/* a in 0..22 * 2^12 - 1. */
+/* Like the function of fx_math.c, for a in 0..22 * 2^12 - 1. */
 INLINE i64s softplus2_tail_q20(i64s a)
 {
     const i64s cell = shift_down(a, 9), t = a & 511;
@@ -42,7 +43,8 @@ INLINE i64s softplus2_tail_q20(i64s a)
     return round_off(s1 + round_off(mul(t, s2 - s1) - bow, 9), 4);
 }
 
-/* No limit to |x|, since the lane holds 256 x. */
+/* Like the function of fx_math.c, but without clamping x, because a lane has
+ * room for 256 x. */
 INLINE i64s softplus2_q12_q20(i64s x)
 {
     const i64s a = abs_small(x), end = all(22 << 12);
@@ -61,14 +63,16 @@ INLINE i64s recip_chord_q23(i64s x_q31)
     return lower(t) - shift_down(mul(chord, lo), 15);
 }
 
-/* m of saga_recip16(x) for x_q31 = x 2^n in [2^31, 2^32). */
+/* Returns the mantissa m of saga_recip16(x), from x_q31 = x 2^n in
+ * [2^31, 2^32). */
 INLINE i64s recip16_of(i64s x_q31)
 {
     return shift_down(recip_chord_q23(x_q31) + 64, 7);
 }
 
-/* -m of saga_recip32(x) for x_q31 = x 2^n in [2^31, 2^32): unlike m, which may
- * be 2^31, a signed number of 32 bits. */
+/* Returns -m, where m is the mantissa of saga_recip32(x), from x_q31 = x 2^n in
+ * [2^31, 2^32). m may be 2^31, which is no signed number of 32 bits, but -m is.
+ */
 INLINE i64s minus_recip32_of(i64s x_q31)
 {
     const i64s y0_q31 = recip_chord_q23(x_q31) << 8;
@@ -80,7 +84,8 @@ INLINE i64s minus_recip32_of(i64s x_q31)
     return minus_y0 - round_off(0 - mul(minus_y0, rest_q46), 46);
 }
 
-/* y0^2 in Q32 as 2^32 - d, so that 32 bits hold d. */
+/* Like the function of fx_math.c. y0^2 in Q32 is computed as 2^32 - d, so that
+ * d fits 32 bits. */
 INLINE i64s rsqrt_newton_q31(i64s x_q30, i64s y0_q23)
 {
     const i64s square_q32 = round_low(mul(y0_q23, y0_q23), 14);
@@ -115,7 +120,8 @@ INLINE pairs rsqrt_each(pairs x)
     return y;
 }
 
-/* Any other x gives anything. */
+/* Returns sqrt_up_q20_q12 of each lane in 1..2^24; other lanes are undefined.
+ */
 INLINE i64s sqrt_up_each(i64s x_q20)
 {
     const i64s is_large = negative((8 << 20) - x_q20);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * lanes.h in AVX2: four lanes.
+ * lanes.h with AVX2, which has four lanes.
  */
 #ifndef SAGA_LANES_AVX2_H
 #define SAGA_LANES_AVX2_H
@@ -42,7 +42,8 @@ INLINE u64s shr(u64s x, u64s n)
     return (u64s)__builtin_ia32_psrlv4di((i64x4)x, (i64x4)n);
 }
 
-/* table[i] for each byte i in 0..15; the table stands twice. */
+/* Returns table[i] for each byte i in 0..15. Both halves of `table` are equal.
+ */
 INLINE u8s nibbles(u8s table, u8s i)
 {
     return (u8s)__builtin_ia32_pshufb256((i8x32)table, (i8x32)i);
@@ -91,7 +92,8 @@ INLINE i64s min_small(i64s a, i64s b)
 #endif
 }
 
-/* There is no arithmetic shift of 64 bits, so x is shifted as x + 2^63. */
+/* AVX2 has no arithmetic shift of 64 bits. Therefore x + 2^63 is shifted, which
+ * is not negative. */
 INLINE i64s round_off(i64s x, int n)
 {
     const uint64_t half = (uint64_t)1 << (n - 1);
@@ -128,7 +130,8 @@ INLINE i64s round_low_each(i64s x, const rounding *r)
     return (i64s)shr((u64s)x + r->half, r->n);
 }
 
-/* Bits of each byte, 200 more, or 0; less what its place says. */
+/* Returns, for each byte of x, 200 plus its number of bits, minus the byte of
+ * `less` at the same place; 0 for bytes that are 0. */
 INLINE u8s n_bits_bytes(i64s x, u8s less)
 {
     const u8s low_half = BYTES(0, 201, 202, 202, 203, 203, 203, 203,
@@ -142,10 +145,10 @@ INLINE u8s n_bits_bytes(i64s x, u8s less)
                   less);
 }
 
-/* A byte knows how many bits it has from its two halves, and where it stands;
- * the largest such number is the lane's. The tables hold 200
- * more, and less the more to the right a byte stands, so that a byte of 0 stays
- * below all others. */
+/* Each byte gets the number of bits that x would have if it were the highest
+ * byte other than 0: its own number of bits, from two table lookups, plus 8 for
+ * each byte below it. The largest of these numbers is the result. All are
+ * increased by a constant, so that bytes of 0 stay below all others. */
 INLINE i64s n_bits(i64s x)
 {
     const u8s less = BYTES(200, 192, 184, 176, 168, 160, 152, 144,

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * lanes.h in NEON: two lanes. It shifts each lane by its own number, to the
- * right by negative ones, and rounds as fx_rshift64 does.
+ * lanes.h with NEON, which has two lanes. NEON shifts each lane by its own
+ * number, to the right if the number is negative, and rounds as fx_rshift64
+ * does.
  */
 #ifndef SAGA_LANES_NEON_H
 #define SAGA_LANES_NEON_H
@@ -97,7 +98,7 @@ INLINE i64s n_bits_halves(i64s x)
     return (i64s)(32 - (u32s)vclzq_u32((uint32x4_t)x));
 }
 
-/* The lower half counts where the upper one is 0. */
+/* If the upper half is 0, the bits of the lower half are counted. */
 INLINE i64s n_bits(i64s x)
 {
     const i64s zeros = (i64s)vclzq_u32((uint32x4_t)x);

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * decoder/project.c in vectors: the same formulas, of which that file has the
- * proofs of range. Primitives that are dropped on the way go on as anything
- * until the end.
+ * decoder/project.c in vectors. The formulas are the same; project.c proves
+ * that all values fit. Lanes of primitives that are dropped on the way hold
+ * undefined values until the end.
  */
 #ifndef SAGA_PROJECT_LANES_H
 #define SAGA_PROJECT_LANES_H
@@ -12,7 +12,7 @@
 
 #ifdef INLINE
 
-/* The projection of the centre leaves this for the rest. */
+/* Results of projecting the centre that the shape and the box need. */
 typedef struct {
     i64s mean_q8[2];
     i64s slope_q16[2];           /* less middle_slope() */
@@ -33,7 +33,7 @@ typedef struct {
 
 /* --- Pairs --------------------------------------------------------------- */
 
-/* y = x 2^n has 62 or 63 bits, or is 0, and stands for y 2^exp. */
+/* Returns the pair for y 2^exp. y has 62 or 63 bits, or is 0. */
 INLINE pairs pair_of(i64s y, i64s exp)
 {
     const i64s mant = round_low(y, 32);
@@ -56,7 +56,7 @@ INLINE pairs pair(i64s x, i64s exp)
     return p;
 }
 
-/* The product of mantissas has 61 or 62 bits. */
+/* Returns a b. The product of the mantissas has 61 or 62 bits. */
 INLINE pairs pair_mul(pairs a, pairs b)
 {
     const i64s product = mul(a.mant, b.mant);
@@ -66,7 +66,7 @@ INLINE pairs pair_mul(pairs a, pairs b)
                    a.exp + b.exp + top);
 }
 
-/* The sum has 62 or 63 bits. */
+/* Returns a + b. The sum of the shifted mantissas has 62 or 63 bits. */
 INLINE pairs pair_add(pairs a, pairs b)
 {
     const i64s is_b = negative(a.exp - b.exp);
@@ -88,12 +88,13 @@ INLINE i64s pair_q28(pairs a)
     return round_low_each(a.mant, &r);
 }
 
-/* A positive number and its bits. */
+/* A positive number and its number of bits. */
 typedef struct {
     i64s value, bits;
 } sized;
 
-/* The mantissa's 31 bits less those shifted out, or one more. */
+/* Converts a pair to Q28, with the number of bits of the result: 31 minus the
+ * shift, or one more if rounding carries. */
 INLINE sized pair_q28_sized(pairs a)
 {
     const i64s n = max_small(29 + a.exp, all(0));
@@ -112,8 +113,8 @@ INLINE i64s view_coordinate(const int32_t *row, const i64s *d)
            mul(d[2], all(row[2]));
 }
 
-/* Slopes are differences to this one, the middle of those that there are, so
- * that they have 32 bits. */
+/* Returns the middle of the range of slopes. Slopes are stored relative to it,
+ * so that they fit 32 bits. */
 INLINE int64_t middle_slope(const saga_camera *c, int axis)
 {
     const int32_t side = axis == 0 ? c->width : c->height;
@@ -121,7 +122,7 @@ INLINE int64_t middle_slope(const saga_camera *c, int axis)
     return side * (int64_t)32768 - c->principal_q16[axis];
 }
 
-/* Returns a negative number where the mean is too far away. */
+/* Returns a negative number in lanes whose mean is too far away. */
 INLINE i64s project_axis(centres *o, const saga_camera *c, int axis, i64s x,
                          const rounding *r)
 {
@@ -141,7 +142,7 @@ INLINE i64s project_axis(centres *o, const saga_camera *c, int axis, i64s x,
     return LIMIT_MEAN - abs_small(mean - side * 128);
 }
 
-/* Returns a negative number where a primitive is dropped. */
+/* Returns a negative number in lanes whose primitive is dropped. */
 INLINE i64s project_centres(centres *o, const i64s *x, const saga_camera *c)
 {
     const i64s d[3] = { x[0] - c->centre[0], x[1] - c->centre[1],
@@ -153,7 +154,7 @@ INLINE i64s project_centres(centres *o, const i64s *x, const saga_camera *c)
     const i64s shift = max_small(n_bits(vz) - 27, all(1));
     const rounding r = round_by(shift);
     const i64s z = round_each(vz, &r);
-    const i64s over = shift_down(z, 27);      /* 1: rounded up to 28 bits */
+    const i64s over = shift_down(z, 27);      /* 1 if rounded up to 28 bits */
     const rounding by = round_by((over & 1) + 29);
     i64s out = (depth - c->near_plane) |
                (vz - 1 - shift_down(abs_each(vx), 3)) |
@@ -170,8 +171,8 @@ INLINE i64s project_centres(centres *o, const i64s *x, const saga_camera *c)
 
 /* --- The shape ----------------------------------------------------------- */
 
-/* Sums and differences of products of the quaternion's components, shifted so
- * that |q|^2, which is returned, has 30 bits; k of them were shifted out. */
+/* Computes the rotation matrix times |q|^2 and returns |q|^2. All are shifted
+ * right by *k bits, so that |q|^2 has 30 bits. */
 INLINE i64s rotation(i64s r[9], i64s *k, const i64s q[4])
 {
     const i64s ww = mul(q[0], q[0]), xx = mul(q[1], q[1]);
@@ -199,7 +200,8 @@ INLINE i64s rotation(i64s r[9], i64s *k, const i64s q[4])
     return round_low_each(norm, &by);
 }
 
-/* Returns the shift of the rows, which come out low. */
+/* Computes the two rows of depth * J W, which are low. Returns their common
+ * shift. */
 INLINE i64s jacobian(i64s u[6], const centres *o, const saga_camera *c)
 {
     const int32_t *const w = c->rotation_q30;
@@ -270,7 +272,7 @@ INLINE void project_shapes(shapes *s, const prims *a, const i64s quat[4],
     i64s u[6], r[9], p[2][3], k;
     const i64s shift = jacobian(u, o, c);
     const i64s norm = rotation(r, &k, quat);
-    const i64s over = shift_down(norm, 30);   /* 1: rounded up to 31 bits */
+    const i64s over = shift_down(norm, 30);   /* 1 if rounded up to 31 bits */
     const i64s minus_recip =
         minus_recip32_of((i64s)shr((u64s)(norm << 2), (u64s)over));
 
@@ -314,7 +316,7 @@ INLINE pairs constant(uint32_t mant, int32_t exp)
     return p;
 }
 
-/* The factors g, n, h. */
+/* The factors g, n, h of the conic. */
 typedef struct {
     sized g, h;
     i64s n;
@@ -343,7 +345,7 @@ INLINE void conics(factors *f, const shapes *s)
 
 /* --- The box ------------------------------------------------------------- */
 
-/* e >> shift and one more; 2^25 for a shift of 0 and less, and where `none` is
+/* Returns (e >> shift) + 1, or 2^25 if the shift is 0 or less or if `none` is
  * negative. */
 INLINE i64s extent_of(i64s e, i64s shift, i64s none)
 {
@@ -354,7 +356,8 @@ INLINE i64s extent_of(i64s e, i64s shift, i64s none)
     return select(negative((shift - 1) | none), limit, extent);
 }
 
-/* recip16, two units up: a bound. Its shift is 15 and the number of bits. */
+/* Returns the mantissa of saga_recip16 plus two units, which is an upper bound.
+ * Its shift is 15 plus the number of bits of x. */
 INLINE i64s recip_up(sized x)
 {
     return recip16_of((i64s)shl((u64s)x.value, (u64s)(32 - x.bits))) + 2;
@@ -376,7 +379,7 @@ INLINE void extents(i64s *ex, i64s *ey, i64s l_q12, const factors *f)
                     f->g.bits + f->h.bits - j + (30 - 22), no_g | no_h);
 }
 
-/* Returns a negative number where there is no pixel. */
+/* Returns a negative number in lanes without any pixel. */
 INLINE i64s pixel_range(i64s *from, i64s *to, i64s mean_q8, i64s extent_q8,
                         int32_t side)
 {

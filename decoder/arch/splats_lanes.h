@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * Splats of LANES primitives at a time. What becomes of a primitive that is
- * dropped may overflow, and products are differences modulo 2^64: vectors wrap
- * around, which gcc has to be told by the file that includes this behind its
- * machine's lanes.
+ * Splats of LANES primitives at a time. Values of dropped primitives may
+ * overflow, and products are computed as differences modulo 2^64. Therefore
+ * vectors must wrap around; the file that includes this one, after the lanes of
+ * its machine, sets the compiler option for it.
  */
 #ifndef SAGA_SPLATS_LANES_H
 #define SAGA_SPLATS_LANES_H
@@ -29,7 +29,7 @@ typedef struct {
     i64s q0;
     factors factor;
     boxes box;
-    i64s out;                    /* negative where there is no splat */
+    i64s out;                    /* negative in lanes without a splat */
 } lanes_splats;
 
 /* Returns 0 if there is no splat. */
