@@ -131,7 +131,8 @@ TEST(position_should_follow_the_cubic)
     assert_true(saturated > ROUNDS / 100 && saturated < ROUNDS / 2);
 }
 
-/* All values are the largest, with both signs, at both ends of dt. */
+/* With the largest values of both signs, at both ends of dt, positions must
+ * saturate at the limit. */
 TEST(position_should_saturate_at_the_limit)
 {
     const saga_prim_format f = { .motion_order = 3 };
@@ -162,7 +163,9 @@ TEST(position_should_saturate_at_the_limit)
     assert_int_equal(a.x[0], 524288);
 }
 
-/* support 2^14, 1/4 of it in half a segment: 4096 age, halves upwards. */
+/* The motion is 1/4 of the support (2^14 box units) per unit of age, and age is
+ * dt / 32768. The displacement must be 2^14 / 4 * dt / 32768 = dt / 8, ties
+ * rounded up. */
 TEST(position_should_be_exact_where_it_can_be)
 {
     const saga_prim_format f = { .motion_order = 1, .q_motion = { 14 } };
@@ -190,8 +193,9 @@ static double largest(const double *v)
     return fmax(fmax(fabs(v[0]), fabs(v[1])), fmax(fabs(v[2]), fabs(v[3])));
 }
 
-/* v: the components in Q20, exact in double. Rounded to integers they share a
- * shift n, no more than brings them below 2^30. */
+/* Compares a quaternion with v, its components in Q20, which are exact in
+ * double. Rounded to integers, the components must be shifted right by a common
+ * n, the least that brings them below 2^30. */
 static void check_quat(const saga_animated *a, const double *v)
 {
     double rounded[4];
@@ -299,7 +303,7 @@ TEST(opacity_should_fade_with_the_distance_in_time)
 
         gen_hard_format(&f, &r);
         any_primitive(&p, &r);
-        if (gen_one_in(&r, 2)) /* widths like those of segments */
+        if (gen_one_in(&r, 2)) /* a width of about a segment */
             p.log2_width_q10 = (int16_t)gen_int(&r, 10 << 10, 18 << 10);
         saga_animate(&a, &p, &f, t);
         check_opacity(&a, &p, &f, t);
@@ -309,7 +313,8 @@ TEST(opacity_should_fade_with_the_distance_in_time)
     assert_true(visible > ROUNDS / 20);
 }
 
-/* Every width at distances around where it saturates. */
+/* The fade is compared for every width, at temporal distances around the one
+ * where the fade saturates. */
 TEST(every_width_should_fade)
 {
     static const int32_t distance[] = { 0, 1, 2, 255, 256, 8191, 65535, 98303 };
@@ -330,7 +335,7 @@ TEST(every_width_should_fade)
         }
 }
 
-/* A ratio beyond 16 fades by log2(e) 16^2 and no more. */
+/* If |dt| is more than 16 widths, the fade must be log2(e) 16^2, as for 16. */
 TEST(fade_should_saturate)
 {
     const saga_prim_format f = { .has_width = 1 };

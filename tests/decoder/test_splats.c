@@ -136,8 +136,9 @@ static int32_t any_sign(gen_rng *r, int32_t x)
     return gen_int(r, 0, 1) ? x : -x;
 }
 
-/* Makes a camera with numbers that round up to the next power of two, or lie at
- * a limit or next to it. Its axes are those of the cube. */
+/* Makes a camera whose sides, near plane, focal lengths and principal point
+ * are powers of two or one more or less, where roundings carry, or limits. Its
+ * axes are parallel to those of the cube. */
 static void power_camera(saga_camera *c, gen_rng *r)
 {
     static const int32_t sides[] = { 1, 16, 640, 16384 };
@@ -150,7 +151,7 @@ static void power_camera(saga_camera *c, gen_rng *r)
     c->focal_q16[1] += c->focal_q16[1] == 0;
     c->principal_q16[0] = any_sign(r, near_power(r, 29));
     c->principal_q16[1] = c->height * 32768;
-    if (gen_one_in(r, 4)) { /* a Jacobian of few bits */
+    if (gen_one_in(r, 4)) { /* the Jacobian's entries have few bits */
         c->rotation_q30[0] = c->rotation_q30[4] = gen_int(r, 1, 1 << 10);
         c->rotation_q30[8] = 1 << gen_int(r, 4, 30);
         c->focal_q16[0] = c->focal_q16[1] = gen_int(r, 1, 256);

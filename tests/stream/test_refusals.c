@@ -121,7 +121,9 @@ static size_t networks_at(const uint8_t *bytes)
            SAGA_INDEX_ENTRY_NBYTES * (size_t)fx_load32_le(bytes + 16);
 }
 
-/* The lengths of INDX and of NETS are some bytes more than they have. */
+/* The stored lengths of INDX and of NETS are changed by by[m] bytes. A wrong
+ * length must be refused from the bytes before it alone, however many bytes
+ * follow. */
 TEST(lengths_should_be_judged_by_their_own_bytes)
 {
     static const int32_t by[] = { 0, -1, 1, 12, 100, 1000, INT32_MAX };

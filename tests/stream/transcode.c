@@ -288,8 +288,9 @@ static void trees(const opened *o)
 
 #define LIE(sym, from_end, n, write, give) { sym, from_end, n, write, give }
 
-/* All of the last layer of the last network, which gives the colour. Its step
- * is 1 where weights are to have given values: q is the weight. */
+/* Each case breaks one rule by changing symbols of the last layer of the last
+ * network, which computes the colour. Cases that need a certain weight set the
+ * layer's step to 1, so that a symbol's value is the weight. */
 static const broken rows[] = {
     { "section.9", "step=0", 0, { LIE(SAGA_SYM_NET_STEP, 0, 1, 0, KEEP) } },
     { "section.9", "shift=25", 0, {

@@ -46,8 +46,9 @@ void saga_buffer_end_chunk(saga_buffer *b, uint32_t type, size_t nbytes);
 bool saga_encode_networks(saga_encoder *e, const saga_net_symbols *nets,
                           saga_error *error);
 
-/* Appends the three chunks of a layer or of the base, and sets size to their
- * payloads' bytes. */
+/* Appends the chunks COAR, FINE and PRIM of one scaffold, which is the base or
+ * a layer of a segment, and sets `size` to the sizes of their payloads in
+ * bytes. */
 bool saga_encode_scaffold(saga_encoder *e, saga_buffer *to, size_t size[3],
                           const saga_symbols *s, saga_error *error);
 

@@ -38,17 +38,21 @@ typedef struct saga_layer_values {
     int net, layer;              /* numbers, for errors */
 } saga_layer_values;
 
-/* Sets the symbols of a layer. It allocates their arrays, which the caller
- * frees by saga_net_symbols_free even after a failure, except `finer`, which is
- * set by the caller. Weights and biases are rounded to multiples of their
- * steps. Integer weights are scaled as large as the headroom of every row
- * allows, so that multiples of the step are precise. If a row has such large
- * weights, or such a low q_out, that a step would be below 1 unit, the row's
- * steps are doubled until it is valid. The scales of weights (one, one for each
- * row or one for each column) are those with the fewest bits, scales included.
- * With a row shift of 0 steps cannot be doubled any more: weights and biases
- * that are too large then become the largest that fit. Returns false with
- * *error set if memory is short, or if the sum of such a row may overflow. */
+/* Sets the symbols of a layer of a network. It allocates their arrays, which
+ * the caller frees by saga_net_symbols_free even after a failure, except
+ * `finer`, which is set by the caller. Returns false with *error set if memory
+ * is short, or if the sum of a row may overflow although it was cut (below).
+ *
+ * Weights and biases are rounded to multiples of their steps. The integer
+ * weights of a row are scaled up as far as the row's sum allows, so that
+ * multiples of the step are precise. If the weights of a row are so large, or
+ * its q_out is so low, that the step would be less than 1 in integers, the
+ * row's steps are doubled until they are at least 1. When the row's shift has
+ * reached 0, its steps cannot be doubled any more, and weights and biases that
+ * do not fit are cut to the largest that do.
+ *
+ * The entropy coder's scales are shared by all weights, or given for each row
+ * or each column, whichever takes the fewest bits including the scales. */
 bool saga_quantise_layer(saga_layer_symbols *out, const saga_layer_values *v,
                          saga_error *error);
 

@@ -319,8 +319,9 @@ static double widening(int32_t q0_q20, uint32_t tools)
      * root. */
     if (!(tools & SAGA_TOOL_STEEP))
         return 0.5 * log1p(LN2 * peak);
-    /* With v = s + 1, the tail is P 2^(1/2) times the integral of 2^(-v^2 / 2)
-     * from u to infinity. */
+    /* The tail is the integral of the steep profile from s = u - 1 on. Since
+     * s + s^2 / 2 = (s + 1)^2 / 2 - 1/2, it is P 2^(1/2) times the integral of
+     * 2^(-v^2 / 2) over v = s + 1 from u to infinity. */
     return 0.5 * log(LN2 * (u - 1.0 + exp2(peak + 0.5) *
                                       sqrt(M_PI / (2.0 * LN2)) *
                                       erfc(u * sqrt(LN2 / 2.0))));

@@ -45,8 +45,9 @@ typedef struct saga_splat_params {
             real *t_centre;   /* (N); NULL: 0 */
             real *log2_width; /* (N) log2 of the temporal width; NULL: no
                                * temporal opacity */
-            real *motion;     /* (N, 9) x, y, z of order 1, of order 2, of order
-                               * 3; in supports per age^order; NULL: none */
+            real *motion;     /* (N, 9) coefficients of the motion polynomial:
+                               * x, y, z of order 1, then of orders 2 and 3; in
+                               * supports per age^order; NULL: none */
             real *colour;     /* (N, 3) R, G, B, in [0, 1] */
             real *support;    /* (N, 3) unit of the motion; NULL: 1 */
         };

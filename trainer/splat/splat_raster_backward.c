@@ -322,8 +322,9 @@ static void begin_rest(tile *t)
     }
 }
 
-/* Computes the records of a tile from the gradient of the picture, or from the
- * truth; then it also sets the tile's sum of squared errors. */
+/* Computes the gradient records of the splats of a tile, either from a given
+ * gradient of the picture or from the true picture. In the latter case it also
+ * sets the tile's sum of squared errors. */
 static void tile_backward(void *user, size_t index)
 {
     const pass *const p = user;

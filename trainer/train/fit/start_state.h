@@ -30,8 +30,9 @@ typedef struct {
                                   * the cell */
 } saga_start;
 
-/* start_solve.c: finds basis, mean and features for the wanted values. price is
- * what a feature's unit error costs, step its quantisation step. */
+/* start_solve.c: finds the basis, the mean and the features that reproduce the
+ * wanted attributes with the least loss. `price` is the loss for an error of 1
+ * in a feature, and `step` is the features' quantisation step. */
 void saga_start_solve(saga_start *x, double price, double step);
 
 /* start_networks.c: sets the networks and features of f's scene from the
