@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Blending of a splat into a tile. The plain loops are compared with the
- * integer reference pixel by pixel, the vector loops with the plain ones, with
- * canaries around the tile.
+ * Blending of a splat into a tile. The plain loops are compared pixel by pixel
+ * with the integer formulas of docs/arithmetic.md, and the SIMD loops with the
+ * plain loops. Canaries around the tile show writes outside of it.
  */
 #include "blend.h"
 #include "every_cpu.h"
@@ -12,7 +12,7 @@
 
 enum { GUARD = 64, MOST = 4 * 64 * 64, COUNT = 4000, CUT = 11 << 20 };
 
-/* Largest factors, docs/arithmetic.md: 2.686 in Q28. */
+/* The largest factor of a conic (docs/arithmetic.md), 2.686, in Q28. */
 #define MOST_FACTOR 721000000
 
 /* A tile: guards, the four planes, guards. */
@@ -80,7 +80,7 @@ static void any_patch(saga_patch *p, gen_rng *r, int32_t side, int32_t first)
         p->w = gen_int(r, -100, 100) * ((int64_t)1 << gen_int(r, 20, 45));
     for (int i = 0; i < 3; i++)
         p->colour_q15[i] = (uint16_t)any_of(r, colours, 4);
-    if (gen_int(r, 0, 3) == 0) { /* halves, which rounding takes up */
+    if (gen_int(r, 0, 3) == 0) { /* values half-way between two roundings */
         p->g &= ~0x7fff;
         p->h &= ~0x7fff;
         p->n &= ~0x7fff;
@@ -161,8 +161,8 @@ TEST(patches_should_be_those_of_the_norm)
         compare(&r, any_of(&r, sides, 8));
 }
 
-/* The error of q from its roundings: v and w to 2^-13, and s, for its square,
- * to 2^-12. */
+/* q of steep splats must equal q0 + s + s^2 / 2 in double, except for the
+ * rounding of v and w to 2^-13 and of s, before it is squared, to 2^-12. */
 TEST(steep_should_be_that_of_the_formula)
 {
     gen_rng r = gen_seeded(52);
@@ -188,8 +188,8 @@ TEST(steep_should_be_that_of_the_formula)
     }
 }
 
-/* Every entry of the table is tested at every power, with eight values of T
- * each. */
+/* alpha must equal the norm's formula for every entry of the table, at every
+ * power of two, with eight values of T each. */
 TEST(alpha_should_be_that_of_the_norm)
 {
     enum { PLANE = 64 };

@@ -18,7 +18,8 @@ static int by_depth_and_index(const void *a, const void *b)
     return x->index < y->index ? -1 : x->index > y->index;
 }
 
-/* Buffers of exactly n keys, so that the sanitizers see every access. */
+/* Sorts a copy of the keys in buffers of exactly n keys, so that the sanitizers
+ * notice every access outside, and compares the order with qsort's. */
 static void check_sorted(const saga_key *keys, uint32_t n)
 {
     const size_t nbytes = n * sizeof *keys;
@@ -96,7 +97,7 @@ TEST(equal_depths_should_keep_their_order)
     gen_rng r = gen_seeded(2);
     saga_key keys[MAX], tmp[MAX];
 
-    for (uint32_t i = 0; i < MAX; i++) /* indices that do not rise */
+    for (uint32_t i = 0; i < MAX; i++) /* indices in descending order */
         keys[i] = (saga_key){ 0x01020304u * (gen_u32(&r) & 3), MAX - i };
     saga_depth_sort(keys, tmp, MAX);
     for (uint32_t i = 1; i < MAX; i++) {

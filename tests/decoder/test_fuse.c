@@ -106,7 +106,8 @@ TEST(absence_should_be_identity)
         make_plain(&g, testing_seed(1) + i);
         none = play(&g);
         assert_true(none.stages.frame != 0);
-        /* Fine first in every other stream: each is alone once. */
+        /* The order of the tiers alternates, so that each tier's network is
+         * once the only one. */
         for (int tier = 0; tier < SAGA_N_TIERS; tier++) {
             played with;
 
@@ -117,8 +118,10 @@ TEST(absence_should_be_identity)
     }
 }
 
-/* F + 8 octaves inputs, W hidden units, F outputs (bitstream.md, section 9),
- * once for each fine anchor and each primitive. */
+/* Without Fuse a decoder must save exactly the multiply-accumulates of its
+ * networks, (F + 8 octaves) W + W F for each point (bitstream.md, section 9):
+ * of the coarse tier for each fine anchor, of the fine tier for each primitive.
+ */
 TEST(absence_should_spare_all_work)
 {
     for (uint32_t i = 0; i < N_STREAMS; i++) {
@@ -144,7 +147,8 @@ TEST(absence_should_spare_all_work)
     }
 }
 
-/* Header fields of what does not exist change nothing but the header. */
+/* Header fields of networks that do not exist must not change any decoded
+ * value. */
 TEST(formats_of_the_absent_should_be_ignored)
 {
     for (uint32_t i = 0; i < N_STREAMS; i++) {

@@ -55,7 +55,7 @@ static int64_t depth(const trial *t)
     return z < 0 ? 0 : (z + (1 << 29)) >> 30;
 }
 
-/* The tools of all further trials. */
+/* The tools with which all further trials are projected. */
 static uint32_t tools;
 
 static void project_both(trial *t)
@@ -102,7 +102,8 @@ static double shape_error(const trial *t)
     return sigma * (ldexp(1, -17) / least + ldexp(1, -25));
 }
 
-/* First order in delta, V = det / C the variance of x given y, l = B / C:
+/* Sets the bounds of the factors' errors, to first order in delta. With
+ * V = det / C, the variance of x given y, and l = B / C:
  *     dg <= g delta (1 + |l|) / sqrt(V),    dh <= h delta / sqrt(C),
  *     dn <= |l| dg + g delta (sqrt(C) (1 + |l|) + sqrt(V)) / C. */
 static void factor_bound(double bound[3], const trial *t)
@@ -235,8 +236,9 @@ TEST(factor_and_q_should_be_those_of_double)
     assert_true(e.q <= 7e-4);
 }
 
-/* Splats of pictures: axes of 0.1 to 40 px, focal = width. The bound is then
- * 2 LSB and what the slope's rounding makes of axes seen from the side. */
+/* Splats as they occur in pictures have axes of 0.1 to 40 px, and the focal
+ * length is the picture's width. Their factors must be within 2 LSB plus the
+ * effect that rounding the slope has on axes along the line of sight. */
 TEST(ordinary_splats_should_be_exact_to_the_last_bits)
 {
     gen_rng r = gen_seeded(22);
@@ -315,7 +317,8 @@ static int min_true_q_is_below(const trial *t, double limit)
     return 0;
 }
 
-/* A splat that is dropped breaks a rule, or touches no pixel. */
+/* A splat may be dropped only if a rule of docs/arithmetic.md says so, or if it
+ * touches no pixel. */
 TEST(splats_should_be_dropped_by_the_rules_alone)
 {
     gen_rng r = gen_seeded(23);
@@ -372,7 +375,7 @@ TEST(near_plane_should_be_exact)
     assert_int_equal(t.s.depth, 1 << 12);
     t.cam.near_plane++;
     expect(&t, 0);
-    t.cam.rotation_q30[8] = 1 << 29; /* half the depth, halves upwards */
+    t.cam.rotation_q30[8] = 1 << 29; /* depth = z / 2, ties rounded up */
     t.a.x[2] = 4095;
     t.cam.near_plane = 2048;
     expect(&t, 1);
@@ -406,7 +409,8 @@ TEST(angles_should_be_cut_at_eight)
         }
 }
 
-/* x/z = +-2, focal 2^14 px: 2^15 px from the picture's centre. */
+/* With x/z = +-2 and a focal length of 2^14 px the mean is 2^15 px from the
+ * picture's centre, which is the limit. */
 TEST(mean_should_be_cut_at_32768_px)
 {
     trial t;
@@ -504,7 +508,7 @@ TEST(box_should_lose_no_pixel)
     assert_true(outside > ROUNDS);
 }
 
-/* The box is at most 3 % and 1.5 px too large, where q0 <= 9. */
+/* If q0 <= 9, the box may exceed the exact one by at most 3 % and 1.5 px. */
 TEST(box_should_be_tight)
 {
     gen_rng r = gen_seeded(25);
@@ -671,8 +675,8 @@ static void valid_animated(saga_animated *a, gen_rng *r, const saga_camera *c)
     a->q0_q20 = extreme(r, 0, CUT - 1);
 }
 
-/* With -DSAGA_CHECK and sanitizers: no shift, sum or product leaves its type.
- * The factors never exceed sqrt(k / d) = 2.686. */
+/* No shift, sum or product may overflow, which -DSAGA_CHECK and the sanitizers
+ * detect, and no factor may exceed sqrt(k / d) = 2.686. */
 TEST(results_should_be_bounded_for_every_valid_input)
 {
     const int32_t top = (int32_t)(2.6858 * 268435456);

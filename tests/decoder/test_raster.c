@@ -86,8 +86,9 @@ TEST(splat_should_touch_the_pixels_below_the_cut)
     assert_int_equal(t.wrong, 0);
 }
 
-/* Splats without their projection: any factors, means far outside. The box
- * is the whole picture, so that spans alone decide. */
+/* Makes a splat that no projection would give, with random factors and a mean
+ * far outside the picture. Its box is the whole picture, so that only the spans
+ * decide which pixels are touched. */
 static void any_splat(saga_splat *p, gen_rng *r)
 {
     const int32_t top = 720900000; /* 2.6856 in Q28 */
@@ -171,7 +172,8 @@ TEST(nothing_should_show_the_background)
         }
 }
 
-/* The first splat at full opacity leaves 656 of 65536 for what is behind. */
+/* A splat at full opacity has alpha 64880 / 65536. It must leave T = 656 for
+ * the splats behind it. */
 TEST(opaque_splat_should_hide_what_is_behind)
 {
     picture p;
@@ -199,7 +201,8 @@ TEST(opaque_splat_should_hide_what_is_behind)
     free(p.block);
 }
 
-/* Equal depths: the lower index is in front, wherever its splat lies. */
+/* Of two splats at equal depth, the one with the lower index must be drawn in
+ * front. */
 TEST(equal_depths_should_be_drawn_by_index)
 {
     gen_rng r = gen_seeded(34);
@@ -218,7 +221,7 @@ TEST(equal_depths_should_be_drawn_by_index)
     }
     exact_picture(&want, &s, 8);
     expect_with(&s, &plain, &want);
-    for (uint32_t i = 0; i < s.n / 2; i++) { /* the opposite order does show */
+    for (uint32_t i = 0; i < s.n / 2; i++) { /* the opposite order differs */
         const saga_key k = s.order[i];
 
         s.order[i] = s.order[s.n - 1 - i];
@@ -232,8 +235,9 @@ TEST(equal_depths_should_be_drawn_by_index)
 
 /* --- The stop ------------------------------------------------------------ */
 
-/* Two opaque splats that fill the left half of a tile, and 100 behind them
- * that fill all of it: on the left T is 7 after two. */
+/* Makes two opaque splats that fill the left half of a tile, and 100 splats
+ * behind them that fill all of it. In the left half T is 7 after the first two,
+ * so that these pixels are finished. */
 static void half_finished_scene(scene *s)
 {
     new_scene(s, 102, 16, 16);
@@ -253,7 +257,7 @@ static void half_finished_scene(scene *s)
     sort_scene(s);
 }
 
-/* Returns the blue of a pixel whose T has stopped nothing. */
+/* Returns the blue that a pixel would have if blending did not stop at T < 8. */
 static uint32_t unstopped(const scene *s, int x, int y, int k)
 {
     uint64_t sum = 0;
@@ -280,7 +284,7 @@ TEST(stop_should_be_that_of_the_pixel)
     FREED_BY(free_scene) scene s;
 
     half_finished_scene(&s);
-    s.splats[2].q0_q20 = 0; /* what a stop of the tile would let through */
+    s.splats[2].q0_q20 = 0; /* would be skipped if the whole tile stopped */
     s.splats[2].colour_q15[1] = 32768;
     exact_picture(&want, &s, 16);
     for (int i = 0; i < 4; i++) {
@@ -298,8 +302,8 @@ TEST(stop_should_be_that_of_the_pixel)
     free(want.block);
 }
 
-/* Many splats lie behind opaque ones: the early end of a tile must not change
- * the picture. */
+/* When all pixels of a tile are finished, splats behind are skipped. This must
+ * not change the picture. */
 TEST(finished_tiles_should_not_change)
 {
     static const setting with[] = {
@@ -348,7 +352,8 @@ static void colour_by_depth(ref_splat *s, uint32_t index)
 
 typedef void colour_fn(ref_splat *s, uint32_t index);
 
-/* Draws the same primitives with the reference, from the start to the end. */
+/* Draws the primitives with the reference in double, from animation to pixels.
+ */
 static void true_picture(double *rgb, const saga_primitive *p, uint32_t n,
                          const saga_camera *cam, colour_fn *colour)
 {
@@ -401,8 +406,9 @@ TEST(picture_should_be_that_of_double)
     expect_close(&s, rgb, 16);
 }
 
-/* Expected depths differ where alpha does, which adds up to a picture's error
- * of 8 bits; means as far apart as the scene is deep weigh it. */
+/* Compares depths with the truth. A depth is a mean of the splats' depths,
+ * weighted by their alpha. The error of the weights is that of an 8-bit
+ * picture; multiplied by the scene's depth it bounds the error of a depth. */
 static void expect_depths(const scene *s, const double *truth)
 {
     double most_alpha = 0, most = 0, sum = 0;

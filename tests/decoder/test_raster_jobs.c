@@ -103,7 +103,8 @@ static void expect_part(const picture *got, const picture *want,
                                 pixel_of(got->pic.bits));
 }
 
-/* The scratch has its exact size, for the sanitizers, and is guarded. */
+/* Draws with scratch of exactly the size that is passed, so that the sanitizers
+ * notice every access outside, and with guards after it. */
 static void check_memory(const scene *s, const picture *want, gen_rng *r)
 {
     const int32_t tile = 8 << gen_int(r, 0, 3);
@@ -154,7 +155,7 @@ TEST(nothing_else_should_be_written)
 
 /* --- The budget ---------------------------------------------------------- */
 
-/* After every call a pixel is either untouched or final. */
+/* After every call of saga_raster a pixel must be either untouched or final. */
 TEST(pixels_should_be_written_when_final)
 {
     const setting with = { 8, 37, 3000, 97 };
@@ -184,7 +185,8 @@ TEST(pixels_should_be_written_when_final)
     free(want.block);
 }
 
-/* A budget of b does in a call what 1 does in at most b. */
+/* With a budget of b the job must take 1/b of the calls that it takes with a
+ * budget of 1, and at most 2 more. */
 TEST(budget_should_bound_the_calls)
 {
     static const uint32_t budget[] = { 2, 3, 10, 1000, 100000 };
@@ -235,7 +237,8 @@ typedef struct {
     void *scratch;
 } checked;
 
-/* A job of the pixels (3, 2) to (20, 30) of 20 x 30. */
+/* Opens a job that draws the pixels from (3, 2) to (20, 30) of a picture of
+ * 20 x 30. */
 static void open_checked(checked *c, int bits)
 {
     new_scene(&c->s, 0, 20, 30);
@@ -352,7 +355,8 @@ TEST(scratch_should_be_aligned)
     }
 }
 
-/* Rows of 17 pixels, 28 of them. */
+/* The job has 28 rows of 17 pixels. A picture whose memory is a byte too small
+ * for them, or whose stride is too short or too long, must be refused. */
 TEST(picture_should_be_large_enough)
 {
     checked c;
