@@ -8,8 +8,15 @@ Codes each camera of the capture separately with every codec of simulcast.py
 that ffmpeg supports here, at four qualities, and evaluates the pictures and the
 files with `saga eval`. Without files it trains saga at the rates in the section
 "capture" of lab/rd.ini, which takes long. Writes to WORK: CODEC.json and
-saga.json with a result for each quality; the output of `saga compare` for each
-codec and the first; report.html. Existing results are not measured again.
+saga.json with a result for each quality; report.html. Prints the output of
+`saga compare` for each codec and the first, and a table: the BD-rate of saga
+against each codec, and the change of bytes at 27, 28.5, 30 and 32 dB, by the
+PSNR of lab/rd.py over all cameras. Existing results are not measured again.
+
+A file anchors.json in the capture's folder may hold curves of codecs that do
+not run here, which the table then has too, measured on all frames of the
+capture at its full size:
+  {"curves": {NAME: {"kB": [...], "psnr_rgb": [...]}, ...}}
 
 Environment, with defaults: SAGA (build/saga), THREADS (1), EVAL (options of
 `saga eval`, such as "--no-ssim" or "--lpips FILE.npz"; none), CODECS (names of
@@ -22,6 +29,9 @@ import subprocess
 import sys
 
 import simulcast
+from bd_rate import bd_rate, saving
+from rd import quality
+from rd_table import AT
 
 LAB = os.path.dirname(os.path.abspath(__file__))
 SAGA = os.environ.get("SAGA", os.path.join(os.path.dirname(LAB), "build/saga"))
@@ -105,6 +115,49 @@ def measure_saga(capture, work, files):
     return curve(work, "saga", paths)
 
 
+# --- The table ---------------------------------------------------------------
+
+def points_of(path):
+    """The points (bytes, dB) of all results in a file."""
+    with open(path) as f:
+        results = [json.loads(line) for line in f]
+    return [(r["nbytes"], quality(r)["psnr"]["all"]) for r in results]
+
+
+def anchors_of(capture):
+    """The curves that came with the capture, {name: points}."""
+    path = os.path.join(capture, "anchors.json")
+    if not os.path.exists(path):
+        return {}
+    try:
+        with open(path) as f:
+            curves = json.load(f)["curves"]
+        return {name: [(1000 * kb, db) for kb, db in
+                       zip(c["kB"], c["psnr_rgb"], strict=True)]
+                for name, c in curves.items()}
+    except (AttributeError, KeyError, TypeError, ValueError) as why:
+        sys.exit(f"compare: {path} has no curves of kB and psnr_rgb: {why!r}")
+
+
+def percent(value):
+    return "-" if value is None else f"{value:+.1f} %"
+
+
+def table(anchors, ours):
+    """The lines that tell what saga saves against each of the anchors, which
+    are {name: points}."""
+    head = "bytes of saga against"
+    width = max(len(name) for name in [head, *anchors])
+    lines = [head.ljust(width) + "   BD-rate" +
+             "".join(f"{db:7g} dB" for db in AT)]
+    for name, anchor in anchors.items():
+        cells = [bd_rate(anchor, ours)] + [saving(anchor, ours, db)
+                                           for db in AT]
+        lines.append(name.ljust(width) + "".join(percent(c).rjust(10)
+                                                 for c in cells))
+    return lines
+
+
 def main(words):
     if len(words) < 2 or words[0].startswith("-"):
         sys.exit(__doc__.strip())
@@ -114,7 +167,7 @@ def main(words):
             sys.exit(f"compare: there is no {path}")
     wanted = os.environ.get("CODECS", " ".join(simulcast.CODECS)).split()
     os.makedirs(work, exist_ok=True)
-    curves = []
+    given, curves = anchors_of(capture), []
     for codec in wanted:
         try:
             curves.append(measure_codec(capture, work, codec))
@@ -126,6 +179,9 @@ def main(words):
     curves.append(measure_saga(capture, work, files or train(capture, work)))
     for other in curves[1:]:
         say(saga("compare", curves[0], other))
+    anchors = {os.path.basename(c)[:-5]: points_of(c) for c in curves[:-1]}
+    anchors.update(given)
+    say("\n".join(table(anchors, points_of(curves[-1]))) + "\n")
     report = os.path.join(work, "report.html")
     saga("report", *curves, "-o", report)
     say(f"compare: {report} shows all of it")

@@ -6,6 +6,8 @@
 #   curves      four results of a codec, bytes and PSNR falling with its
 #               quality, of the capture's protocol; those of files; BD-rates
 #               and a page with all of them; nothing is measured twice
+#   savings     the table has the change of bytes at each PSNR, where both
+#               curves reach it, and the anchors that came with the capture
 # Without an ffmpeg that has libx265 it says so.
 set -u
 cd "$(dirname "$0")/../.." || exit
@@ -69,5 +71,53 @@ CODECS=x264 lab/compare.py "$tmp/cap" "$tmp/work" "$tmp/a.saga" \
     >"$tmp/say" 2>&1 && complain "x264 is taken"
 grep -q 'no codec x264; there are x265' "$tmp/say" || complain "$(cat "$tmp/say")"
 verdict curves
+
+# ---- savings: log-rates that are lines, 0.2 apart at 30 dB and 0.02 more for
+# each dB, so 0.14 at 27 dB, 0.17 at 28.5 and 0.24 at 32; ours begins at 28 dB.
+python3 - >>"$bad" 2>&1 <<'PYTHON' || complain table
+import math, sys
+sys.path.insert(0, "lab")
+import compare
+
+a = [(math.exp(5 + 0.3 * (p - 30)), p) for p in (26, 29, 32, 35)]
+b = [(math.exp(5.2 + 0.32 * (p - 30)), p) for p in (28, 30, 32.5)]
+head, one, two = compare.table({"a": a, "b": b}, b)
+assert head.split()[-9:] == ["BD-rate", "27", "dB", "28.5", "dB", "30", "dB",
+                             "32", "dB"], head
+want = [100 * (math.exp(x) - 1) for x in (0.205, 0.17, 0.2, 0.24)]
+want = [f"{w:+.1f}" for w in want]
+assert one.replace(" %", "").split() == ["a", want[0], "-"] + want[1:], one
+assert two.replace(" %", "").split() == ["b", "+0.0", "-"] + ["+0.0"] * 3, two
+PYTHON
+# A curve that came with the capture has twice the bytes of saga's.
+"$SAGA" encode "$tmp/cap" -o "$tmp/b.saga" --primitives 200 --iterations 200 \
+    >"$tmp/log" 2>&1 || complain "$(cat "$tmp/log")"
+rm "$tmp/work/saga-1.json"
+EVAL=--no-ssim CODECS='' lab/compare.py "$tmp/cap" "$tmp/work" "$tmp/a.saga" \
+    "$tmp/b.saga" >"$tmp/say" 2>&1 || complain "two: $(tail -n 1 "$tmp/say")"
+python3 - "$tmp" >>"$bad" 2>&1 <<'PYTHON' || complain anchors
+import json, sys
+sys.path.insert(0, "lab")
+import compare
+
+points = compare.points_of(sys.argv[1] + "/work/saga.json")
+json.dump({"curves": {"a codec": {"kB": [b / 500 for b, _ in points],
+                                  "psnr_rgb": [p for _, p in points]}}},
+          open(sys.argv[1] + "/cap/anchors.json", "w"))
+PYTHON
+EVAL=--no-ssim CODECS=x265 lab/compare.py "$tmp/cap" "$tmp/work" \
+    "$tmp/a.saga" "$tmp/b.saga" >"$tmp/say" 2>&1 ||
+    complain "anchors: $(tail -n 1 "$tmp/say")"
+grep -Eq '^x265 +(-|[+-][0-9.]+ %) ' "$tmp/say" ||
+    complain "x265: $(cat "$tmp/say")"
+grep -Eq '^a codec +-50\.0 %( +(-50\.0 %|-)){4}$' "$tmp/say" ||
+    complain "a codec: $(cat "$tmp/say")"
+echo '{"curves": {"a codec": {"kB": [1, 2], "psnr_rgb": [30]}}}' \
+    >"$tmp/cap/anchors.json"
+EVAL=--no-ssim CODECS=x265 lab/compare.py "$tmp/cap" "$tmp/work" \
+    "$tmp/a.saga" >"$tmp/say" 2>&1 && complain "a bad anchors.json is taken"
+grep -q 'anchors.json has no curves of kB and psnr_rgb' "$tmp/say" ||
+    complain "bad: $(cat "$tmp/say")"
+verdict savings
 
 all_passed
