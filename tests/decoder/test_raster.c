@@ -257,7 +257,8 @@ static void half_finished_scene(scene *s)
     sort_scene(s);
 }
 
-/* Returns the blue that a pixel would have if blending did not stop at T = 7. */
+/* Returns the blue that a pixel would have if blending did not stop where T is
+ * below 8. */
 static uint32_t unstopped(const scene *s, int x, int y, int k)
 {
     uint64_t sum = 0;

@@ -12,7 +12,8 @@
  * written is poisoned, and all output is checked. Like check_vectors this is
  * plain C, because MemorySanitizer would need a test library built with it.
  */
-/* Paths are chosen here: the library's cpu.c is then not linked. */
+/* The program chooses the SIMD path by this function, which it links instead of
+ * the library's cpu.c. */
 #define saga_cpu_best machine_best
 #include "cpu.c"
 #undef saga_cpu_best
@@ -35,9 +36,9 @@
 #endif
 #endif
 
-/* DECODER_NBYTES: what stands before the plan's regions (plan.c). STACK_NBYTES:
- * no public function takes more than half. Of a file no more than these are
- * looked at. */
+/* DECODER_NBYTES is the size of the decoder at the start of the work block
+ * (work_block.h). STACK_NBYTES is more than twice the stack of any public
+ * function. The other numbers limit how much of a file is played. */
 enum {
     PAINT = 0xb5, STACK_NBYTES = 8192, DECODER_NBYTES = 768,
     MAX_WORK = 32 << 20, MAX_SEGMENTS = 3, MAX_CAMERAS = 2, MAX_TAPS = 100,
@@ -152,8 +153,8 @@ static void paint_work(const player *p, size_t begin, size_t end)
     paint(p, p->work + begin, end - begin);
 }
 
-/* Paints everything that is unused before a segment is decoded: all except the
- * primitives of the base and what begins with the head. */
+/* Paints everything in the work block that a new segment may not rely on: all
+ * except the decoder, the networks and the primitives of the base. */
 static void forget_segment(const player *p)
 {
     const size_t base = p->header.base.prim;

@@ -10,7 +10,8 @@
  * Symbols are read by ref_recorder.h and the shared traversal, everything else
  * through saga.h.
  */
-/* Paths are chosen here: the library's cpu.c is then not linked. */
+/* The program chooses the SIMD path by this function, which it links instead of
+ * the library's cpu.c. */
 #define saga_cpu_best machine_best
 #include "cpu.c"
 #undef saga_cpu_best
@@ -211,7 +212,8 @@ static int edit(uint8_t **bytes, size_t *n, const char *edits)
 
     if (!out)
         return 0;
-    /* Bytes behind the file are not those of another one. */
+    /* Bytes after the end of the file hold a pattern, so that they cannot be
+     * mistaken for those of the previous file. */
     memset(out, 0x55, room);
     while (sscanf(edits, " %lu:%lu:%n", &at, &old, &used) == 2 && used) {
         if (at < from || at > *n || old > *n - at)

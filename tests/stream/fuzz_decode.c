@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Fuzzing of everything behind saga.h: the input is a file. Its checksum says
- * how it is played; in seven of eight cases its CRCs are signed anew, so that
- * changes get past them.
+ * Fuzzes the functions of saga.h. The input is a file. Its checksum determines
+ * how it is played. In seven of eight cases its CRCs are computed anew
+ * ("signed"), so that changes reach the code behind the CRC checks.
  *
  * With libFuzzer:
  *     clang -fsanitize=fuzzer,address,undefined -DSAGA_CHECK ... fuzz_decode.c

@@ -102,9 +102,8 @@ static int is_worth_it(const gen_stream *g, const gen_options *o)
     return g->segment[0].n.coarse >= o->n_coarse / 2;
 }
 
-/* Makes the first of the streams of seeds o.seed, + 100, .. that has at least
- * half of the coarse anchors it may have: what is drawn before them decides.
- * */
+/* Makes the first of the random streams with the seeds o.seed, o.seed + 100,
+ * ... that has at least half of the coarse anchors that it may have. */
 static void make_good(gen_stream *g, gen_options o)
 {
     *g = gen_stream_make(&o);
@@ -167,8 +166,8 @@ static void good_full(void)
     good("level0_full", o);
 }
 
-/* Options of streams with given tools whose pictures show something, and of
- * their banks. */
+/* Options of streams with the given tools, and with a bank, whose pictures are
+ * not empty. */
 #define ALL (uint32_t)SAGA_TOOLS_PICTURE
 #define DRAWN(given) .picture = 1, .tools_fixed = 1, .tools = given
 #define BANK(write, slots, width, blocks) .bank = write, \
@@ -186,8 +185,8 @@ static void sound(const char *stem, const uint8_t *bytes, size_t n,
     fprintf(manifest, "%s sound %d\n", name, (int)status);
 }
 
-/* Writes a film whose chunk of sound has `more` bytes more (or fewer) than its
- * length says. */
+/* Writes a film whose chunk of sound has `more` bytes more than its length
+ * field says, or fewer if `more` is negative. */
 static void sound_length(const char *stem, const uint8_t *bytes, size_t n,
                          size_t at, int more)
 {
@@ -214,8 +213,8 @@ static void sound_byte(const char *stem, const uint8_t *bytes, size_t n,
     free(copy);
 }
 
-/* Writes a film whose sound, at bytes[at..end), comes twice, so that segments
- * are no longer where the index says. */
+/* Writes a film in which the chunk of sound, bytes[at..end), is repeated, so
+ * that the segments are no longer where the index says. */
 static void sound_twice(const uint8_t *bytes, size_t n, size_t at, size_t end)
 {
     uint8_t *const copy = malloc(2 * n);
@@ -360,7 +359,7 @@ static void bad_versions(const uint8_t *bytes, size_t head)
                SAGA_ERR_DATA);
     bad_signed("version_256", bytes, head, 4, "\0\1", 2, SAGA_ERR_VERSION);
     bad_signed("version_reserved", bytes, head, 6, "\1", 1, SAGA_ERR_VERSION);
-    /* 8 bytes of its own before the cameras. */
+    /* The unknown tool adds a field of 8 bytes before the cameras. */
     memcpy(copy, bytes, SAGA_HEADER_NBYTES);
     memcpy(copy + SAGA_HEADER_NBYTES + 8, bytes + SAGA_HEADER_NBYTES,
            head - SAGA_HEADER_NBYTES);
@@ -395,7 +394,7 @@ static void bad_lengths_of_head(const uint8_t *bytes, size_t n, size_t head)
             bad_signed(stem[i][k], bytes, n, at[i], nbytes, 4,
                        k ? SAGA_ERR_DATA : SAGA_ERR_TRUNCATED);
         }
-    /* Where the only segment is. */
+    /* The index has a wrong offset for the only segment. */
     bad_signed("index_offset_beyond", bytes, n,
                head + SAGA_CHUNK_NBYTES, "\0\0\0\0\0\0\0\x80", 8,
                SAGA_ERR_TRUNCATED);
@@ -427,8 +426,9 @@ static void bad_header(const bad_change *b, const uint8_t *bytes, size_t n)
     bad(b->stem, copy, n, b->status);
 }
 
-/* A file of the stream o, with each of the changes in turn; of the header
- * alone: what is wrong shows before the rest is missed. */
+/* Writes the header of the stream o with each of the changes in turn, and
+ * nothing after it: a wrong header must be refused before the rest of the file
+ * is found to be missing. */
 static void bad_headers(const gen_options *o, const bad_change *headers,
                         size_t n_headers)
 {
@@ -499,9 +499,9 @@ static void bad_scale(void)
  * them. */
 enum { PART_SEGMENT = 2, PART_COARSE, PART_FINE, PART_PRIM };
 
-/* A file in which a chunk has `more` bytes behind its payload (zeros; or fewer
- * for a negative number), and 1 is added to the byte at `at` of a segment's
- * header, if at < SAGA_SEGMENT_NBYTES. All of it is signed. */
+/* Writes a file in which a chunk has `more` zero bytes after its payload, or
+ * lacks bytes if `more` is negative. If at < SAGA_SEGMENT_NBYTES, 1 is added to
+ * byte `at` of the segment's header. All CRCs are computed anew. */
 static void bad_chunk(const char *stem, const uint8_t *bytes, size_t n,
                       int part, int more, size_t at)
 {
@@ -580,9 +580,9 @@ static void bad_segments(void)
     bad_lengths_of_head(bytes, n, fx_load32_le(bytes + SAGA_MAGIC_NBYTES));
 }
 
-/* The head of one file, the segment of another with the same networks and
- * another base: the last byte of its primitives is changed and both are signed.
- */
+/* Writes the head of one file followed by the segment of another. The other
+ * file has the same networks, but the last byte of its base is changed and
+ * signed anew. */
 static void bad_base_owner(const uint8_t *bytes, size_t n, size_t head)
 {
     FREED uint8_t *const copy = malloc(n);
@@ -678,7 +678,8 @@ static void cut_layers(const gen_options *o)
     free(part.data);
 }
 
-/* Fields of SEGM, 4 bytes each, with something added; all of it is signed. */
+/* Writes a file with numbers added to 4-byte fields of SEGM; all CRCs are
+ * computed anew. */
 static void bad_lengths(const char *stem, const uint8_t *bytes, size_t n,
                         const int by[2][2], saga_status status)
 {
@@ -737,7 +738,8 @@ static void bad_layers(const gen_options *o)
     bad("layers_cut_in_header", bytes,
         (size_t)first_segment(bytes, n).offset + 40, SAGA_ERR_TRUNCATED);
     bad_byte("crc_layer", bytes, n, end + SAGA_CHUNK_NBYTES, SAGA_ERR_DATA);
-    /* In the second one, which the cut file has whole. */
+    /* The changed byte is in the second layer, which is complete in the cut
+     * file. */
     bad_byte("crc_layer_cut", bytes, end_of_layer(bytes, n, 1),
              end + SAGA_CHUNK_NBYTES, SAGA_ERR_DATA);
 }
@@ -864,7 +866,8 @@ static void bad_all(void)
         { "quat_q_too_large", SAGA_ERR_DATA,
           { TO(model.out_q[SAGA_OUT_QUAT], 15) } },
         { "rig_length", SAGA_ERR_DATA, { TO(n_cameras, 0) } },
-        /* The header says as many bytes as that takes, which are not there. */
+        /* The header's length includes all these cameras, whose bytes are
+         * missing. */
         { "cameras_too_many", SAGA_ERR_DATA,
           { TO(n_cameras, SAGA_MAX_CAMERAS + 1),
             TO(header_nbytes, SAGA_HEADER_NBYTES + 4u +

@@ -18,7 +18,8 @@ static file *named_file(void)
     return NULL;
 }
 
-/* The payload of NAME in the place of a file's own, and nothing behind it. */
+/* Each example replaces the payload of a file's chunk NAME and is the last part
+ * of the file. saga_name_camera must return the page's status. */
 TEST(examples_of_names_should_have_their_statuses)
 {
     file *const f = named_file();
@@ -211,8 +212,9 @@ static void check_camera(const uint8_t *p, const saga_camera *c,
     assert_int_equal(get(CAMERA, p, "height", 0), c->height);
 }
 
-/* The files' own cameras, and then cameras of different bytes throughout, in
- * which no field can be mistaken for another. */
+/* saga_rig must return the fields that the page describes, for the files' own
+ * cameras, and for cameras in which all bytes differ, so that no field can be
+ * mistaken for another. */
 TEST(rig_should_hold_the_same_values)
 {
     for (int i = 0; i < n_files; i++) {
@@ -258,7 +260,8 @@ static const uint8_t *index_of(const file *f)
     return f->p + get(HEADER, f->p, "header_nbytes", 0) + tables[CHUNK].nbytes;
 }
 
-/* A segment of an opened file; its SEGM's payload follows the chunk header. */
+/* Compares what saga_find reports of a segment with its index entry and with
+ * the payload of its chunk SEGM. */
 static void check_found(saga_decoder *dec, file *f, const uint8_t *entry,
                         uint32_t first_frame)
 {
@@ -282,8 +285,8 @@ static void check_found(saga_decoder *dec, file *f, const uint8_t *entry,
                      report.n_primitives);
 }
 
-/* Returns the number of layers that saga_decode makes of n bytes of a segment,
- * 0 if it is TRUNCATED. The bytes are in a copy of exact size. */
+/* Returns the number of layers that saga_decode finds in the first n bytes of a
+ * segment, or 0 if it returns TRUNCATED. It reads a copy of exactly n bytes. */
 static uint32_t layers_in(saga_decoder *dec, const saga_segment *seg,
                           const uint8_t *bytes, size_t n)
 {
@@ -374,8 +377,8 @@ static int is_coupled(const field *f)
     return 0;
 }
 
-/* The status of a header with v in a field, signed anew; *fits tells whether
- * the tools' fields still go together, and the header has their size. */
+/* Returns the status of a header with v in a field and a new CRC. Sets *fits to
+ * whether the header still has the size that its tools need. */
 static saga_status status_with(uint8_t *header, const field *f, uint8_t *p,
                                int64_t v, uint32_t end, int *fits)
 {
@@ -410,7 +413,7 @@ static void try_value(trial *r, const field *f, uint8_t *p, int64_t v)
     s = status_with(r->header, f, p, v, r->end, &fits);
     inside = in && fits;
     r->n_tried++;
-    /* A value that fits a level fits the highest. */
+    /* The highest level accepts whatever a lower level accepts. */
     if (strcmp(f->name, "level") == 0 && v == hi)
         assert_ok(s);
     if (inside ? s != SAGA_OK && s != SAGA_ERR_LEVEL
@@ -420,8 +423,8 @@ static void try_value(trial *r, const field *f, uint8_t *p, int64_t v)
                  saga_status_text(s));
 }
 
-/* Widths with limits of their own: bitstream.md says so in the meanings of
- * width and of these networks. */
+/* Returns whether bitstream.md refuses this width in the sections on `width` or
+ * on single networks, apart from its general range. */
 static int is_refused_width(const trial *r, const field *f, const uint8_t *p,
                             int64_t v)
 {

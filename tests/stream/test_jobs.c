@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Whole streams to pictures: the picture must not depend on its division into
- * tiles, lists, bands, jobs, threads and calls, nor on where the decoder lies
- * in memory.
+ * Whole streams are decoded and drawn. The picture must not depend on its
+ * division into tiles, lists, bands, jobs, threads and calls, nor on the
+ * address of the work block.
  */
 #include "player.h"
 #include "testing.h"
@@ -43,7 +43,8 @@ static gen_options options_of(uint32_t i)
 typedef struct {
     int32_t tile;
     uint32_t list;
-    uint32_t n_tiles;        /* about the number that fits the scratch */
+    uint32_t n_tiles;        /* approximate number of tiles for which the
+                              * scratch has room */
     uint32_t budget;
     int bits;
 } division;
@@ -225,7 +226,8 @@ TEST(threads_should_draw_what_one_draws)
     }
 }
 
-/* Jobs that take turns on one thread, and a job begun again. */
+/* Several jobs that advance in turns on one thread, and a job that is begun
+ * again, must all give the same pixels. */
 TEST(jobs_should_not_disturb_each_other)
 {
     enum { N = 5 };
@@ -269,7 +271,8 @@ TEST(jobs_should_not_disturb_each_other)
 
 /* --- Blocks -------------------------------------------------------------- */
 
-/* Level 0's static block of 256 KiB, and one that is far too large. */
+/* The work block may be the static one of level 0, 256 KiB, or far larger than
+ * needed. */
 TEST(picture_should_not_depend_on_the_block)
 {
     static _Alignas(SAGA_WORK_ALIGN) uint8_t level_0[SAGA_WORK_MAX(0)];
@@ -306,8 +309,8 @@ static uint32_t apart(uint32_t a, uint32_t b)
     return a < b ? b - a : a - b;
 }
 
-/* Checks depths: the 8-bit value is v / 257 rounded, since 65535 = 255 * 257.
- */
+/* Checks that a picture of 8 bits is one of 16 bits divided by 257 and rounded,
+ * since 65535 = 255 * 257. */
 static void check_depths(const player *s)
 {
     const division d8 = { 16, 100, 2, 1u << 30, 8 };
@@ -333,8 +336,9 @@ TEST(samples_of_16_bits_should_be_those_of_8)
 
 /* --- The picture's place ------------------------------------------------- */
 
-/* rgb is the job's pixel (x0, y0); rows are wider than what is drawn; nothing
- * else is touched. */
+/* Draws a job whose `rgb` points at its pixel (x0, y0), with rows wider than
+ * the job. Its pixels must be those of the whole picture, and no other byte may
+ * change. */
 static void check_rect(const player *s, const uint8_t *whole, int bits,
                        const int32_t rect[4], int32_t tile)
 {

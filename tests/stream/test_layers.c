@@ -185,8 +185,9 @@ static gen_options with_base(uint32_t i, uint32_t tools)
     return o;
 }
 
-/* Without temporal tools a segment stands as still as the base. The base's
- * splats come first where depths are equal. */
+/* Without temporal tools a segment does not depend on time, and neither does a
+ * base. A base must therefore give the splats that its symbols give as a
+ * segment; at equal depth the base's splats come first. */
 TEST(base_should_be_what_its_symbols_are_as_a_segment)
 {
     uint32_t n_seen[N_LAYERS] = { 0 };
@@ -263,7 +264,7 @@ static saga_layer_report layer_of(player *p, uint32_t layer)
     return r;
 }
 
-/* Whole or not, a layer is decoded as soon as its last byte is there. */
+/* A layer must be decoded if and only if all its bytes are present. */
 TEST(cut_segment_should_have_the_layers_that_are_whole)
 {
     for (uint32_t i = 0; i < N_STREAMS; i++) {
@@ -296,7 +297,8 @@ TEST(cut_segment_should_have_the_layers_that_are_whole)
     }
 }
 
-/* Damage in a layer that is cut is accepted; in a complete layer it is not. */
+/* A changed byte in a layer that is cut must not be noticed; in a complete
+ * layer it must be. */
 TEST(damage_should_count_in_whole_layers_only)
 {
     const gen_options o = options_of(0);

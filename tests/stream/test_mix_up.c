@@ -123,7 +123,8 @@ TEST(job_should_be_refused_when_the_segment_is_another)
     assert_refused(&p, &a);
 }
 
-/* Both decoders have made as many views. */
+/* A job of one decoder must be refused by another, even if both have prepared
+ * the same number of views. */
 TEST(job_should_be_refused_when_the_decoder_is_another)
 {
     player p, q;
@@ -159,8 +160,8 @@ TEST(job_should_be_refused_when_finished_for_another_view)
     assert_refused(&p, &a);
 }
 
-/* Changes what a job must keep, one field at a time: each alone would be a
- * valid job. Returns 0 when there is no such field. */
+/* Changes field i of those that a job must keep; the changed job would be valid
+ * as a new one. Returns 0 if there is no i-th field. */
 static int change_field(painter *a, int i)
 {
     saga_job *const j = &a->job;
@@ -181,7 +182,8 @@ static int change_field(painter *a, int i)
     }
 }
 
-/* The job is not led astray by a field that was changed and changed back. */
+/* A job with a changed field must be refused. When the field has its old value
+ * again, the job must go on and give the right picture. */
 TEST(job_should_be_refused_when_its_fields_are_others)
 {
     FREED_BY(player_close) player p;
@@ -212,7 +214,7 @@ TEST(job_should_be_refused_when_its_fields_are_others)
     assert_int_equal(i, 11);
 }
 
-/* The buffer may change: another one for the rows that are left. */
+/* The caller may pass another buffer for the rows that are not yet drawn. */
 TEST(job_should_go_on_in_another_picture)
 {
     FREED_BY(player_close) player p;
@@ -227,7 +229,7 @@ TEST(job_should_go_on_in_another_picture)
     assert_memory_equal(b.rgb + sizeof b.rgb / 2, b.rgb, 3 * SIDE * SIDE);
 }
 
-/* A view that is refused leaves the one before, and its jobs. */
+/* After a view was refused, the previous view and its jobs must still work. */
 TEST(job_should_go_on_when_a_view_was_refused)
 {
     FREED_BY(player_close) player p;
@@ -286,7 +288,7 @@ TEST(segment_should_be_refused_when_another_is_named)
     player_make(&p, &options);
     seg[0] = player_find(&p, 0);
     seg[1] = player_find(&p, 1);
-    for (int i = 0; i < 2; i++) /* fewer bytes than the index says come first */
+    for (int i = 0; i < 2; i++) /* first fewer bytes than the index states */
         assert_int_equal(saga_decode(p.dec, &seg[1 - i],
                                      p.bytes + seg[i].offset, seg[i].nbytes,
                                      NULL),
@@ -302,8 +304,8 @@ TEST(segment_should_be_refused_when_another_is_named)
     player_decode(&p, 0);
 }
 
-/* Two files whose segments would decode in the other one as well: only a field
- * of the header tells them apart. */
+/* The segments of two files differ only in a field of the header, and each
+ * would decode with the other's head. They must be refused nevertheless. */
 TEST(segment_should_be_refused_when_of_another_file)
 {
     player p, q;

@@ -22,8 +22,8 @@
 
 enum {
     PER_BASE = 64,           /* streams made of one base */
-    BASE_NBYTES = 12000,     /* at most, if not for pictures */
-    WALL_SECONDS = 120,      /* for one stream; then the program is killed */
+    BASE_NBYTES = 12000,     /* the most bytes of a base that is not drawn */
+    WALL_SECONDS = 120,      /* limit for one stream, then the program ends */
     CPU_SECONDS = 20
 };
 
@@ -114,7 +114,8 @@ static void keep_base(base *b, uint64_t number)
 
 /* --- One stream ---------------------------------------------------------- */
 
-/* Returns the kind of damage; most goes to segments, so that it gets far. */
+/* Returns the kind of damage. Most is done to segments, so that it reaches the
+ * later stages of the decoder. */
 static mutate_class class_of(uint64_t number)
 {
     static const mutate_class classes[] = {
@@ -226,8 +227,8 @@ static void print_table(const table *t)
            t->unchanged, t->slowest, t->slowest_number);
 }
 
-/* At least a tenth of all streams must be reconstructed; valid networks that
- * were damaged do not count. */
+/* Checks that at least a tenth of all damaged streams reach reconstruction,
+ * without counting those whose networks were changed but are valid. */
 static void assert_depth(const table *t, uint32_t n)
 {
     uint32_t segments = 0, networks = reached(t, MUTATE_IN_NETWORKS);
@@ -286,7 +287,8 @@ TEST(undamaged_streams_should_be_drawn)
     }
 }
 
-/* One bit of each byte: all of them are covered by a CRC. */
+/* A changed bit in any byte of a file must be noticed, because a CRC covers
+ * every byte. */
 TEST(no_changed_byte_should_go_unnoticed)
 {
     mutate_result result;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Names of cameras: the names that were encoded come back, and no bytes beyond
- * the end are read, whatever a stranger wrote.
+ * Names of cameras. The decoder must return the names that were encoded, and
+ * must not read beyond the end of the file, whatever its bytes are.
  */
 #include "crc32c.h"
 #include "encode.h"
@@ -72,7 +72,8 @@ TEST(names_should_come_back)
     free(f.p);
 }
 
-/* The head is not whole without the base, and damage in it is not theirs. */
+/* Names follow the base. They must be TRUNCATED while the base is incomplete,
+ * and damage in the base must not affect them. */
 TEST(names_should_stand_behind_a_base)
 {
     file f = make_with(1, 1), without = make_with(0, 1);
@@ -97,7 +98,8 @@ TEST(names_should_stand_behind_a_base)
     free(without.p);
 }
 
-/* The same bytes but for the chunk and the index, and the same segments. */
+/* A file without names must differ from one with names only by the chunk and by
+ * the offsets in the index. */
 TEST(names_should_cost_nothing_when_there_are_none)
 {
     file with = make(1), without = make(0);
@@ -134,7 +136,7 @@ TEST(names_should_be_refused_when_cut_or_changed)
         f.p[at] ^= 0x01;
         const saga_status s = saga_name_camera(&got, f.p, f.n, 0);
 
-        /* A length may also run past the end. */
+        /* A changed length may also reach beyond the end of the chunk. */
         assert_true(s == wanted || (at < begin + 8 && at >= begin + 4 &&
                                     s == SAGA_ERR_TRUNCATED));
         f.p[at] ^= 0x01;
@@ -152,7 +154,7 @@ TEST(payload_should_be_refused_when_wrong)
         SAY(UNIT "\0\1a\0\0"),              /* a name too few */
         SAY(UNIT "\0\1a\0\0\0\0\0\0"),      /* and one too many */
         SAY(UNIT "\1\1a\0\0\0\0"),          /* shared with nothing */
-        SAY(UNIT "\0\1a\2\0\0\0"),          /* with more than there is */
+        SAY(UNIT "\0\1a\2\0\0\0"),          /* more shared bytes than exist */
         SAY(UNIT "\0\2a\0\0\0"),            /* longer than the payload */
         SAY(UNIT "\0\1\n\0\0\0\0"), SAY(UNIT "\0\1\x7f\0\0\0\0"),
         SAY(UNIT "\0\1\0\0\0\0\0"), SAY(UNIT "\0\xff\0\0\0\0"),
@@ -170,7 +172,8 @@ TEST(payload_should_be_refused_when_wrong)
                              SAGA_ERR_DATA);
         free(f.p);
     }
-    /* 63 bytes are a name, of which 0 to 63 may be shared; 64 are none. */
+    /* A name of 63 bytes, of which 0 to 63 may be shared, is valid; one of 64
+     * bytes is not. */
     for (int n = 63; n < 65; n++) {
         file f = make(1);
 
@@ -186,8 +189,8 @@ TEST(payload_should_be_refused_when_wrong)
     }
 }
 
-/* Both names are looked at as a whole: the second one may share bytes with the
- * first up to the middle of a character. */
+/* Each name is checked as a whole: a name may share bytes with the previous one
+ * up to the middle of a character. */
 TEST(names_should_be_utf8)
 {
     static const struct { const char *name; int is_good; } all[] = {
@@ -244,7 +247,8 @@ TEST(names_should_share_parts_of_characters)
     }
 }
 
-/* A file that ends behind its head may be the beginning of one with names. */
+/* A file that ends after its head must give TRUNCATED, because names may
+ * follow. */
 TEST(names_should_be_missed_in_a_head_alone)
 {
     file f = make(0);

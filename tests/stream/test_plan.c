@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * A header's promises hold: memory to the byte, multiply-accumulates to the
- * last one, and a decoder that uses nothing except its block.
+ * The plan made from a header is compared with the decoding itself: the memory
+ * to the byte, the multiply-accumulates exactly. The decoder must use no memory
+ * except its block.
  *
  * mlp.c and memory_bank.c are compiled into this program with counters, instead
  * of the library's.
@@ -18,7 +19,8 @@
 #include "saga.h"
 #include "testing.h"
 
-/* DECODER_NBYTES: what stands before the plan's regions (plan.c). */
+/* DECODER_NBYTES is the size of the decoder at the start of the work block
+ * (work_block.h). */
 enum { N_CANARIES = 256, CANARY = 0xa5, DECODER_NBYTES = 768 };
 
 static uint64_t n_macs;
@@ -312,8 +314,8 @@ TEST(block_should_be_as_large_as_the_document_says)
     assert_true(n_plain > 10 && n_plain < 54);
 }
 
-/* Inputs are padded with what the networks' vectors hold: zeros from the start,
- * whatever the block held. */
+/* The padding of network inputs must be zero after saga_open, whatever the
+ * block contained before. */
 TEST(vectors_should_be_empty_when_opened)
 {
     for (uint32_t i = 0; i < 8; i++) {
@@ -331,8 +333,8 @@ TEST(vectors_should_be_empty_when_opened)
     }
 }
 
-/* Without primitives the anchors lie at the end, and all of them are written:
- * what is left is the padding to 16. */
+/* In a file without primitives, anchors are at the end of the block. When all
+ * of them are decoded, only the padding to 16 bytes may be untouched. */
 TEST(block_should_be_used_up_to_its_end)
 {
     for (uint32_t i = 0; i < 32; i++) {
@@ -351,16 +353,17 @@ TEST(block_should_be_used_up_to_its_end)
         assert_ok(saga_open(&p.dec, p.work, p.info.work_nbytes, p.bytes, p.n,
                             NULL));
         assert_ok(decode(&p, p.dec, 0));
-        /* A zero byte among features looks touched; a canary may be real. */
+        /* A byte that was written with the canary's value looks untouched. */
         for (last = p.info.work_nbytes; p.work[last - 1] == CANARY; last--)
             ;
         assert_true(last + 15 >= p.info.work_nbytes);
     }
 }
 
-/* Off: no byte of the header, none of the block (and no product, see below);
- * on, the header's fields, and what memory_bank.c places or the models that
- * networks choose among. */
+/* A tool that is off must take no byte of the header or of the block (and no
+ * multiply-accumulate, see below). A tool that is on must take exactly its
+ * fields in the header, and in the block the arrays of the bank or the adaptive
+ * models of its symbols. */
 TEST(tools_should_cost_nothing_when_off)
 {
     for (uint32_t i = 0; i < 24; i++) {
@@ -404,8 +407,8 @@ static uint32_t suffix_group(uint32_t suffix, uint32_t n_groups)
             (suffix >> 1 & 1u) * 4 + (suffix & 1u) * 8) % n_groups;
 }
 
-/* The coarse groups come from the decoder's memory, since the tree is not
- * walked here. */
+/* Returns the rounds of a tier. The groups of coarse anchors are read from the
+ * decoder's memory, since this test does not decode the tree itself. */
 static uint32_t rounds_of_tier(const player *p, uint32_t number, int level)
 {
     const saga_model *const m = &p->g.header.model;
@@ -466,7 +469,9 @@ static uint64_t macs_of_segment(const player *p, uint32_t number)
     return macs;
 }
 
-/* All ways n anchors fall into groups, up to what is left over in each. */
+/* Returns the largest number of rounds in which n anchors can be decoded, over
+ * all numbers of groups in use. There are the most rounds if the last round of
+ * each group has a single anchor. */
 static uint32_t most_steps(uint32_t n, uint32_t groups, uint32_t blocks)
 {
     uint32_t most = 0;
@@ -512,7 +517,7 @@ static void check_macs(const gen_options *o)
         n_macs = 0;
         assert_ok(decode(&p, p.dec, i));
         assert_true(n_macs <= p.info.decode_macs);
-        /* The groups of layers but the last are gone. */
+        /* Only the groups of the last layer are still in memory. */
         if (p.info.n_layers == 1)
             assert_true(n_macs == macs_of_segment(&p, i));
         else if (!o->bank)
@@ -544,8 +549,9 @@ TEST(macs_should_be_counted_exactly)
     }
 }
 
-/* By hand: 512 values hold these numbers of vectors of the longest of a
- * network, padded to 16; the smallest number of a set counts. */
+/* The expected numbers are computed by hand: 512 values divided by the longest
+ * padded vector of a network, and for a set of networks the smallest such
+ * number. */
 TEST(points_should_be_what_the_vectors_hold)
 {
     static const struct { uint16_t dim[4]; uint8_t n_layers, points; } net[] = {
@@ -641,7 +647,7 @@ TEST(decoder_should_be_movable_at_any_time)
         if (when > 1)
             assert_ok(saga_view(p.dec, &c, 20000));
         at = decoder_copy(&p, &block);
-        fill_block(&p);      /* moved: nothing is left where it was */
+        fill_block(&p);      /* the decoder was moved; erase the old place */
         if (when < 1)
             assert_ok(decode(&p, at, 0));
         if (when < 2)
