@@ -9,11 +9,12 @@
 
 #include <unistd.h>
 
-/* By chance, trainings differ by less than this, in dB. */
+/* Trainings that differ only by chance differ by less than this, in dB. */
 #define MOST_LOST 0.3
 
-/* Ten visits to a picture are the fewest that any preset makes: they are the
- * first rendering, before those that are listed. */
+/* No preset makes fewer than ten visits to a picture. The first rendering stage
+ * has this number of visits; the numbers of iterations of the others are
+ * listed. */
 enum { FEW_VISITS = 10, MOST_RUNS = 4 };
 
 typedef struct {

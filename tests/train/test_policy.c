@@ -11,8 +11,8 @@ static void near(double x, double y, double part)
     assert_true(fabs(x - y) <= part * fabs(y));
 }
 
-/* L = 255^2 D + lambda x bits / pixels: twice the pictures halve what a bit
- * costs. */
+/* The loss is 255^2 D + lambda bits / pixels. With twice as many pictures a bit
+ * must have half the price. */
 TEST(policy_should_price_bits_per_pixel)
 {
     const saga_policy one = saga_policy_of(0.5, 1e6, 1000);
@@ -39,8 +39,9 @@ TEST(lambda_should_balance_primitives_and_bits)
     near(saga_policy_lambda(1e-4, 2e7, 5000), lambda * 2, 1e-12);
 }
 
-/* With as many primitives as lambda asks for, which have the error that the
- * power law gives them, lambda is what balances them. */
+/* saga_policy_primitives must be the inverse of saga_policy_lambda: for the
+ * number of primitives that it returns, and the error that the power law gives
+ * for this number, the balancing lambda is the given one. */
 TEST(primitives_should_balance_lambda)
 {
     const double lambda = saga_policy_lambda(1e-4, 1e7, 5000);

@@ -62,10 +62,10 @@ TEST(polish_should_gain_about_what_it_foretells)
     /* 90 iterations visit 15 pictures six times. */
     assert_int_equal(first.n_turns, 2);
     assert_true(first.after < first.before);
-    /* The forecast leaves out how neighbours' moves act on each other. */
+    /* The prediction ignores how moved features affect each other. */
     assert_true(gain > 0.3 * first.foretold && gain < 2 * first.foretold);
-    /* All measured values stay, but for offsets, which are rounded anew in the
-     * supports that features give. */
+    /* A second polish starts from the scene that the first one left. Only the
+     * offsets are rounded anew, since supports follow from the features. */
     assert_true(fabs(second.before / first.after - 1) < 0.005);
     saga_train_free(t);
 }
@@ -86,13 +86,13 @@ TEST(polish_should_move_features_by_whole_steps)
     for (size_t i = 0; i < n; i++) {
         const double by = ((double)is[i] - (double)was[i]) / step;
 
-        /* A mu that follows from what has moved is off by a part of a step;
-         * two turns move by two steps at most. */
+        /* Two turns move a feature by at most two steps. Its mu, predicted from
+         * moved features, may add a part of a step. */
         assert_true(fabs(by) < 3);
         moved += fabs(by) > 0.5;
     }
-    /* One of a block's features in a turn, of half of the blocks, then of
-     * three eighths. */
+    /* The first turn moves at most one feature in half of the blocks, the
+     * second one in three eighths of them. */
     assert_true(moved > 0 && moved < n / t->scene.model.features);
     free(was);
     saga_train_free(t);

@@ -10,9 +10,9 @@
 
 TINY_GROUP(room, 5);
 
-/* Two views are learned from, of 120 x 100 pixels, and 4 frames. Of the middle
- * frame's pixels the first of one view differ by `changing` x 12,000 in the
- * others. */
+/* Returns a capture of two training views of 120 x 100 pixels with 4 frames. In
+ * one view, the first `changing` of the 12,000 pixels differ between the middle
+ * frame and the others. */
 static saga_capture two_views(saga_shot v[3], uint8_t *rgb, int changing)
 {
     const size_t frame = 3 * 120 * 100;
@@ -46,8 +46,7 @@ TEST(plan_should_follow_pixels_and_motion)
         saga_train_options o = { .n_segments = 1, .level = 2 };
 
         saga_plan(&o, &why, &c, balanced);
-        /* The part is of two views and of four frames, one of which is the
-         * middle. */
+        /* One of two views changes, in three of its four frames. */
         assert_int_equal(o.n_primitives, (int)rint(saga_plan_primitives(
             24000, changing / 12000. / 2 * 3 / 4, 1)));
         assert_true(o.n_iterations == balanced->iterations);
@@ -56,8 +55,9 @@ TEST(plan_should_follow_pixels_and_motion)
     }
 }
 
-/* A still of many views has no more primitives than of ten, and fast takes no
- * longer than it says, if 30 visits allow it. */
+/* A still of many views must get no more primitives than one of ten views. The
+ * preset fast must keep to its stated time, unless 30 visits to each picture
+ * take longer. */
 TEST(plan_should_be_short_when_it_is_of_a_still)
 {
     enum { MOST = 400 };
@@ -89,9 +89,11 @@ TEST(plan_should_be_short_when_it_is_of_a_still)
     free(rgb);
 }
 
-/* Of 160 iterations 96 are a warm-up's and 64 take 2.5 times as long, which are
- * 256 of a quarter of a second. Two teachers take half of that on top, or a
- * fifth where things may move, by --minutes as in what `saga check` says. */
+/* Of 160 iterations, 96 belong to the warm-up. The other 64 take 2.5 times as
+ * long, so that all take the time of 256 iterations of the warm-up, 64 seconds
+ * at a quarter of a second each. Two teachers must add half of that for a
+ * still, and a fifth for a scene that may move, in --minutes and in the times
+ * that `saga check` states. */
 TEST(minutes_should_pay_for_teachers)
 {
     const saga_capture still = { .n_frames = 1 }, moving = { .n_frames = 2 };
@@ -103,7 +105,8 @@ TEST(minutes_should_pay_for_teachers)
     assert_true(fabs(saga_plan_time_with(2, &moving) - 1.2) < 1e-9);
 }
 
-/* A camera that moves has no neighbours at the same moment. */
+/* A moving camera is alone at each moment, so that there are no views between
+ * cameras for teachers to draw. */
 TEST(moving_cameras_should_have_no_teachers)
 {
     const saga_preset *const best = saga_preset_called("best");
@@ -114,9 +117,10 @@ TEST(moving_cameras_should_have_no_teachers)
     assert_int_equal(saga_plan_teachers(best, &c), 0);
 }
 
-/* Whole pictures are taken where 30 visits to each fit into the minutes of the
- * preset; 50 photographs of 1080 x 1920 are taken at a quarter, 16,000 x 12,000
- * so that there are 500 iterations, small ones as they are. */
+/* Pictures of a still must be used at full size if 30 visits to each fit into
+ * the minutes of the preset. Otherwise they are scaled down: 50 photographs of
+ * 1080 x 1920 pixels to a quarter, two of 16,000 x 12,000 as far as 500
+ * iterations need. Pictures that are small already stay as they are. */
 TEST(pictures_should_be_smaller_when_visits_are_few)
 {
     static const struct { double w, h; int n_views, scale, iterations; }
@@ -147,8 +151,9 @@ TEST(pictures_should_be_smaller_when_visits_are_few)
     }
 }
 
-/* Files of stills that preset fast made, two of photographs and five of the
- * built-in scenes, and one of these with many iterations. */
+/* The predicted range must contain the sizes of eight files of stills: two of
+ * photographs and six of the built-in scenes, of which the last was trained
+ * with many iterations and the others with the preset fast. */
 TEST(bytes_of_a_still_should_be_forecast)
 {
     static const struct { int n_primitives, n_iterations, nbytes; } made[] = {
@@ -171,7 +176,8 @@ TEST(bytes_of_a_still_should_be_forecast)
     }
 }
 
-/* Each picture of a still is visited 30 times or more, whatever there is. */
+/* Each picture of a still must be visited at least 30 times, whatever the
+ * number and size of the pictures. */
 TEST(pictures_of_a_still_should_be_visited_often)
 {
     static const int n_views[] = { 1, 2, 10, 50, 99 };
@@ -197,8 +203,8 @@ TEST(pictures_of_a_still_should_be_visited_often)
     free(views);
 }
 
-/* A camera that moves has no known second, nor changing pixels: a tenth is
- * assumed. */
+/* The changing pixels of a moving camera cannot be measured. A tenth must be
+ * assumed, whatever the frame rate. */
 TEST(plan_should_not_count_seconds_of_a_camera_that_moves)
 {
     const saga_preset *const balanced = saga_preset_called("balanced");
@@ -239,8 +245,9 @@ TEST(plan_should_leave_what_is_given)
     assert_int_equal(o.n_iterations, 0);
 }
 
-/* A rest of half a segment or more is one of its own. A second is taken even if
- * no more than a part of it is said to fit. */
+/* A rest of half a segment or more must become a segment of its own. A segment
+ * must have at least a second, even if less than that is said to fit in
+ * memory. */
 TEST(segments_should_take_ten_seconds_if_they_fit)
 {
     static const struct { int n_frames, asked, fitting, n; bool moves; }
@@ -263,7 +270,8 @@ TEST(segments_should_take_ten_seconds_if_they_fit)
     }
 }
 
-/* At 0.2 frames a second ten seconds are two frames, and a second is none. */
+/* At 0.2 frames a second, ten seconds would be two frames. Segments must have
+ * 24 frames if they fit in memory. */
 TEST(segments_should_have_24_frames_if_they_fit)
 {
     static const struct { double fps; int n_frames, fitting, n; } given[] = {
@@ -282,7 +290,8 @@ TEST(segments_should_have_24_frames_if_they_fit)
     }
 }
 
-/* A picture every five seconds is as much work as 2.4 pictures a second. */
+/* 24 frames must get the same plan whether they are taken at 0.2 or at 2.4
+ * frames a second. */
 TEST(seconds_should_not_count_beyond_frames)
 {
     uint8_t *const rgb = calloc((size_t)24 * 3 * 6000, 1);
@@ -306,7 +315,7 @@ TEST(seconds_should_not_count_beyond_frames)
     free(rgb);
 }
 
-/* Still things are coded once, changing ones in each second. */
+/* Still parts are coded once in a segment, changing parts in each second. */
 TEST(longer_segments_should_have_more_that_changes)
 {
     assert_true(saga_plan_primitives(12000, 0, 10) ==
@@ -317,7 +326,8 @@ TEST(longer_segments_should_have_more_that_changes)
                            saga_plan_primitives(12000, 0, 1))) < 1e-9);
 }
 
-/* A slower preset does more work, and many pictures need more iterations. */
+/* A slower preset must do more work, and more pictures must get more
+ * iterations. */
 TEST(presets_should_be_in_order)
 {
     uint8_t *const rgb = calloc((size_t)3 * 1200, 1);

@@ -114,9 +114,9 @@ TEST(train_should_not_depend_on_threads_that_seldom_meet)
 
 /* --- Interruptions ------------------------------------------------------- */
 
-/* Runs into each stop, forgets everything, goes on from the checkpoint; until
- * the end, which is `whole`. The last of stops is never reached. Returns how
- * often it stopped. */
+/* Trains in pieces: at each stop the training is freed and then resumed from
+ * its checkpoint. The final file must equal `whole`. The last entry of stops is
+ * never reached. Returns the number of stops. */
 static int interrupt(saga_train_options o, const trained *whole,
                      const tiny_stop *stops)
 {
@@ -160,9 +160,10 @@ TEST(train_should_resume_to_the_same_file)
     assert_true(interrupt(tiny_defaults(), &plain, &often) >= 5);
 }
 
-/* The three training views are some 20 degrees apart. A lesson is half of the
- * warm-up, so two and the warm-up are twice as long; a checkpoint at half of it
- * holds a teacher that has ended and is not kept yet. */
+/* The three training views are some 20 degrees apart, so that teachers may be
+ * used. Each of the two teachers trains for half the length of the warm-up,
+ * which doubles the stage. A checkpoint at half the warm-up's length holds a
+ * teacher whose training has ended but whose result is not stored yet. */
 TEST(teachers_should_resume_to_the_same_file)
 {
     static const tiny_stop places[] = {
@@ -187,7 +188,7 @@ TEST(teachers_should_resume_to_the_same_file)
 #endif
     assert_int_equal(interrupt(o, &taught, places),
                      sizeof places / sizeof places[0] - 1);
-    /* They show in the file; and without them it is what it was. */
+    /* Teachers change the file; switched off, they must not. */
     assert_false(tiny_same(&taught, &plain));
     o.ablate = "slots=32,no-teachers";
     other = tiny_train(&room.capture, &o);
@@ -211,7 +212,8 @@ TEST(layers_should_resume_to_the_same_file)
     free(whole.bytes);
 }
 
-/* The first stop comes between the guess and the settling of the count. */
+/* The first stop comes after the number of primitives was guessed and before it
+ * is final. */
 TEST(lambda_should_bring_its_primitives)
 {
     static const tiny_stop places[] = {
@@ -319,7 +321,8 @@ static void check_last_look(const saga_train_options *o, const trained *whole)
     free(bytes);
 }
 
-/* A warm-up has nothing to show; the rendering may have just begun. */
+/* No file can be made from a checkpoint of the warm-up. One can be made from a
+ * checkpoint of the rendering stage, even after its first iteration. */
 TEST(peek_should_show_the_training)
 {
     static const int at[] = { 1, 44 };
@@ -408,11 +411,13 @@ static void write_damaged(const saga_bytes *b, size_t n, size_t at)
     assert_int_equal(fclose(file), 0);
 }
 
-/* Where the options, the seed among them, and the pictures' digest are kept. */
+/* The place of the options, which include the seed, and of the pictures' digest
+ * in a checkpoint. */
 enum { HEAD_BEGIN = 32, HEAD_END = 32 + 10 * 8 + 128 };
 
-/* One byte changed, or all from there on missing: in the head, of which a
- * changed seed must not be told as another --seed, and anywhere. */
+/* A checkpoint with a changed byte, or cut at any byte, must be refused as
+ * damaged. This holds for the seed too: a changed byte in it must not be
+ * reported as a different --seed. */
 TEST(train_should_refuse_a_damaged_checkpoint)
 {
     const saga_train_options o = stop_in_rendering();
@@ -441,7 +446,8 @@ TEST(train_should_refuse_a_damaged_checkpoint)
     free(b.data);
 }
 
-/* Writes the bytes with one number changed, and a digest that is right. */
+/* Writes the checkpoint with one number changed and its digest computed anew.
+ */
 static void write_changed(const saga_bytes *b, size_t at, uint64_t value)
 {
     FREED uint8_t *const data = must(malloc(b->nbytes));
@@ -456,8 +462,8 @@ static void write_changed(const saga_bytes *b, size_t at, uint64_t value)
     assert_int_equal(fclose(file), 0);
 }
 
-/* Returns where the iteration of the fit is kept: behind the sizes of its
- * scene. */
+/* Returns the place of the fit's iteration, which is stored after the sizes of
+ * its scene. */
 static size_t place_of_iteration(const saga_bytes *b, const saga_scene *s)
 {
     const uint64_t before[4] = { s->n.coarse, s->n.fine, s->n.prim,
@@ -469,9 +475,9 @@ static size_t place_of_iteration(const saga_bytes *b, const saga_scene *s)
     return at + sizeof before;
 }
 
-/* Whatever made them, numbers that lead beyond arrays are not followed: a stage
- * that is none, a fit that is missing or not due, an iteration past the
- * last. */
+/* A checkpoint with a valid digest must be refused if its numbers would lead
+ * outside of arrays: a stage that does not exist, a fit that is missing or
+ * present in the wrong stage, an iteration after the last. */
 TEST(train_should_refuse_impossible_numbers)
 {
     const saga_train_options o = stop_in_rendering();
@@ -505,7 +511,8 @@ TEST(train_should_refuse_impossible_numbers)
     free(b.data);
 }
 
-/* One channel of one pixel of the last frame, or one camera a little moved. */
+/* A checkpoint must be refused if one channel of one pixel of the last frame
+ * differs, or if one camera is moved a little. */
 TEST(train_should_refuse_a_checkpoint_of_other_pictures)
 {
     const saga_train_options o = stop_in_rendering();

@@ -38,7 +38,7 @@ static saga_train_options small(const fixture *f)
     return o;
 }
 
-/* A segment's frames lie among those of the whole capture. */
+/* A view of the capture that has only the frames of one segment. */
 typedef struct {
     saga_capture capture;
     saga_shot view[4];
@@ -247,8 +247,9 @@ static void payload_should_equal(const fixture *f, const uint8_t *one,
     assert_memory_equal(p, p_one, n);
 }
 
-/* The one that is trained first is what it is in a file of its own, and so are
- * the networks; and there are no others, since nothing else is in the file. */
+/* The segment that is trained first, and the networks, must be the same as in a
+ * file of this segment alone. The file must contain nothing besides networks
+ * and segments, hence no second set of networks. */
 static void first_should_make_the_networks(void **state)
 {
     static const uint32_t layers[] = { SAGA_CHUNK_COARSE, SAGA_CHUNK_FINE,
@@ -313,8 +314,8 @@ static saga_train *stopped(const fixture *f, slice *s, saga_train_options *o,
     return t;
 }
 
-/* Still things are in the head, once; header and report say so, and segments
- * have the rest. */
+/* The head must contain the still primitives once, as the base. The header and
+ * the report must state their number, and segments must have the others. */
 static void base_should_be_in_the_head(void **state)
 {
     const fixture *const f = *state;
@@ -327,9 +328,11 @@ static void base_should_be_in_the_head(void **state)
     assert_int_equal(info.max_primitives, b->n_kept);
     assert_int_equal(b->n_looked_at, 150);
     assert_in_range(b->n_still, 150 / 4, 150);
-    /* The others, an eighth at least. */
+    /* A segment keeps the primitives that do not stand still, and at least an
+     * eighth of all. */
     assert_int_equal(b->n_kept, b->n_still > 131 ? 19 : 150 - b->n_still);
-    /* For three segments 3^(1 / 1.43 / 2) times as many. */
+    /* A base for three segments has 3^(1 / 1.43 / 2) = 1.468336 times the
+     * number of still primitives. */
     assert_int_equal(b->n_prim, 1.468336 * b->n_still);
     assert_true(f->report.sizes.base > 0);
     for (uint32_t i = 0; i < N; i++)
@@ -358,9 +361,10 @@ static double near_decoder(saga_train *t)
     return -10 * log10(sum);
 }
 
-/* The trainer draws the base as the decoder does, in one order of depth with
- * the segment. Where formats do not hold what a further segment wants it is 37
- * dB; networks of 8 bits and a toy's few iterations leave 49. */
+/* The trainer must draw base and segment together, sorted by depth, as the
+ * decoder does. The 8-bit networks of this short training leave 49 dB between
+ * the two. (It was 37 dB when number formats could not hold the values of later
+ * segments.) */
 static void float_should_be_what_is_decoded(void **state)
 {
     const fixture *const f = *state;
@@ -417,8 +421,8 @@ static double near_target(saga_train *t)
     return -10 * log10(sum);
 }
 
-/* Features at their mean draw what the networks know without a scene; the fit
- * begins far nearer to the primitives it is to be. */
+/* A fit with given networks must begin with features that draw the warm-up's
+ * primitives far better than features at their mean do. */
 static void fit_should_begin_near_the_warm_up(void **state)
 {
     const fixture *const f = *state;
@@ -450,9 +454,10 @@ static void fit_should_begin_near_the_warm_up(void **state)
     saga_train_free(t);
 }
 
-/* Looks at n segments at once: finished ones and the one that is rendered. A
- * look into a checkpoint that has none, as where the base is in training, says
- * so; at the end it gives the file. */
+/* Makes a file from the checkpoint of a training that is not finished. It must
+ * have n segments: those that are finished, and the one in the rendering stage.
+ * If there are none, because the base is still in training, there must be an
+ * error that says so. At the end the file must be the final one. */
 static void peek_should_show(const fixture *f, int n_segments, bool end)
 {
     saga_error error = { "" };
@@ -480,8 +485,9 @@ static void peek_should_show(const fixture *f, int n_segments, bool end)
     free(bytes);
 }
 
-/* The segment that made the networks lies on its own side of number k in what a
- * look into a checkpoint of k gives: its payload is the file's. */
+/* In a file made from the checkpoint of segment k, the segment that made the
+ * networks must be before or after k, as in the whole file, and have the same
+ * size. */
 static void first_should_stand(const fixture *f, int k)
 {
     const uint32_t place = k < FIRST;
@@ -563,8 +569,8 @@ static double steered_price(const fixture *f, const saga_train_options *o)
     return lambda;
 }
 
-/* The bytes that a base saves are spent: bits are cheaper with it at the same
- * size. */
+/* At a given file size, the bytes that a base saves must be spent on quality:
+ * the price of a bit must be lower with a base. */
 static void base_should_make_bits_cheaper(void **state)
 {
     const fixture *const f = *state;
@@ -577,9 +583,10 @@ static void base_should_make_bits_cheaper(void **state)
     assert_true(with < 0.8 * steered_price(f, &o));
 }
 
-/* With a size there is the same base, and more of it and of the segments, in
- * the same proportion: together more primitives than without a size, fewer than
- * without a base. Segments follow what is left, after a stop, too. */
+/* If the file's size is given, base and segments must get more primitives than
+ * without a size, in the same proportion, but fewer than without a base. The
+ * file must have the given size within 5 %, and an interrupted training must
+ * give the same file. */
 static void base_should_leave_room_to_fill_the_size(void **state)
 {
     const fixture *const f = *state;
@@ -648,8 +655,9 @@ static saga_train *train_alone(const fixture *f, int k, const char *networks)
     return t;
 }
 
-/* Every segment's bytes are those of the file of all, but for the number and
- * the frame that it begins with: the layers are what matters. */
+/* A segment that is trained alone, with given networks, must have the same
+ * layers as in the file of all segments. Only its number and first frame
+ * differ. */
 static void segment_should_be_trained_alone(void **state)
 {
     static const uint32_t layers[] = { SAGA_CHUNK_COARSE, SAGA_CHUNK_FINE,
@@ -672,8 +680,8 @@ static void segment_should_be_trained_alone(void **state)
         saga_segment seg;
 
         t = train_alone(f, k, networks);
-        /* It lies behind the first one, or before it, or is it; or with a base
-         * alone. */
+        /* Without a base the file also has the segment that made the networks,
+         * which comes first if k is later. */
         assert_ok(saga_find(&seg, t->bytes, t->nbytes, k > FIRST &&
                             !f->has_base ? FRAMES : 0, 1));
         for (size_t i = 0; i < sizeof layers / sizeof layers[0]; i++)

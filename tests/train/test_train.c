@@ -89,8 +89,7 @@ TEST(train_should_make_a_file_that_decodes)
     assert_int_equal(r->report.sizes.total, r->n);
 }
 
-/* Checks that bits agree within 0.5 % or 16 bytes, whichever is larger (issue
- * 3). */
+/* Checks that bits agree within 0.5 % or 16 bytes, whichever is larger. */
 static bool agrees(const char *what, double bits, double wanted)
 {
     if (fabs(bits - wanted) <= fmax(128, 0.005 * wanted))
@@ -116,8 +115,8 @@ static void chunks_should_be_what_was_spent(const saga_encode_sizes *z)
                        sum[SAGA_COMPONENT_PRIM_OFFSET], 8 * (double)z->prim));
 }
 
-/* Sets features to multiples of a step, of which one in 50 is far out, as after
- * many iterations with a high lambda. */
+/* Sets features to multiples of a step. Most are 0 and one in 50 is large, as
+ * after many iterations with a high lambda. */
 static void make_rare(saga_train *t, double step)
 {
     const size_t n = (size_t)t->scene.n.coarse * t->scene.model.features;
@@ -139,9 +138,11 @@ static void keep_all(saga_train *t)
            sizeof t->fit->rate.context.keep);
 }
 
-/* The estimate of rounded residuals is what the traversal then asked for, and
- * the bits of a chunk are its bytes: trained as it comes; with features of long
- * tails, of which a Gaussian says 3 % too much; and with all networks. */
+/* The estimated bits of the rounded residuals must agree with the bits that the
+ * encoder spends, and the bits of a chunk with its bytes. This is tested with
+ * the result of a training, with features that have long tails, for which a
+ * Gaussian estimate would be 3 % too high, and with all entropy networks kept.
+ */
 TEST(train_should_estimate_what_is_written)
 {
     static const uint32_t coded[] = {
@@ -181,18 +182,19 @@ TEST(train_should_estimate_what_is_written)
 
 /* --- The entropy model's twin -------------------------------------------- */
 
-/* The float twin's errors on the decoded scene, and its distance from what the
- * decoder's integers say. */
+/* The decoded scene, the rate of its float twin, and the largest differences
+ * between this twin and the decoder's integers. */
 typedef struct {
     const saga_scene *s;
     saga_rate rate;
-    double mu, sigma;            /* worst differences: steps, log2; of what */
-    double read;                 /* the memory gives, of length 1 at most */
+    double mu, sigma;            /* of mu in steps, of sigma in log2 */
+    double read;                 /* of the vectors read from the memory bank,
+                                  * whose length is at most 1 */
     size_t n;
 } near_integers;
 
-/* Compares what a block reads with what a run of it alone leaves behind: of a
- * scaffold that ends with it. */
+/* Computes again what a block reads from the memory bank, in a run of this
+ * block alone on a scaffold that ends with it. */
 static void read_alone(const saga_scaffold *sc, int kind, uint32_t rank)
 {
     const uint32_t group = kind == SAGA_KIND_COARSE ? sc->coarse[rank].group
@@ -305,11 +307,12 @@ static void should_be_near(saga_train *t, bool plain)
     saga_train_free(t);
 }
 
-/* All networks, finely quantised, on a real scene: float against the integers
- * of the decoder. Rounded inputs (2^-10 and finer), hidden units and positions
- * leave mu within a twentieth of a step and log2 sigma within 0.005 beyond the
- * rounding of the index (measured: 0.005 and 0.0004); and what the memory gives
- * to every block, over all its steps, within 8 LSB of Q12 (measured: 1.0). */
+/* The float entropy model must agree with the decoder's integers on a trained
+ * scene with all networks, finely quantised. Rounded inputs (2^-10 and finer),
+ * hidden units and positions allow a difference of a twentieth of a step in mu
+ * and of 0.005 in log2 sigma, beyond the rounding of the index (measured: 0.005
+ * and 0.0004). What each block reads from the memory bank, after all its
+ * updates, must agree within 8 LSB of Q12 (measured: 1.0). */
 TEST(rate_should_be_near_the_integer_path)
 {
     saga_train_options o = tiny_defaults();
@@ -349,8 +352,9 @@ static void add_fuse(saga_train *t)
     assert_true(saga_fit_start(t->fit, &t->target, &error));
 }
 
-/* Pictures of the scene that the fit starts with against those of the warm-up's
- * primitives, over all views and frames: the mean squared difference. */
+/* Returns the mean squared difference, over all views and frames, between the
+ * pictures of the scene with which the fit starts and those of the warm-up's
+ * primitives. */
 static double start_error(saga_train *t)
 {
     FREED_BY(saga_canvas_free) saga_canvas c;
@@ -402,8 +406,9 @@ TEST(fit_should_begin_where_the_warm_up_ends)
     assert_true(psnr[0] > 40 && psnr[0] > psnr[1] && psnr[1] > psnr[2]);
 }
 
-/* Worst difference of log2 scales: outputs of F_geo, behind both tiers'
- * features and networks. Box units, 2^23 to a half-cube. */
+/* Returns the largest difference of log2 scales between twin and decoder. They
+ * are outputs of F_geo, so that errors of both tiers' features and networks add
+ * up in them. The unit of scales is the box unit, 2^-23 half-cubes. */
 static double worst_scale(const saga_train *t)
 {
     uint8_t rgb[3 * 64 * 36];
@@ -427,8 +432,8 @@ static double worst_scale(const saga_train *t)
     return worst;
 }
 
-/* The PSNR of the file's first picture against that of its twin in float: of
- * two that are rounded to 8 bits alone, 58.9 dB. */
+/* Returns the PSNR between the file's first picture and the same picture drawn
+ * by its float twin. Rounding the picture to 8 bits alone gives 58.9 dB. */
 static double picture_near(saga_train *t)
 {
     const saga_sample first = { 0 };
@@ -485,8 +490,8 @@ TEST(scene_should_be_near_the_integer_path)
     }
 }
 
-/* A motion of 500 supports is what 16 bits with 8 behind the point hold, in the
- * file as in its twin. */
+/* A motion of 500 supports exceeds the format of 16 bits with 8 fractional
+ * bits. It must be cut to 32767 / 256 supports, in the file and in its twin. */
 TEST(motion_should_be_cut_where_training_cut_it)
 {
     saga_train_options o = tiny_defaults();
@@ -509,7 +514,7 @@ TEST(motion_should_be_cut_where_training_cut_it)
 
 /* --- Layers -------------------------------------------------------------- */
 
-/* The layers have 1, 2 and 4 sevenths of 150 primitives. */
+/* Three layers must have 1, 2 and 4 sevenths of the 150 primitives. */
 TEST(layers_should_have_twice_as_many_each)
 {
     static const uint32_t n_prim[] = { 21, 43, 86 };
@@ -549,7 +554,7 @@ TEST(layers_should_be_coded_as_estimated)
         assert_true(agrees(saga_component_name(saga_component_of(coded[i])),
                            r.report.entropy.estimate[coded[i]],
                            r.report.sizes.bits[coded[i]]));
-    /* Nor would a primitive be where the decoder has it. */
+    /* Primitives would be displaced, too, if a layer depended on another. */
     assert_true(fabs(r.report.model.training - r.report.coded.training) < 0.3);
     free(r.bytes);
 }
@@ -572,7 +577,8 @@ static void links_should_stay_in_a_layer(const saga_links *l,
         }
 }
 
-/* All anchors in one place are neighbours, of ranks that are near enough. */
+/* Even if all anchors are at the same place, so that all are neighbours of each
+ * other, no anchor may be linked to one of another layer. */
 TEST(layers_should_not_know_of_each_other)
 {
     saga_train_options o = tiny_layered();
@@ -598,10 +604,11 @@ TEST(layers_should_not_know_of_each_other)
 
 /* --- Rounding ------------------------------------------------------------ */
 
-/* Rounded against the same means, primitives stand where training drew them
- * last, but for those that its last step moved into another interval, and for
- * what supports and means differ by in integers. Unrounded ones differ by a
- * quarter of a step and more in every second coordinate. */
+/* Decoded primitives must be where training drew them last, because both round
+ * against the same means. At most 5 % of the coordinates may differ by a
+ * quarter of a step: those that the last iteration moved into another interval,
+ * or whose support or mean differs in integers. Without rounding in training,
+ * every second coordinate would differ by that much. */
 TEST(train_should_draw_positions_as_decoded)
 {
     saga_train_options o = tiny_defaults();
@@ -774,7 +781,8 @@ TEST(train_should_refuse_wrong_options)
 
 /* --- Networks ------------------------------------------------------------ */
 
-/* Magnitudes of the row that weight i of layer l lies in. */
+/* Returns the sum of the magnitudes of the row to which weight i of layer l
+ * belongs. */
 static double sum_of_row(const saga_net *n, int l, int i)
 {
     const real *const w = n->w[l] + i - i % n->dim[l];
@@ -785,12 +793,12 @@ static double sum_of_row(const saga_net *n, int l, int i)
     return sum;
 }
 
-/* Raw weights are coded in steps of 2^-11, not in those that training learns:
- * what is decoded lies within half a step of what was trained, and half an LSB
- * of the integer weights, which is a quarter of a step or, where that is more,
- * 2^-16 of what a row adds up to: that is to stay below 2^16 LSB, and the bias,
- * at most as much again here, has a part in it. What reads an input of some
- * more bits than its layer has as many less. */
+/* With raw-networks, weights are coded with a step of 2^-11 instead of learned
+ * steps. A decoded weight may differ from the trained one by half a step plus
+ * half an LSB of the integer weights. This LSB is at most a quarter of a step
+ * or, if that is more, 2^-15 of the sum of the row's magnitudes, because the
+ * row with its bias must stay below 2^16 LSB. A weight whose input has a finer
+ * format by n bits has n fewer bits, at most SAGA_N_FINER - 1. */
 TEST(train_should_keep_raw_networks_fine)
 {
     saga_train_options o = tiny_defaults();
