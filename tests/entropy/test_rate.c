@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * The entropy model must keep the sources that predict, because they were built
- * to or have learned to, and no others. Coding again what was coded must change
- * nothing, in runs or as a whole. The float rows of costs are compared with
- * costs in double.
+ * The entropy model must keep exactly the sources that predict the values,
+ * whether their networks were set by hand or trained. Values that were coded
+ * must stay the same when they are coded again, in runs or all at once. The
+ * cost of bits in float is compared with the cost in double.
  */
 #include "adam.h"
 #include "rate_bits.h"
@@ -64,7 +64,7 @@ static void foretell(rate_scene *f)
     foretell_by_place(f);
     clear_net(hyper);
     pass_through(hyper, 0, 0, 1);
-    /* All but the last layer's biases. */
+    /* Clear everything except the biases of the last layer. */
     memset(net->w[0], 0, (size_t)(net->b[2] - net->w[0]) *
            sizeof *net->w[0]);
     for (size_t k = 0; k < n; k++) {
@@ -118,7 +118,8 @@ static void should_drop_everything(uint32_t tools)
         const saga_rate_gain *const g = &f.r.decision.gain[kind];
 
         assert_int_equal(f.r.context.keep[kind], 0);
-        /* The same distribution but for the steps of networks' formats. */
+        /* Networks and constants give the same distribution, except for the
+         * steps of the networks' formats. */
         assert_true(fabs(g->networks - g->constants) < 0.002 * g->constants);
         assert_true(g->weights <= 0);
     }
@@ -174,8 +175,9 @@ static void learn(rate_scene *f, int n)
     }
 }
 
-/* The features follow from the place, and no source except the bank tells it: a
- * query contains its place. */
+/* The features depend on the position alone, and of all sources only the bank
+ * knows the position, because a query contains it. A trained bank must be kept.
+ */
 TEST(decide_should_keep_a_bank_that_learned)
 {
     const saga_rate_gain *g;
@@ -213,8 +215,9 @@ static void copy_reads(real *to, const rate_scene *f)
     }
 }
 
-/* A round of the bank sees what is coded before it and nothing else: if
- * everything is decoded, all rounds at once give what they gave one by one. */
+/* A round of the bank may depend only on what is coded before it. Therefore all
+ * rounds computed at once, with everything decoded, must give what they gave
+ * one by one. */
 TEST(memory_should_be_causal)
 {
     double bits[SAGA_N_STEPS] = { 0 };
@@ -242,8 +245,8 @@ TEST(memory_should_be_causal)
     free(all);
 }
 
-/* Where nothing is left out but columns of zeros, the reduced networks give
- * the same parameters and so the same code. */
+/* If only columns of zeros are removed from the networks, the reduced networks
+ * must give the same parameters, hence the same bytes. */
 static void should_code_alike(uint32_t tools, const uint8_t keep[SAGA_N_KINDS])
 {
     FREED_BY(rate_scene_free) rate_scene f;
@@ -295,9 +298,10 @@ TEST(choice_should_code_as_the_rate_does)
     should_code_alike(SAGA_TOOL_BANK, with);
 }
 
-/* Features a fifth of their format's unit off the middle between two steps, on
- * both sides, and means 0.4 of it off what the format can say: training rounds
- * each to what is decoded. */
+/* Training must round features to the values that are decoded, even close to
+ * the middle between two steps. The features here are a fifth of their format's
+ * unit to both sides of it, and the means are 0.4 of a unit off the nearest
+ * value of the format. */
 TEST(features_should_be_rounded_as_they_are_coded)
 {
     FREED_BY(rate_scene_free) rate_scene f;
@@ -347,8 +351,9 @@ static double off(real x, double want, double least)
     return fabs((double)x - want) / fmax(fabs(want), least);
 }
 
-/* In whole vectors and in what is left of one; far values and deviations of a
- * ninth to 58 steps. */
+/* The cost of a row of values is tested in whole vectors and in the rest after
+ * them, with values far from the mean, and with deviations from 1/9 to 58
+ * steps. */
 TEST(rows_should_cost_what_their_values_do)
 {
     double bits = 0, slope = 0, v, s;

@@ -17,9 +17,10 @@ static double log2_sigma_of(int index)
     return (index - SAGA_SCALE_UNIT) / (double)SAGA_SCALE_PER_OCTAVE;
 }
 
-/* Where a symbol's integer frequency is at least 200, rounding moves its length
- * by at most 200.5 / 200; elsewhere frequencies of 1 are a floor and the
- * escape's codes a ceiling of what the function may say. */
+/* The cost of a residual is compared with the coder's code length. If the
+ * symbol's integer frequency is at least 200, rounding changes the probability
+ * by a factor of at most 200.5 / 200. Rarer symbols have a frequency of at
+ * least 1, and the length of the escape code bounds the cost from above. */
 TEST(bits_should_be_near_the_coders)
 {
     double worst = 0;
@@ -39,7 +40,7 @@ TEST(bits_should_be_near_the_coders)
 
 TEST(escapes_should_cost_at_least_what_they_do)
 {
-    /* Scale 0: everything beyond 1 escapes. */
+    /* At scale 0 every |q| > 1 is an escape. */
     for (uint32_t q = 2; q <= SAGA_MAX_RESIDUAL; q += 1 + q / 50)
         assert_true(saga_rate_bits(q, log2_sigma_of(0)).bits >=
                     saga_cost_residual((int32_t)q, 0));
@@ -86,10 +87,11 @@ static double rms(const real *x, size_t n)
     return sqrt(sum / (double)n);
 }
 
-/* Central differences of step 1e-6, to 2e-5 of a gradient and of their root
- * mean square, and to what rounding leaves of a loss of some hundred (1e-7); a
- * ReLU's corner within the step may make one in a hundred differ. Sanitizers,
- * which look at memory and not at numbers, get one in seven. */
+/* Compares gradients with central differences with a step of 1e-6. A difference
+ * may be 2e-5 of the gradient plus 2e-5 of the root mean square of all
+ * gradients, plus 1e-7 for the rounding of a loss of some hundred. One in a
+ * hundred may differ more, because a ReLU may change its state within the step.
+ * Under sanitizers only one in seven gradients is tested. */
 static void check_range(rate_scene *f, const char *what, real *x, const real *g,
                         size_t n)
 {
@@ -178,7 +180,8 @@ TEST(rate_gradients_should_match_differences)
     check_gradients(SAGA_SOURCE_PARENT | SAGA_SOURCE_GROUPS, 0);
 }
 
-/* Through the memory and all of its steps, whichever update. */
+/* Gradients must flow through the memory bank and all its updates, orthogonal
+ * or plain. */
 TEST(memory_gradients_should_match_differences)
 {
     check_gradients(SAGA_SOURCES_KNOWN, SAGA_TOOL_BANK);
@@ -186,7 +189,7 @@ TEST(memory_gradients_should_match_differences)
                     SAGA_TOOL_BANK | SAGA_TOOL_PLAIN_WRITE);
 }
 
-/* The quarters of the blocks together are all of them. */
+/* The bits of the four quarters of the blocks must add up to those of all. */
 TEST(subsets_should_add_up)
 {
     FREED_BY(rate_scene_free) rate_scene f;

@@ -16,7 +16,8 @@
 
 enum { FIRST = SAGA_NET_FUSE_C, SECOND = SAGA_NET_COLOUR, N_PARAMS = 60 };
 
-/* 3-4-2 and 5-4-2, and one without inputs, which is none of the tensors. */
+/* Networks with 3-4-2 and 5-4-2 units, and one without inputs, which has no
+ * tensors. */
 typedef struct {
     saga_net net[SAGA_N_NETS];
     double x[N_PARAMS], y[N_PARAMS], dx[N_PARAMS], c[N_PARAMS];
@@ -31,8 +32,9 @@ static void set_dims(saga_net *net, int a, int b, int c)
     net->dim[2] = c;
 }
 
-/* Columns of the first layer and rows of the third so unlike that each takes
- * its own deviation, none below that of the lowest scale. */
+/* Makes the columns of the first layer and the rows of the third so different
+ * that each gets a deviation of its own, none below that of the lowest scale.
+ */
 static void spread(fixture *f)
 {
     double *const columns = f->x + f->w.tensor[0].at;
@@ -88,8 +90,8 @@ TEST(list_should_hold_every_parameter_once)
     assert_int_equal(saga_weights_find(&f.w, SAGA_NET_E_PRIM, 0), -1);
 }
 
-/* A 64th of the root mean square; of biases that are 0, or small, their
- * layer's. */
+/* The first step of a tensor must be 1/64 of its root mean square; for biases
+ * that are 0 or small, 1/64 of that of their layer's weights. */
 TEST(steps_should_begin_fine)
 {
     static fixture f;
@@ -113,8 +115,8 @@ TEST(steps_should_begin_fine)
 
 /* --- Noise --------------------------------------------------------------- */
 
-/* Uniform in +-noise step / 2, so of variance (noise step)^2 / 12; nothing in
- * tensors that are rounded. */
+/* Noise must be uniform in +-noise step / 2, with a variance of
+ * (noise step)^2 / 12. Tensors that are rounded must get none. */
 TEST(noise_should_have_the_size_of_the_step)
 {
     static fixture f;
@@ -139,8 +141,9 @@ TEST(noise_should_have_the_size_of_the_step)
         assert_true(fabs(square[t] / 2000 - 1) < 0.05);
 }
 
-/* The file can say powers of two for biases, any step for weights; of weights
- * of 8 bits, powers of two alone are met. */
+/* The format has powers of two as steps of biases, and any step for weights.
+ * Integer weights of 8 bits represent multiples of a step exactly only if it is
+ * a power of two, so that these must be powers of two as well. */
 TEST(steps_should_be_powers_of_two_where_others_are_missed)
 {
     static fixture f;
@@ -158,8 +161,9 @@ TEST(steps_should_be_powers_of_two_where_others_are_missed)
 
 /* --- Gradients ----------------------------------------------------------- */
 
-/* sum c y + price bits(y), y the noisy x: a distortion that is linear in y. The
- * deviations are measured on `at`, as a step of training does: constants. */
+/* Returns sum c y + price bits(y), where y is x with noise; the distortion is
+ * linear in y. The deviations are measured on `at` and constant, as in a step
+ * of training. */
 static double loss(fixture *f, const double *at, double price)
 {
     static double unused[N_PARAMS];
@@ -202,8 +206,8 @@ TEST(rate_should_have_the_gradient_of_its_differences)
         f.x[i] = at[i];
         assert_true(is_close(f.dx[i], (up - down) / (2 * h)));
     }
-    /* Biases' steps jump, their gradient is that of the power of two: only
-     * weights' can be compared. */
+    /* Only the gradients of the weights' steps are compared, because the steps
+     * of biases are rounded to powers of two. */
     for (int t = 0; t < f.w.n; t += 2) {
         const double was = f.w.log2_step[t];
         double up, down;
@@ -219,7 +223,8 @@ TEST(rate_should_have_the_gradient_of_its_differences)
 
 /* --- Bits ---------------------------------------------------------------- */
 
-/* A layer of 200 x 100, in steps of 1/16: y, and what its bits are. */
+/* A layer of 200 x 100 weights with a step of 1/16, for the comparison of its
+ * estimated bits with code lengths. */
 enum { ROWS = 200, COLS = 100 };
 
 typedef struct {
@@ -256,9 +261,9 @@ static void begin_layer(layer *l, int mode)
     assert_int_equal(l->w.mode[0], mode);
 }
 
-/* Normal values of 2.5 steps: bits of the rounded ones are what the integer
- * tables' nearest scale takes. Scales stand 1/7 octave apart, frequencies have
- * 15 bits; 0.5 % is issue 3's bound. */
+/* For normally distributed weights with a deviation of 2.5 steps, the estimated
+ * bits must be within 0.5 % of the code length with the nearest scale of the
+ * integer tables. Scales are 1/7 octave apart, and frequencies have 15 bits. */
 TEST(rate_should_be_what_the_integers_take)
 {
     static layer l;
@@ -271,10 +276,10 @@ TEST(rate_should_be_what_the_integers_take)
     assert_true(fabs(l.w.bits[0] / bits - 1) < 0.005);
 }
 
-/* Deviations from 5 steps down to 1.25, or to 0.16, by line. The file's scales
- * of lines stand 4/7 octave apart: a deviation that is off by a factor e^d
- * takes d^2 nats more, 0.019 bits on average over d = +-(2/7) ln 2, 1 % of the
- * 2 bits of a weight here. */
+/* The deviations of the rows or columns fall from 5 steps to 1.25, or to 0.16.
+ * The format's scales of rows and columns are 4/7 octave apart. A deviation
+ * that is wrong by a factor e^d takes d^2 nats more. On average over
+ * d = +-(2/7) ln 2 these are 0.019 bits, 1 % of the 2 bits of a weight. */
 TEST(rate_should_be_that_of_scales_by_line)
 {
     static layer l;
@@ -301,7 +306,7 @@ TEST(rate_should_be_that_of_scales_by_line)
 
 enum { POINTS = 400, IN = 12, OUT = 5 };
 
-/* Inputs that mix `ranks` independent ones. */
+/* Makes inputs that are linear combinations of `ranks` independent ones. */
 static void make_inputs(double *x, int ranks)
 {
     const saga_rng r = saga_rng_stream(4, (uint64_t)ranks);
@@ -327,7 +332,7 @@ static void make_weights(double *w, double *b)
         b[i] = saga_rng_normal(r, 500 + i);
 }
 
-/* Mean squared difference of the outputs of two layers. */
+/* Returns the mean squared difference between the outputs of two layers. */
 static double output_error(const double *x, const double *w, const double *b,
                            const double *w0, const double *b0)
 {
@@ -373,7 +378,8 @@ static void round_both(double *plain, double *ours, const double *x)
     *ours = output_error(x, w, b, w0, b0);
 }
 
-/* Inputs of three dimensions: an error has nine directions to hide in. */
+/* If inputs span only three dimensions, errors of weights in the other nine
+ * directions do not change the outputs. Rounding must use this. */
 TEST(rounding_should_hide_errors_where_no_input_goes)
 {
     static double x[POINTS * IN];
@@ -390,8 +396,9 @@ TEST(rounding_should_hide_errors_where_no_input_goes)
     assert_true(ours < plain);
 }
 
-/* Orthogonal inputs, the constant of the bias among them (a Hadamard matrix'
- * columns): no error can make up for another, so nothing but rounding. */
+/* If inputs are orthogonal to each other and to the constant input of the bias
+ * (columns of a Hadamard matrix), no error can compensate for another. Each
+ * weight must be rounded to nearest. */
 TEST(rounding_should_be_plain_for_orthogonal_inputs)
 {
     double x[16 * IN], w[IN * OUT], b[OUT], w0[IN * OUT], b0[OUT];
@@ -415,9 +422,9 @@ TEST(rounding_should_be_plain_for_orthogonal_inputs)
     assert_memory_equal(b, b0, sizeof b);
 }
 
-/* Inputs that are all alike add to the bias: the bias, rounded last, takes over
- * the errors of all weights and leaves its own, half its step at most. Damping
- * moves a thousandth of their sum elsewhere. */
+/* If all inputs are constant, the errors of all weights can be moved into the
+ * bias, which is rounded last. Only its own error remains, at most half its
+ * step, apart from a thousandth of the sum because of damping. */
 TEST(rounding_should_end_with_the_bias)
 {
     static double x[POINTS * IN];
@@ -441,7 +448,8 @@ TEST(rounding_should_end_with_the_bias)
     }
 }
 
-/* Whether all of a row stands on multiples of its steps, times `times`. */
+/* Returns whether all weights of a row and its bias are multiples of `times`
+ * times their steps. */
 static int is_multiple(const double *w, double b, double times)
 {
     for (int c = 0; c < IN; c++)
@@ -450,8 +458,9 @@ static int is_multiple(const double *w, double b, double times)
     return remainder(b, 0.125 * times) == 0;
 }
 
-/* A row with a weight of 100 steps where 30 are the most has steps four times
- * as large, its bias too; the others keep theirs. */
+/* If a row has a weight of 100 steps and 30 are the limit, the steps of its
+ * weights and of its bias must become four times as large. Other rows must keep
+ * their steps. */
 TEST(rounding_should_double_the_steps_of_large_rows)
 {
     static double x[POINTS * IN];

@@ -476,7 +476,8 @@ TEST(hierarchy_should_hold_everything_when_uniform)
     assert_true(max_depth_t() > 0);
 }
 
-/* Leaves stop short of their budget when fine anchors run out. */
+/* If the budget of fine anchors is used up, there must be fewer leaves than
+ * their budget allows. */
 TEST(hierarchy_should_keep_to_the_fine_budget)
 {
     given(200, 17);
@@ -594,8 +595,9 @@ TEST(hierarchy_should_split_time_only_where_it_varies)
     assert_int_equal(max_depth_t(), 0);
 }
 
-/* A quarter of the primitives has times of its own, everywhere among primitives
- * that are always visible. */
+/* A quarter of the primitives is visible for short times, spread among
+ * primitives that are always visible. Cells must not be split in time, unless
+ * min_local, the least such part that justifies it, is set to 0. */
 TEST(hierarchy_should_not_split_time_for_a_minority)
 {
     given(800, 16);
@@ -617,7 +619,7 @@ TEST(hierarchy_should_not_split_time_when_model_is_still)
     limit(SAGA_TOOL_VIEW, 100, 400);
     build();
     assert_int_equal(max_depth_t(), 0);
-    /* The fewest arrays there may be. */
+    /* Still primitives without scores need only some of the arrays. */
     f.p.t_centre = f.p.motion = f.p.log2_width = f.p.support = NULL;
     f.p.slope = f.p.colour = f.p.log2_scale = NULL;
     free(f.score);
@@ -641,7 +643,8 @@ TEST(hierarchy_should_take_degenerate_inputs)
     assert_int_equal(s.n.coarse, 1);
     assert_int_equal(s.n.fine, 1);
 
-    /* All at one point, all of no importance: one full leaf. */
+    /* All primitives are at one point and have no importance, which gives one
+     * full leaf. */
     given(160, 6);
     for (uint32_t i = 0; i < f.n; i++) {
         memset(f.p.mean + 3 * i, 0, 3 * sizeof *f.p.mean);
@@ -659,7 +662,8 @@ TEST(hierarchy_should_take_degenerate_inputs)
     build();
 }
 
-/* Two crowds, in one leaf each, differ only in their scores. */
+/* Two groups of primitives, in one leaf each, differ only in their importance.
+ * The more important one must get more fine anchors. */
 TEST(hierarchy_should_give_anchors_to_what_matters)
 {
     given(120, 14);
@@ -674,7 +678,8 @@ TEST(hierarchy_should_give_anchors_to_what_matters)
     u.o.beta = 0;
     build();
     assert_int_equal(s.n.coarse, 2);
-    /* 18 in the ratio of 1 : sqrt(9), within 6..16 (a leaf has 60). */
+    /* The 18 fine anchors are divided in the ratio of 1 : sqrt(9), but each of
+     * the two leaves of 60 primitives gets 6 to 16. */
     assert_int_equal(s.coarse[0].n_fine, 6);
     assert_int_equal(s.coarse[1].n_fine, 12);
     u.o.max_fine = 24;
@@ -683,8 +688,9 @@ TEST(hierarchy_should_give_anchors_to_what_matters)
     assert_int_equal(s.coarse[1].n_fine, 16);
 }
 
-/* Five crowds in one leaf and five anchors: one each. Then room for eight
- * where ten crowd: two go elsewhere. */
+/* With five groups of primitives in one leaf and five anchors, each group must
+ * get an anchor. If an anchor has room for eight and a group has ten, two
+ * primitives must go to another anchor. */
 TEST(hierarchy_should_find_crowds_with_medoids)
 {
     given(50, 15);
@@ -709,7 +715,8 @@ TEST(hierarchy_should_find_crowds_with_medoids)
         assert_in_range(s.fine[i].n_prim, 1, 8);
 }
 
-/* Primitives lie in corners, and far beyond them in space and time. */
+/* Primitives in the corners of the cube, and far outside of it in space and
+ * time, must be moved to the nearest valid positions. */
 TEST(hierarchy_should_clamp_what_is_outside)
 {
     static const double values[6] = { -1, 1, -1e30, 1e30, 1.5, 0 };
@@ -729,14 +736,16 @@ TEST(hierarchy_should_clamp_what_is_outside)
     build();
 }
 
-/* Only the deepest cells, or a split in time, can separate these crowds. */
+/* Cells with too many primitives must be split further, down to the deepest
+ * cells, or in time. */
 TEST(hierarchy_should_split_further_when_too_many)
 {
     given(300, 9);
     limit(ALL_TOOLS, 20, 300);
     for (uint32_t i = 0; i < f.n; i++)
         memset(f.p.mean + 3 * i, 0, 3 * sizeof *f.p.mean);
-    /* Seen all the time, so no choice of time's: it has to be. */
+    /* Primitives that are always visible are no reason to split time; here the
+     * limit of primitives requires it. */
     for (uint32_t i = 0; i < f.n; i++)
         f.p.log2_width[i] = 10;
     build();
@@ -857,7 +866,8 @@ TEST(hierarchy_should_be_quick_when_large)
                round ? "clustered" : "uniform", seconds, (unsigned)s.n_nodes,
                (unsigned)s.n.coarse, (unsigned)s.n.fine,
                (unsigned)max_depth_t(), spread());
-        /* Ten times what it takes, for sanitizers and slow machines. */
+        /* The limit is ten times the usual time, for sanitizers and slow
+         * machines. */
         assert_true(seconds < 10);
         check_scene(&s, source, &f, &u.o);
     }

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * The division of a leaf (medoid.h) and of a budget (budget.h) on random
- * inputs: invariants hold, and small cases are compared with the best of all
- * possibilities.
+ * The division of a leaf among medoids (medoid.h) and of a budget among leaves
+ * (budget.h). Invariants are checked on random inputs, and small cases are
+ * compared with the best of all possible divisions.
  */
 #include "budget.h"
 #include "medoid.h"
@@ -112,9 +112,9 @@ TEST(one_medoid_should_be_the_cheapest)
 
 enum { MOST = 50 };
 
-/* Checks the shares: whoever got more than another relative to its want was
- * raised to its lower limit, or the other was held at its upper limit, within
- * rounding. */
+/* Checks the shares. If a share is larger than another one, relative to what
+ * each wants, the first must be at its lower limit or the second at its upper
+ * limit, within rounding. */
 static void check_shares(const saga_share *s, const uint32_t *given, uint32_t n)
 {
     for (uint32_t i = 0; i < n; i++) {
@@ -153,8 +153,8 @@ TEST(budget_should_be_shared_by_want)
     }
 }
 
-/* 10 by 1 : 2 : 4 is 1.43, 2.86, 5.71: the two largest remainders get the two
- * that are left. */
+/* 10 divided as 1 : 2 : 4 is 1.43, 2.86, 5.71. The integer parts leave two,
+ * which must go to the two largest remainders. */
 TEST(budget_should_go_to_the_largest_remainders)
 {
     saga_share s[] = { { .want = 1, .hi = 9 }, { .want = 2, .hi = 9 },

@@ -73,7 +73,8 @@ static void make_scene(saga_scene *s, uint32_t tools, uint32_t no_fuse)
     }
     for (uint32_t i = 0; i < 2u * m.features; i++)
         s->coarse_feature[i] = saga_rng_normal(r, k++);
-    /* Biases away from 0, colours away from the clamp. */
+    /* Random parameters keep biases away from 0 and colours away from their
+     * limits. */
     for (uint32_t i = 0; i < s->n_reals - (size_t)(s->params - s->reals); i++)
         s->params[i] = 0.5 * s->params[i] + 0.05 * saga_rng_normal(r, k++);
 }
@@ -186,8 +187,9 @@ static void gradient(saga_twin *w, saga_scene *d, saga_scene *s)
     saga_twin_backward(w, d, s);
 }
 
-/* Central differences of step 1e-6 err by about 1e-9; ReLUs within the step of
- * their corner are the reason for the few that may differ. */
+/* Checks the gradients of a range of parameters. Central differences with a
+ * step of 1e-6 have errors of about 1e-9. A few may differ, because a ReLU may
+ * change its state within the step. */
 static void check_range(saga_twin *w, saga_scene *s, const saga_scene *d,
                         real *at, size_t n, size_t stride)
 {
@@ -251,8 +253,9 @@ TEST(twin_gradients_should_match_differences_without_fuse)
         run_gradient(SAGA_TOOLS_PICTURE, no_fuse, false);
 }
 
-/* 16 bits with 8 of them behind the point hold +-127.996: 300 is cut to that,
- * and its gradient leads back alone. */
+/* A format of 16 bits with 8 fractional bits ends at 127.996. A motion of 300
+ * must be cut to that, and its gradient must be 0 unless it points back into
+ * the range. */
 TEST(motion_should_end_where_its_format_does)
 {
     const int last = 2;
@@ -285,7 +288,7 @@ TEST(motion_should_end_where_its_format_does)
     saga_scene_free(&d);
 }
 
-/* In a base, rows of outputs for motion have no gradient. */
+/* In a base, the rows of outputs for motion must have no gradient. */
 TEST(twin_gradients_should_match_differences_of_what_is_still)
 {
     run_gradient(SAGA_TOOLS_PICTURE, 0, true);

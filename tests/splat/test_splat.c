@@ -280,8 +280,9 @@ static void plain(fixture *f, size_t i)
     f->p.log2_width[i] = 0;
 }
 
-/* Each changes one thing of a plain primitive at the origin, of a camera that
- * stands at z = -3; `seen` says whether it is drawn. */
+/* Each case changes one property of a plain primitive at the origin, or of the
+ * camera, which is at z = -3. `seen` says whether the primitive must be drawn.
+ */
 static const struct hard_case {
     const char *what;
     int attribute, at;
@@ -347,7 +348,7 @@ TEST(splat_should_survive_hard_cases)
     }
 }
 
-/* Equal depths are drawn in the order of the index. */
+/* Primitives at equal depth must be drawn in the order of their indices. */
 TEST(splat_should_break_ties_by_index)
 {
     fixture *const f = new_fixture(2, 16, 16, 70, 2);

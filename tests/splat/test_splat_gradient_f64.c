@@ -108,8 +108,9 @@ TEST(splat_gradient_should_match_differences)
     }
 }
 
-/* Opacities near 1 (the cap), needles, splats larger than the picture, means
- * beyond the borders that clamp the Jacobian, a saturated temporal opacity. */
+/* Gradients must match in extreme cases: opacities near the cap, needles,
+ * splats larger than the picture, means so far outside that the Jacobian is
+ * clamped, and a saturated temporal opacity. */
 TEST(splat_gradient_should_match_when_extreme)
 {
     fixture *const f = new_fixture(3);
@@ -133,7 +134,7 @@ TEST(splat_gradient_should_match_when_extreme)
     free_fixture(f);
 }
 
-/* Splats are steep: q has the square of s. */
+/* Gradients must match for steep splats, whose q contains the square of s. */
 TEST(splat_gradient_should_match_where_it_is_steep)
 {
     fixture *const f = new_fixture(3);
@@ -143,8 +144,8 @@ TEST(splat_gradient_should_match_where_it_is_steep)
     free_fixture(f);
 }
 
-/* Without a temporal opacity, time reaches the picture by motion and slope
- * alone. */
+/* Without a temporal opacity, times affect the picture only by motion and
+ * rotation. */
 TEST(splat_gradient_should_skip_time_when_detached)
 {
     fixture *const f = new_fixture(4);
@@ -203,8 +204,8 @@ TEST(splat_gradient_should_match_in_a_crowd)
     saga_canvas_free(&f.c);
 }
 
-/* The gradient of the squared error with respect to the picture is propagated
- * back. */
+/* saga_splat_learn must give the gradients that saga_splat_backward gives for
+ * the derivative of the squared error by the picture. */
 TEST(learn_should_match_backward_of_the_squared_error)
 {
     fixture *const f = new_fixture(5);

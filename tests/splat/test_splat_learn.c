@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * The rasteriser can be learned through. 500 moving primitives, drawn from
- * several cameras at several times, are the target; 500 others, still at first,
- * are fitted to them by Adam. The result is judged on held-out views.
+ * Primitives can be trained through the rasteriser. The target are pictures of
+ * 500 moving primitives, from several cameras at several times. 500 others,
+ * which do not move at first, are fitted to them with Adam. The result is
+ * tested on held-out views.
  */
 #include "adam.h"
 #include "splat_scene.h"
@@ -185,8 +186,8 @@ TEST(fit_should_learn)
     free_fit(f);
 }
 
-/* Pixels that do not count are as if they were drawn right; the mean is of the
- * rest. */
+/* Masked pixels must have no gradient, and the mean squared error must be that
+ * of the other pixels. */
 TEST(pixels_should_not_count_when_they_are_unseen)
 {
     fit *const f = new_fit();
@@ -226,8 +227,8 @@ static saga_splat_params from(saga_splat_params p, size_t first)
     return p;
 }
 
-/* The canvas's own primitives are drawn as if they followed the others, in one
- * order of depth. Only the others learn. */
+/* The canvas's own primitives must be drawn sorted together with the given
+ * ones, as if they came after them. Only the given ones may get gradients. */
 TEST(canvas_should_draw_its_own_and_teach_the_others)
 {
     enum { GIVEN = 200 };
@@ -263,7 +264,8 @@ TEST(canvas_should_draw_its_own_and_teach_the_others)
     free_fit(f);
 }
 
-/* The state of a run is its parameters, its moments and the step. */
+/* A run that is resumed from its parameters, Adam's moments and the step must
+ * continue exactly. */
 TEST(fit_should_resume_exactly)
 {
     fit *const whole = new_fit(), *const part = new_fit();

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * One model in two arithmetics: the float rasteriser is compared with the
- * integer decoder's animate, project and raster on the same primitives. The
- * project requires a PSNR of at least 55 dB between the two.
+ * The float rasteriser is compared with the integer decoder (animate, project
+ * and raster) on the same primitives. The PSNR between the two pictures must be
+ * at least 55 dB.
  */
 #include "animate.h"
 #include "project.h"
@@ -154,7 +154,7 @@ static double compare(uint32_t n, int width, int height, uint64_t seed,
     assert_ok(saga_camera_check(&camera));
     draw_integers(rgb, prim, &p, n, &camera,
                   is_steep ? SAGA_TOOL_STEEP : 0);
-    /* The trainer's picture, and how far off it is. */
+    /* The trainer's picture is drawn and compared. */
     assert_true(saga_canvas_init(&canvas, plane, &error));
     canvas.camera = cam;
     canvas.t = TIME / 65536.0f;

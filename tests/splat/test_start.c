@@ -45,7 +45,8 @@ TEST(solve_should_invert_the_product)
     }
 }
 
-/* Unknowns that occur in no equation stay 0, and the others are found. */
+/* Unknowns that occur in no equation must be 0, and the others must be found.
+ */
 TEST(solve_should_leave_out_what_has_no_say)
 {
     enum { N = 9 };
@@ -64,7 +65,8 @@ TEST(solve_should_leave_out_what_has_no_say)
         assert_true(fabs(b[i] - (i % 3 == 1 ? 0 : 1 + (double)i)) < 1e-7);
 }
 
-/* Also of a matrix that has no inverse: eigenvalues of 0 are found. */
+/* Eigenvalues and eigenvectors must reproduce the matrix, even if it is
+ * singular and has eigenvalues of 0. */
 TEST(eigen_should_take_matrices_apart)
 {
     for (size_t n = 1; n <= SAGA_LINEAR_MOST; n += 3) {
@@ -152,7 +154,8 @@ TEST(canonical_form_should_draw_the_same)
 
         assert_true(fabsf(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] +
                           q[3] * q[3] - 1) < 1e-5f);
-        /* The farthest rotation from all of the cube's is by 62.8 degrees. */
+        /* No rotation is farther than 62.8 degrees from the nearest symmetry
+         * of the cube, hence w >= cos(31.4 degrees). */
         assert_true(q[0] > R(0.853));
     }
 }

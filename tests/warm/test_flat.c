@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: MIT
  *
- * The warm-up on a capture of a few thousand pixels of the built-in scene,
- * whose true depth is known. Tested are: the same bits for any number of
- * threads and after a restore, how many primitives exist and which are removed,
- * where the cube is, the depths found for pixels, faults by name, and the small
- * operators against double.
+ * The warm-up is tested on a capture of a few thousand pixels of the built-in
+ * scene, whose true depth is known. The result must have the same bits for any
+ * number of threads and after a restore. The tests check the number of
+ * primitives and which are removed, the place of the cube, the depths found for
+ * pixels, error messages, and the small operators against double.
  */
 #include "capture.h"
 #include "exposure_match.h"
@@ -126,8 +126,9 @@ TEST(bits_should_not_depend_on_threads)
         saga_flat_free(f[i]);
 }
 
-/* Where threads meet a hundred times in an iteration, two are slower than one.
- * No pictures are looked at for new primitives so early. */
+/* Threads must wait for each other only a few times in an iteration: with a
+ * hundred times two threads would be slower than one. The iterations tested are
+ * too early for the search for new primitives. */
 TEST(threads_should_seldom_meet)
 {
     enum { FEW = 20, MEETINGS = 11 };
@@ -161,7 +162,8 @@ static saga_flat *saved_and_restored(const fixture *x, saga_flat *f,
     return f;
 }
 
-/* The training is stopped while it grows and while it prunes. */
+/* The warm-up is saved and restored while it adds primitives and while it
+ * removes them; the result must not change. */
 TEST(bits_should_not_depend_on_interruptions)
 {
     static const int stops[] = { 30, 80 };
@@ -225,8 +227,9 @@ TEST(count_should_end_as_asked_whatever_is_asked)
     }
 }
 
-/* The first prune, at 0.35 of the iterations: who stays is worth at least as
- * much as anyone who goes, and nothing of it changes. */
+/* At the first pruning, after 0.35 of the iterations, every primitive that
+ * stays must be worth at least as much as every primitive that is removed, and
+ * must not change. */
 TEST(prune_should_take_what_is_worth_least)
 {
     const saga_flat_options o = small();
@@ -274,9 +277,9 @@ static double error_of_all(saga_flat *f)
     return sum;
 }
 
-/* Taking each primitive away, one at a time, costs the pictures something: of
- * two thirds of the pairs at least the one that is worth more is also the
- * greater loss (by chance of one half). */
+/* The worth of primitives is compared with the error that the removal of each
+ * one alone causes. In at least two thirds of all pairs the primitive with the
+ * larger worth must cause the larger error (half of them would by chance). */
 TEST(worth_should_rank_what_removal_costs)
 {
     enum { N = 24 };
@@ -313,9 +316,10 @@ TEST(worth_should_rank_what_removal_costs)
     saga_flat_free(f);
 }
 
-/* One primitive, split in two because two are asked for: 0.6 standard
- * deviations to both sides of its longest axis, here the second, turned by 90
- * degrees about z from y to -x; 2^-0.415 as long. */
+/* If two primitives are wanted and one exists, it must be split in two. Their
+ * centres must be 0.6 standard deviations to both sides along its longest axis,
+ * and this axis must become 2^-0.415 as long. The longest axis here is the
+ * second; a rotation by 90 degrees about z turns it from y to -x. */
 TEST(split_should_make_two_halves_of_the_longest_axis)
 {
     saga_flat_options o = small();
@@ -334,7 +338,7 @@ TEST(split_should_make_two_halves_of_the_longest_axis)
     memcpy(f->value.log2_scale, size, sizeof size);
     memcpy(f->value.quat, quat, sizeof quat);
     f->value.opacity[0] = 1;
-    f->iteration = 5;               /* the last prune makes the count right */
+    f->iteration = 5;               /* the last pruning, which sets the count */
     assert_done(saga_flat_change_count(f, &error));
     assert_int_equal(f->n, 2);
     half = saga_flat_params(f);
@@ -379,7 +383,8 @@ static bool in_cube(const saga_cube *cube, const double *x, double slack)
     return true;
 }
 
-/* The points but for the outermost, and what two training views show. */
+/* The cube must contain the capture's points except the outermost, and
+ * everything that two training views show. */
 TEST(cube_should_hold_what_there_is_to_see)
 {
     saga_capture c = ((fixture *)*state)->capture;
@@ -400,11 +405,11 @@ TEST(cube_should_hold_what_there_is_to_see)
 
             world_of(x, c.views + v, at % W + 0.5, at / W + 0.5, z);
             assert_true(z > range[2 * v] && z < range[2 * v + 1]);
-            /* Between the pixels that were sampled it bulges a little. */
+            /* Points between the sampled pixels may be a little outside. */
             assert_true(in_cube(&cube, x, 1.05));
         }
         assert_true(range[0] > 0 && cube.unit < 40);
-        c.n_points = 0;    /* then by where the cameras look */
+        c.n_points = 0;    /* then the cameras determine the cube */
     }
 }
 
@@ -457,7 +462,8 @@ TEST(cube_should_be_as_large_as_what_two_views_share)
     assert_true(cube.unit > 0.85 * half && cube.unit < 1.03 * half);
 }
 
-/* Without points: ranges as the capture gives them, with little slack. */
+/* Without points, the cube must extend to the depth ranges that the capture
+ * gives, and hardly farther. */
 TEST(cube_should_believe_the_depths_of_the_capture)
 {
     saga_capture c = ((fixture *)*state)->capture;
@@ -479,7 +485,8 @@ TEST(cube_should_believe_the_depths_of_the_capture)
     assert_true(cube.unit < 4.2);
 }
 
-/* A place has the same pixel in the world's units and in half-cubes. */
+/* A point must project to the same pixel in the units of the world and in
+ * half-cubes. */
 TEST(camera_should_see_the_cube_as_the_view_the_world)
 {
     const saga_capture *const c = &((fixture *)*state)->capture;
@@ -534,9 +541,9 @@ TEST(sights_should_have_the_true_depth)
     qsort(error, (size_t)n, sizeof *error, saga_by_value);
     printf("flat: %d of 900 sights trusted, depth off by %.1f %% median, "
            "%.0f %% p90\n", n, 100 * error[n / 2], 100 * error[n * 9 / 10]);
-    /* A pixel is 1 / 65 and the baseline a fifth of the depth or more: one
-     * pixel of parallax is at most 8 %; patches are matched to a fraction of
-     * one (nearest pixels: 1.6 %). */
+    /* A pixel is 1 / 65 of the focal length, and the baseline is at least a
+     * fifth of the depth, so that an error of one pixel in the parallax is at
+     * most 8 % of the depth. Patches are matched to a fraction of a pixel. */
     assert_true(n > 90);
     assert_true(error[n / 2] < 0.014);
     saga_flat_free(f);
@@ -572,7 +579,8 @@ TEST(warm_up_should_learn_the_held_out_view)
     saga_flat_free(f);
 }
 
-/* Adam's first step is the rate itself: a thousandth of a second. */
+/* The first step of Adam equals the learning rate, which for temporal centres
+ * is a thousandth of a second, whatever the length of the segment. */
 TEST(moments_should_be_learned_in_steps_of_seconds)
 {
     static const double seconds[] = { 0.5, 1, 10 };
@@ -612,9 +620,9 @@ static double along_axis(const double v[3], const real *q, size_t k)
             2 * w * (u[a] * v[b] - u[b] * v[a])) / n;
 }
 
-/* Adam's first step is the rate itself along each axis, or 0 where nothing is
- * seen; a mean goes as many times as far as its primitive is larger than all of
- * them are on the mean of the logarithms, 4 times at most. */
+/* The first step of Adam equals the learning rate along each axis, or 0 for a
+ * primitive that no picture shows. The rate of a mean is multiplied by the size
+ * of the primitive relative to the geometric mean of all sizes, at most 4. */
 TEST(means_should_learn_in_steps_of_their_size)
 {
     const saga_flat_options o = small();
@@ -685,7 +693,7 @@ static void should_fail(saga_flat *f, const char *what, const char *when)
         fail_msg("no \"%s\", \"%s\" in: %s", what, when, error.message);
 }
 
-/* A tensor of which one value is not a number, and the word for it. */
+/* If a value of a tensor is not a number, the error must name the tensor. */
 TEST(fault_should_be_named)
 {
     const saga_flat_options o = small();
@@ -760,8 +768,8 @@ static void free_exposed(saga_capture *c)
     free(c->views);
 }
 
-/* Factors are found up to one that all cameras share, and they are exactly 1
- * where the cameras agree. */
+/* The factors of the cameras' exposures must be found, up to a common factor,
+ * and must be exactly 1 if all cameras agree. */
 TEST(exposures_should_be_found)
 {
     static const double factor[VIEWS] = { 0.8, 1.1, 0.9, 1.15, 1 };
@@ -788,7 +796,8 @@ TEST(exposures_should_be_found)
     saga_pictures_free(&p);
 }
 
-/* A colour that an eighth of all pixels have exactly is the background. */
+/* The background must be the colour that an eighth of all pixels have exactly.
+ */
 TEST(background_should_be_what_is_frequent)
 {
     static const double same[VIEWS] = { 1, 1, 1, 1, 1 };
