@@ -199,18 +199,19 @@ def ablation(rates):
                      for r in runs])
     table(["variant", "rate", "BD-rate"] + [label(i) + ": kB / dB / sources"
                                             for i in range(len(rates))], rows)
-    prose("The letters are the sources of coarse anchors, fine offsets and "
-          "primitive offsets that were worth their weights: hyperprior, "
-          "parent, groups, bank (m). \"Rate\" is the mean change of the "
-          "bytes against the full model (the last two rows: against all "
-          "sources), on the same symbols. \"BD-rate\" is the change at equal "
-          "PSNR of the training views, by monotone cubics of log-rate over "
-          "the common interval. The two numbers can disagree: features are "
-          "rounded against the prediction, so in a refit they move by up to "
-          "half a step, which costs PSNR compared with the file as trained, "
-          "and a different amount in each variant.")
-    prose("All files here are the paper's V3: there is no residual hash "
-          "([lab/residual-hash.md](../lab/residual-hash.md)).")
+    prose("The letters are the sources (inputs of the entropy networks) of "
+          "coarse anchors, fine offsets and primitive offsets that saved more "
+          "than their weights cost: hyperprior (h), parent (p), groups (g), "
+          "bank (m). \"Rate\" is the mean change of the bytes against the "
+          "full model (the last two rows: against all sources), on the same "
+          "symbols. \"BD-rate\" is the change at equal PSNR of the training "
+          "views, by monotone cubics of log-rate over the common interval. "
+          "\"Rate\" is the more reliable number: features are rounded "
+          "relative to the prediction, so in a refit they move by up to half "
+          "a step, which costs another amount of PSNR in each variant.")
+    prose("No file here has the paper's residual hash "
+          "([lab/residual-hash.md](../lab/residual-hash.md)), so all of them "
+          "are its variant V3.")
 
 
 def slots(rate, folder):
@@ -301,15 +302,17 @@ def shared(scenes):
                 for r in rows[key]] + [""] * (len(factors) - len(rows[key]))
                for key, name in SHARING])
     prose("1:2:2 means one coarse anchor with two fine anchors and two "
-          "primitives. Cells have bytes; dB training / held out, from the "
-          "decoded file on the sampled pictures. Pictures of 160x90, 2,400 "
-          "iterations, seed 1; all rows of a scene continue from one "
-          "warm-up; lambda is the rule's times the factor. Each row is one "
-          "rendering, so less than 2 % proves nothing. A dash: no PSNR in "
-          "common, or one that falls as bytes grow. \"By place\": a coarse "
-          "anchor starts with the mean of its primitives' features. The "
-          "rendering is short; [lab/anchors.md](../lab/anchors.md) has "
-          "longer ones.")
+          "primitives; \"by place\", that a coarse anchor starts with the "
+          "mean of its primitives' features; K is the number of fine anchors "
+          "that a primitive interpolates. A cell has bytes and PSNR in dB of "
+          "training / held-out views, from the decoded file on the sampled "
+          "pictures. "
+          "Pictures have 160x90 pixels; 2,400 iterations, seed 1; all rows of "
+          "a scene continue from one warm-up; the columns multiply the lambda "
+          "that `saga encode` chooses by itself. Each row is one rendering, "
+          "so less than 2 % proves nothing. A dash: the curves share no PSNR, "
+          "or PSNR falls as bytes grow. [lab/anchors.md](../lab/anchors.md) "
+          "has longer renderings.")
 
 
 def beside(rates, scenes):
@@ -350,33 +353,39 @@ def beside(rates, scenes):
               "not measured (5)"]]
     print("## Compared with the paper\n")
     table(["row", "paper", "room", "ring", "ring, 100,000 primitives"], rows)
-    prose("V1 and V2 are the BD-rate of the training views against shared "
-          "anchors with interpolation (the paper's full model), from the "
-          "tables above. V4, V5 and slots are the change of the bytes on the "
-          "same symbols at 320x180: the mean of the rates, for slots the "
-          "last rate. The large scene has one rate.")
+    prose("V1 to V5 are the paper's names of its variants. V1 and V2 are the "
+          "BD-rate of the training views against shared anchors with "
+          "interpolation (the paper's full model), from the tables above. V4, "
+          "V5 and slots of the memory bank are the change of the bytes on the "
+          "same symbols at 320x180: the mean of the rates, for slots the last "
+          "rate. The scene of 100,000 primitives has one rate. Numbers in "
+          "brackets refer to the notes below.")
     for text in (
-            "V1: here each primitive has features of its own, learned under "
-            "the price of their bits, and siblings' features have almost "
-            "nothing in common. We believe that the paper has more "
-            "primitives for each anchor. (1) At 100,000 primitives sharing "
-            "by number takes 29 % more bytes at 0.5 dB less; sharing by "
-            "place was not run ([lab/anchors.md](../lab/anchors.md)).",
-            "V2: few primitives have a second fine anchor within two "
-            "supports. With K = 4, 500 primitives of the room begin with 589 "
-            "links, so there is little to interpolate; a primitive with an "
-            "anchor of its own needs none.",
-            "V3: none of our files has a hash. Where anchors are not shared "
-            "it cost 3 % on the mean; where they are shared it gained the "
-            "paper's 2 to 4 %. (2) "
-            "[lab/residual-hash.md](../lab/residual-hash.md).",
-            "V4: networks are a tenth of a small file, and would be a third "
-            "of it if they were not coded. At 100,000 primitives they weigh "
-            "little, as in the paper, where networks are 12 % after coding.",
-            "V5 and slots: hyperprior and groups leave the bank at most 0.5 "
-            "% of the symbols to save. Its update rule and its number of "
-            "slots therefore change hardly more than the bytes of its own "
-            "networks. (3) [lab/memory.md](../lab/memory.md).",
+            "V1, anchors of one tier: here each primitive has features of its "
+            "own, learned under the price of their bits, and the features of "
+            "primitives that could share an anchor have almost nothing in "
+            "common. We believe that the paper has more primitives for each "
+            "anchor. (1) At 100,000 primitives a shared anchor that reads the "
+            "number of the child takes 29 % more bytes at 0.5 dB less; "
+            "sharing by place was not run "
+            "([lab/anchors.md](../lab/anchors.md)).",
+            "V2, no interpolation of anchors: few primitives have a second "
+            "fine anchor within reach. With K = 4, 500 primitives of the room "
+            "begin with 589 neighbours, so there is little to interpolate; a "
+            "primitive with an anchor of its own needs none.",
+            "V3, no residual hash: (2) none of our files has one. Without "
+            "shared anchors it costs 3 % on the mean; with shared anchors it "
+            "gains 2 to 4 %, as in the paper "
+            "([lab/residual-hash.md](../lab/residual-hash.md)).",
+            "V4, uncoded networks: networks are a tenth of a small file, and "
+            "would be a third of it if they were not coded. At 100,000 "
+            "primitives they weigh little, as in the paper, where networks "
+            "are 12 % after coding.",
+            "V5 and slots, the memory bank: hyperprior and groups leave it at "
+            "most 0.5 % of the symbols to save. Its update rule and its "
+            "number of slots therefore change hardly more than the bytes of "
+            "its own networks. (3) Measured in "
+            "[lab/memory.md](../lab/memory.md).",
             "Base: (4) on ten seconds of the room at 160x90 a base gives -51 "
             "% by BD-rate ([training.md](training.md)); the paper has none. "
             "Layers: (5) on studio two layers cost 4 % of the bytes and 1.1 "
@@ -424,10 +433,11 @@ def main(folder, scenes):
     curves(rates, folder)
     print("# Ablation of the entropy model: `make ablation`\n")
     prose("What is each part of the entropy model worth? Each rate is one "
-          "training of the built-in scene. For each variant the entropy "
-          "networks are fitted anew on the symbols of its file "
-          "(lab/gen_refit.h). [lab/sources.md](../lab/sources.md) explains "
-          "what disagrees with the paper.")
+          "training of the room. For each variant the entropy networks are "
+          "fitted anew (a refit) to the symbols of that file "
+          "(lab/gen_refit.h), so bytes compare on the same symbols. "
+          "[lab/sources.md](../lab/sources.md) explains what disagrees with "
+          "the paper.")
     files(folder, len(rates))
     print("![rate and distortion](ablation.svg)\n")
     components(rates)

@@ -164,13 +164,14 @@ HEAD = """# Numerics: what integers cost, and how exact they are
 CPU time, medians of 15 repetitions of a millisecond or more; bars are
 quartiles. Errors are exact: all values of an operator are compared with float64
 on the same inputs. "16 right bits" means that the RMS error is 2^-16 of the
-largest value. Conclusions: [lab/numerics.md](../lab/numerics.md).
+largest value. [lab/numerics.md](../lab/numerics.md) has the conclusions.
 
 ![time and error of every operator](numerics.svg)
 
-The dark dot is the decoder. The time of a segment is given for one primitive,
-that of a picture for one pixel; their errors are those of the picture's samples
-(below). The next plot has a panel for each operator; float64 counts as 53 bits:
+The dark dot of the plot is the decoder. The time of a segment is given for one
+primitive, that of a picture for one pixel; their errors are those of a decoded
+picture's samples. The next plot has a panel for each operator; float64 counts
+as 53 bits:
 
 ![time against error](numerics_points.svg)
 
@@ -203,12 +204,12 @@ STAGES_HEAD = """
 ## A picture: where its error comes from
 
 Which stage of the decoder loses how much? `saga verify` draws nine pictures
-(three cameras at three times). In the row "from a stage" that stage and all
-later ones are computed in float64, and everything before it in integers. The
-first rows have the RMS difference to the decoder's picture before it is rounded
-to 8 bits, in levels of 255; a stage's own error is the difference of squares.
-The last rows compare the 8-bit picture with float64 rounded to 8 bits. The
-files are those of the day above:
+(three cameras at three times). A row "from X" computes the stage X and all
+later ones in float64, and everything before in integers. The first rows have
+the RMS difference to the decoder's picture before it is rounded to 8 bits, in
+levels of 255; the own error of a stage is the root of the difference of the
+squares of two rows. The last rows compare the 8-bit picture with float64
+rounded to 8 bits, as PSNR. The files are of the day of the measurement:
 
 {sizes}.
 
@@ -217,16 +218,17 @@ files are those of the day above:
 """
 
 STAGES_TEXT = """
-- **From symbols** is no loss, because it contains the predictions: the encoder
-  knows the integer predictions and corrects their rounding (docs/arithmetic.md,
-  Entropy parameters). `from scaffold` is the error of the decoder.
+- **The decoder's error is the row "from scaffold".** The row "from symbols"
+  also contains the entropy model's predictions, but their rounding is no loss:
+  the encoder makes the same integer predictions and corrects it in the
+  residuals (docs/arithmetic.md, Entropy parameters).
 - **Primitives** lose most, above all in their motion: hidden units are rounded
   to 16 bits, and F_geo's last layer multiplies that error.
 - **Splats** lose by the rounding of their means to 1/256 of a pixel.
-- In {cut} of all pixels a splat is cut or stopped where float64 does not do it,
-  or the reverse, from the scaffold on; in {cut_pixels} where the splats are the
-  same. Most of these pixels are where a splat ends at 1/256, and they change by
-  a level at most.
+- In {cut} of all pixels a splat is drawn in only one of the two computations,
+  from the scaffold on, and in {cut_pixels} if both have the same splats. Most
+  of these pixels lie where the alpha of a splat falls below 1/256, and they
+  change by a level at most.
 """
 
 FORMATS_HEAD = """
@@ -253,8 +255,8 @@ FORMATS_TEXT = """
   their 16 bits; the formats of the outputs are unchanged.
 - Rounding a trained file's weights to 8 bits costs as much as 10 bits of
   activations. 8-bit weights are for files that are trained with them (level 0).
-- A larger smallest alpha draws fewer pixels: 1/128 blends {saved} fewer, at
-  {saved_rms} levels. It is not an option of the decoder.
+- A larger limit below which a splat is not drawn (smallest alpha) saves time:
+  1/128 blends {saved} fewer pixels, at an error of {saved_rms} levels. It is not an option of the decoder.
 - Colour depends on the camera and not on the time: while the camera does not
   move, it is the same in every frame.
 """
