@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * The quantiser in closed loop. Whatever sources its entropy parameters have
- * (hyperprior, parent, groups, bank), its symbols pass the encoder and come
- * back from the bytes, and every value lies within half a step of its target.
+ * The quantiser in closed loop. For all sources of entropy parameters
+ * (hyperprior, parent, groups, bank), its symbols must be accepted by the
+ * encoder and decode to themselves, and every dequantised value must be within
+ * half a step of its target.
  */
 #include "encode.h"
 #include "gen_stream.h"
@@ -10,7 +11,7 @@
 #include "ref_recorder.h"
 #include "testing.h"
 
-/* Targets anywhere in the cube, features within +-4. */
+/* The targets: positions anywhere in the cube, features within +-4. */
 typedef struct {
     double *x[3];            /* coarse, fine, prim */
     float *feature, *decoded;

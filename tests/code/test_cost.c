@@ -20,27 +20,31 @@ static int is_near(double x, double wanted)
 
 /* --- By hand ------------------------------------------------------------- */
 
-/* Scale 22 starts at 0, 12549, 28389, 32359, 32751 and 32767: M = 4. */
+/* The residual's cost must be that of its interval. Row 22 of the table has the
+ * starts 0, 12549, 28389, 32359, 32751 and 32767, so that M = 4. */
 TEST(residual_should_cost_its_interval)
 {
     assert_true(is_near(saga_cost_residual(0, 22), 1.3847152));
     assert_true(is_near(saga_cost_residual(1, 22), 2.0487153));
     assert_true(is_near(saga_cost_residual(-1, 22), 2.0487153));
-    /* (32767 - 32751) / 2 = 8 of 2^15 */
+    /* The frequency is (32767 - 32751) / 2 = 8 of 2^15. */
     assert_true(is_near(saga_cost_residual(4, 22), 12));
     assert_true(is_near(saga_cost_residual(-4, 22), 12));
-    /* The escape has 1 of 2^15; order 3 begins at 5; then the sign. */
+    /* The escape has a frequency of 1 of 2^15. |q| = 5 is the first value of
+     * the Exp-Golomb code of order 3; then comes the sign. */
     assert_true(is_near(saga_cost_residual(5, 22), 15 + 1 + 3 + 1));
     assert_true(is_near(saga_cost_residual(-12, 22), 15 + 1 + 3 + 1));
     assert_true(is_near(saga_cost_residual(13, 22), 15 + 2 + 4 + 1));
-    /* Orders 3 to 15 are passed; 16, the last one, needs no zero. */
+    /* The code has ones for the orders 3 to 15; order 16 is the last, so that
+     * no zero follows. */
     assert_true(is_near(saga_cost_residual(-65535, 22), 15 + 13 + 16 + 1));
 }
 
-/* The coder below fails at this index, which is also a network's number. */
+/* The coder below fails at this index, which is the number of a network. */
 enum { BROKEN = SAGA_N_NETS - 1 };
 
-/* Gives 0, 1, -1, ... as residuals, the last symbol, and ones. */
+/* A coder that returns 0, 1, -1, ... as residuals, the last symbol of each
+ * adaptive model, and ones for uniform bits. */
 static void plain_residual(saga_coder *c, saga_at at, int32_t *q,
                            const int16_t *mu, uint32_t step_q16,
                            const uint8_t *scale, uint32_t n)
@@ -92,10 +96,10 @@ TEST(counter_should_add_up_by_kind)
     assert_int_equal(c->uniform(c, at_symbol(SAGA_SYM_NET_STEP, 0), 16),
                      65535);
     assert_true(is_near(k.bits[SAGA_SYM_CENTRE], 1.3847152 + 2 * 2.0487153));
-    /* 8192 of 2^15; then the starts have moved by an eighth, to 7168, 14336
-     * and 21504, which leaves 11264. */
+    /* The first symbol has a frequency of 8192 of 2^15. It moves the starts by
+     * an eighth, to 7168, 14336 and 21504, which leaves 11264 for the next. */
     assert_true(is_near(k.bits[SAGA_SYM_SPLIT], 2 + 15 - log2(11264)));
-    /* The last of three has what the division leaves over. */
+    /* The last of three symbols also has the remainder of 32768 / 3. */
     saga_adaptive_init(&m, 3);
     assert_int_equal(c->adaptive(c, at_symbol(SAGA_SYM_N_FINE, 0), &m, 3), 2);
     assert_true(is_near(k.bits[SAGA_SYM_N_FINE], 15 - log2(10924)));
@@ -181,7 +185,7 @@ static void chunk_bytes(double nbytes[N_CHUNKS], const saga_encode_sizes *z)
 }
 
 /* Returns whether bits and bytes agree within 0.5 % or 16 bytes, whichever is
- * larger (issue 3). */
+ * larger. */
 static int agrees(double bits, double nbytes)
 {
     return fabs(nbytes - bits / 8) <= fmax(16, 0.005 * nbytes);

@@ -127,8 +127,8 @@ static void expect_leaf(page *p, uint32_t depth_x)
     expect(p, SAGA_SYM_N_FINE, &p->w->sc.models->n_fine[depth_x]);
 }
 
-/* Children before child i that exist, and how many of them differ from it in
- * one bit of their numbers. */
+/* Returns the number of children before child i that exist or, if `touching`
+ * is 1, of those among them whose number differs from i in one bit. */
 static uint32_t n_before(uint32_t mask, uint32_t i, int touching)
 {
     uint32_t n = 0, apart;
@@ -167,8 +167,8 @@ static void expect_node(page *p, uint32_t depth_x)
             expect_node(p, depth_x + (split & 1u));
 }
 
-/* A halving of a set: everything follows from its place and the suffix of its
- * first point. */
+/* Expects the model of section 10 for a halving of a set. It follows from the
+ * halving's place and from the suffix of its first point. */
 static void expect_halving(page *p, const request *q)
 {
     const world *const w = p->w;

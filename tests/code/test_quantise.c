@@ -145,7 +145,8 @@ static void check_model(uint64_t seed, double octaves)
     saga_encoder_free(e);
 }
 
-/* Valid rows whatever the rows' ranges; int16 and int8 networks. */
+/* The symbols of a layer must be valid for rows of any range, and
+ * saga_dequantise_layer must give the decoder's values, for int16 and int8. */
 TEST(quantiser_should_say_what_the_decoder_has)
 {
     for (uint64_t seed = 1; seed <= N_MODELS; seed++)
@@ -154,9 +155,9 @@ TEST(quantiser_should_say_what_the_decoder_has)
 
 /* --- Precision ----------------------------------------------------------- */
 
-/* Holds the integers of a layer of 64 x 32 against what they stand for:
- * weights within `part` of their step and `slack`, biases within `part` of
- * theirs. */
+/* Checks the integers of a layer of 64 x 32. Weights must be within `part` of
+ * their step plus `slack` of the wanted values, biases within `part` of their
+ * step. */
 static void check_rounding(const layer *l, double part, double slack)
 {
     static float weight[64 * 32], bias[32];
@@ -172,9 +173,10 @@ static void check_rounding(const layer *l, double part, double slack)
                     (double)l->v.bias_step * part);
 }
 
-/* Rows of one range, 64 inputs, 16 bits. sum|w| is below 64 * 0.3 < 2^5, so a
- * scale of 2^11 is valid and an LSB at most 2^-11: rounded to half a step and
- * half an LSB. Biases to half their own step. */
+/* Weights must be rounded to within half a step plus half an LSB, and biases to
+ * within half their own step. With 64 inputs and rows of equal range, sum|w| is
+ * below 64 * 0.3 < 2^5, so that a scale of 2^11 is valid and an LSB is at most
+ * 2^-11. */
 TEST(quantiser_should_round_to_half_a_step)
 {
     static layer l;
@@ -186,9 +188,9 @@ TEST(quantiser_should_round_to_half_a_step)
     }
 }
 
-/* sum|w| is below 64 * 0.3 / 2^7, so that 16 bits and the accumulator have room
- * for a scale of 2^19, which a row of q_out 7 cannot be shifted back from: its
- * steps stay what they are all the same. */
+/* If the largest valid scale, 2^19 for a sum|w| below 64 * 0.3 / 2^7, needs a
+ * longer shift than a row of q_out 7 may have, a smaller scale must be used.
+ * The row's steps must not change. */
 TEST(quantiser_should_keep_steps_where_shifts_end)
 {
     static layer l;
@@ -206,8 +208,8 @@ TEST(quantiser_should_keep_steps_where_shifts_end)
     check_rounding(&l, 0.5 * 1.0001, 0);
 }
 
-/* Weights that are multiples of the step are kept: the symbols are the
- * multiples, and integers miss them by half an LSB. */
+/* Weights that are multiples of the step must be kept: the symbols must be
+ * these multiples, and integers must be within half an LSB of them. */
 TEST(quantiser_should_keep_what_is_rounded_already)
 {
     static layer l;
@@ -228,8 +230,9 @@ TEST(quantiser_should_keep_what_is_rounded_already)
     }
 }
 
-/* Weights of 8 bits that are multiples of a power of two are met, up to 127 of
- * it; in a row that has more, those of twice that, its bias too. */
+/* Weights of 8 bits that are multiples of a power of two must be kept exactly,
+ * up to 127 times this step. In a row with larger weights, the steps of weights
+ * and bias must be doubled. */
 TEST(quantiser_should_meet_8_bits)
 {
     const double step = 0x1p-5;
@@ -304,10 +307,12 @@ TEST(quantiser_should_cut_a_row_that_no_scale_makes_valid)
 
 /* --- Scales -------------------------------------------------------------- */
 
-/* Weights spread evenly within +-20 steps, less half an octave a line. The
- * normal distribution of least bits has their deviation, 20 / sqrt(3) steps:
- * index 22 + 7 log2(11.5) = 46.7, less 3.5 a line. Drops meet it to 2; that of
- * 32 values or more has a relative deviation of 0.08, which is 0.8. */
+/* Checks the scales of rows or columns. Weights are uniform within +-20 steps
+ * in the first line, and within half an octave less in each further line. The
+ * normal distribution with the fewest bits has their deviation, 20 / sqrt(3)
+ * steps, which is scale index 22 + 7 log2(11.5) = 46.7, less 3.5 for each line.
+ * Indices must be within 2, because drops are 4 indices apart, plus 0.8,
+ * because the deviation of 32 values varies by 0.08. */
 static void check_scales(int mode)
 {
     static layer l;

@@ -46,9 +46,10 @@ static void drop(blocks *s)
     free(s->axes);
 }
 
-/* Block i turns in the first step whose number and i make a multiple of 50:
- * those before 40 not in nine steps. One of 30 times the usual gradient shows
- * that the bound is Adam's, too. */
+/* Until the axes of a block are first computed, its steps must equal those of
+ * plain Adam. This happens for block i in the first step k with k + i a
+ * multiple of 50, which is not among the first nine steps for i < 40. One
+ * gradient of 30 times the usual size shows that the bound is Adam's, too. */
 TEST(blocks_should_step_as_adam_before_they_turn)
 {
     enum { N = 40, STEPS = 9 };
@@ -92,8 +93,8 @@ static void rotate(double q[WIDTH][WIDTH])
 }
 
 /* Gradients have deviations 1, 2, 4, .. 128 along known axes. Each axis found
- * must be one of them, up to what 200 gradients leave unknown, and all must
- * stay orthonormal through 80 turns. */
+ * must be one of them, within the uncertainty of 200 gradients, and the axes
+ * must stay orthonormal when they are computed 80 times. */
 TEST(axes_should_be_those_of_the_gradients)
 {
     enum { STEPS = 4000 };
@@ -135,8 +136,10 @@ TEST(axes_should_be_those_of_the_gradients)
     }
 }
 
-/* L = (u^2 + 10^4 w^2) / 2 in turned coordinates, with noise as large as the
- * gradient: along the floor u Adam is held back by the walls. */
+/* Minimises L = (u^2 + 10^4 w^2) / 2 in rotated coordinates, with noise as
+ * large as the gradient, and returns what remains of u. Plain Adam is slow
+ * along u, the floor of this valley, because each coordinate has large
+ * gradients of w. */
 static double floor_left(bool own_axes)
 {
     enum { STEPS = 1500 };

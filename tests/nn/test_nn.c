@@ -13,9 +13,9 @@
 
 /* --- Adam ---------------------------------------------------------------- */
 
-/* First step: m' = g, v' = g^2, so x moves by the rate against the sign. Second
- * step with g = 3 after 1: m' = (0.09 + 0.3) / 0.19, v' = (0.000999 + 0.009) /
- * 0.001999. */
+/* In the first step m' = g and v' = g^2, so that x must move by the rate,
+ * against the sign of g. In the second step, with g = 3 after g = 1,
+ * m' = (0.09 + 0.3) / 0.19 and v' = (0.000999 + 0.009) / 0.001999. */
 TEST(adam_should_match_steps_by_hand)
 {
     enum { N = 13 };
@@ -29,7 +29,7 @@ TEST(adam_should_match_steps_by_hand)
     }
     assert_done(saga_adam_update(&adam, &t, 1, 1, &error));
     for (int i = 0; i < N; i++) {
-        /* |g| = 1e-12 stands 1000 above eps. */
+        /* |g| = 1e-12 is 1000 times eps. */
         const double want = i % 2 ? 2 + 0.5 / 1.001 : 1.5;
 
         assert_true(fabs((double)x[i] - want) < 1e-6);
@@ -44,7 +44,8 @@ TEST(adam_should_match_steps_by_hand)
                          sqrt(0.009999 / 0.001999))) < 1e-5);
 }
 
-/* Kingma and Ba, algorithm 1, in double, with other betas and no bound. */
+/* Without a bound, steps must equal those of Kingma and Ba's algorithm 1, which
+ * is computed in double here. */
 TEST(adam_should_be_adam)
 {
     enum { N = 13, STEPS = 20 };
@@ -68,9 +69,10 @@ TEST(adam_should_be_adam)
         assert_true(fabs((double)x[i] - rx[i]) < 1e-6);
 }
 
-/* After gradients of +-1, m = 0 and v = 1, one of 1,000: sqrt(v') = 31.6. Then
- * none. Without a bound x moves by 3.16 rates, and 0.9^k of that k steps later:
- * 31 in all. With it the first step is 0.1 `most` rates. */
+/* After gradients of +-1, for which m = 0 and v = 1, there is one gradient of
+ * 1,000, which makes sqrt(v') 31.6, and then gradients of 0. Without a bound x
+ * moves by 3.16 rates in the first step and by 0.9^k of that k steps later, 31
+ * rates in all. With the bound the first step must be 0.1 `most` rates. */
 TEST(adam_should_bound_what_is_out_of_the_ordinary)
 {
     const saga_adam adam = saga_adam_default();
@@ -83,7 +85,8 @@ TEST(adam_should_bound_what_is_out_of_the_ordinary)
     g = 0;
     for (int i = 1; i < 200; i++)
         assert_done(saga_adam_update(&adam, &t, 1, 1000000, &error));
-    /* v' falls by 0.001 a step meanwhile: not half a per cent more. */
+    /* v' falls by 0.001 a step meanwhile, which adds less than half a per
+     * cent. */
     assert_true(fabs((double)x + 10 * first) < 0.005 * 10 * first);
 }
 
@@ -159,9 +162,9 @@ TEST(rng_should_have_unrelated_streams)
                 saga_rng_bits(saga_rng_stream(2, 1), 3));
 }
 
-/* Every epoch holds each number once; orders of two epochs differ, and no order
- * is a progression: the mean step between neighbours is that of random ones,
- * n / 3, within four of its standard deviations, n / sqrt(18 n). */
+/* Every epoch must contain each number once, and the orders of two epochs must
+ * differ. The mean difference between neighbours must be that of a random
+ * order, n / 3, within four standard deviations of n / sqrt(18 n). */
 TEST(rng_should_shuffle_each_epoch_anew)
 {
     enum { MOST = 2000, EPOCHS = 3 };
@@ -242,7 +245,8 @@ TEST(nets_should_not_depend_on_threads)
     }
 }
 
-/* A float's phase is exact: the embedding is as good near 8 turns as at 0. */
+/* The phase is reduced exactly in float, so that the embedding must be as
+ * accurate near a phase of 8 turns as near 0. */
 TEST(embedding_should_be_precise_in_float)
 {
     double worst = 0;

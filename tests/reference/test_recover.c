@@ -17,8 +17,8 @@ typedef struct {
     double was[N][F], now[N][F];
 } line;
 
-/* Anchors lie two half-sizes apart in x: neighbours at a distance of 1, those
- * after them of 4. Every other one is masked. */
+/* Makes anchors that are two half-sizes apart in x, so that neighbours have a
+ * distance of 1 and the next ones of 4. Every other anchor is masked. */
 static void make(line *l, uint32_t radius2)
 {
     saga_tier *const tier = &l->model.tier[SAGA_TIER_COARSE];
@@ -82,10 +82,10 @@ TEST(recover_should_give_a_constant_whatever_it_takes)
     }
 }
 
-/* The two neighbours at a distance of 1 weigh the same, and nobody else is
- * inside the radius. Known anchors are 0, 2, .. 100 and masked ones lie
- * symmetric among them, so the mean is the middle: its error is the whole
- * feature. */
+/* The two neighbours at a distance of 1 have equal weights, and no other anchor
+ * is inside the radius, so that a linear feature must be recovered exactly. The
+ * mean of all known anchors, 0, 2, .. 100, is the middle value, because the
+ * masked ones are symmetric among them; its relative error must be 1. */
 TEST(recover_should_find_a_linear_function_between_neighbours)
 {
     static line l;
@@ -103,10 +103,11 @@ TEST(recover_should_find_a_linear_function_between_neighbours)
     assert_true(error(&l) > 0.9);
 }
 
-/* Two halves far from each other: a feature of +1 and -1. A pair of random
- * anchors of equal weight gives 1, 0 or -1: errors 0, 1, 2 with shares 1/4,
- * 1/2, 1/4, so the mean square is 1.5; of 50 masked anchors it has a standard
- * deviation of 0.21. */
+/* Two halves are far from each other and have a feature of +1 and of -1.
+ * Neighbours must recover it exactly. A pair of random anchors with equal
+ * weights gives 1, 0 or -1, with errors of 0, 1, 2 in 1/4, 1/2, 1/4 of all
+ * cases, so that the mean square is 1.5, with a standard deviation of 0.21 for
+ * 50 masked anchors. */
 TEST(recover_should_tell_halves_apart_by_neighbours_alone)
 {
     static line l;
@@ -122,7 +123,8 @@ TEST(recover_should_tell_halves_apart_by_neighbours_alone)
     assert_true(error(&l) > 1 && error(&l) < sqrt(2));
 }
 
-/* No anchor is nearer than a distance of 1, so that all take the mean. */
+/* With a radius below 1 no anchor has a neighbour. All must be counted as alone
+ * and get the mean. */
 TEST(recover_should_count_anchors_that_are_alone)
 {
     static line l;

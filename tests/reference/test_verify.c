@@ -41,9 +41,10 @@ static double steps(const saga_verify *v, int stage, const char *name)
     return r->alone.max / r->step;
 }
 
-/* A value rounded once from exact integers is within half a step, and the
- * approximations before it (2^-29 of x/z) are far below one. A primitive's
- * position is rounded once, and its support, a factor of up to two, once. */
+/* Checks the stages with few roundings. A value that is rounded once from exact
+ * integers must be within half a step, since the approximations before it
+ * (2^-29 of x/z) are far smaller. A primitive's position is rounded once, and
+ * its support, by which up to twice the value is multiplied, once more. */
 static void check_roundings(const saga_verify *v)
 {
     assert_true(steps(v, SAGA_VERIFY_SPLATS, "mean") < 0.51);
@@ -51,12 +52,14 @@ static void check_roundings(const saga_verify *v)
     assert_true(steps(v, SAGA_VERIFY_PRIMITIVES, "position") < 1.51);
 }
 
-/* The error of the pixels alone. q's fraction has 8 bits, so that an alpha has
- * a relative error of 2^-9 log(2) and an absolute one of 2^-16; weights add
- * these up to once each, and q itself adds 5e-4. T doubles them, and a splat at
- * the cut makes at most a level. An opacity of 8 and the smallest splat have an
- * edge of 6.4 in alpha a pixel, or 12.6 if it is steep; a mean that is wrong by
- * 1/512 of a pixel then makes three levels, or six. */
+/* Checks the error of the pixels, computed from the decoder's own splats. The
+ * fraction of q has 8 bits, so that an alpha has a relative error of
+ * 2^-9 log(2) and an absolute one of 2^-16; q itself adds 5e-4. The weights of
+ * a pixel add each of these at most once, T doubles them, and a splat at the
+ * cut changes a pixel by at most one level. At an opacity of 8 the edge of the
+ * smallest splat changes alpha by 6.4 a pixel, or by 12.6 if it is steep. A
+ * mean that is wrong by 1/512 of a pixel then changes it by three levels, or by
+ * six. */
 static void check_pixels(const saga_verify *v, int most)
 {
     const double relative = (1 / 512.0 + 5e-4) * log(2) + 1 / 256.0;
@@ -70,9 +73,9 @@ static void check_pixels(const saga_verify *v, int most)
     assert_true(v->picture[SAGA_VERIFY_ANIMATION].psnr > 60);
 }
 
-/* Networks have three layers, in which an error of a step may grow, with random
- * weights by an order of magnitude. A wrong formula gives errors of whole
- * values, 2^9 steps and more. */
+/* Checks the stages with networks of three layers. Random weights may enlarge
+ * an error of one step ten times. A wrong formula would give errors of 2^9
+ * steps and more. */
 static void check_networks(const saga_verify *v)
 {
     for (int i = 0; i < v->n_rows; i++) {
@@ -114,9 +117,9 @@ TEST(vectors_should_be_near_double_in_every_stage)
     assert_true(n >= 10);
 }
 
-/* In a trained file everything after the symbols, and everything after the
- * scaffold, is computed in double. One pixel of this picture is wrong by two
- * levels: a splat there lives for 1/250 of the segment. */
+/* In a trained file, the picture computed in double from the symbols, or from
+ * the decoder's scaffold, must be near the decoder's. One pixel of it differs
+ * by two levels, because a splat there is visible for 1/250 of the segment. */
 TEST(demo_should_be_near_double_as_a_whole)
 {
     const saga_verify_picture *p;

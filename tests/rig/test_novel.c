@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Novel views, which nobody filmed: where their cameras stand, in which order
- * they come, what they show, and that a warm-up learns from them.
+ * Novel views, pictures between the cameras that teachers draw. The tests check
+ * where their cameras are, in which order the pictures come, what they show,
+ * and that a warm-up learns from them.
  */
 #include "camera.h"
 #include "flat.h"
@@ -39,7 +40,8 @@ static fixture *make(double step)
 
     f->capture = (saga_capture){ .n_views = VIEWS, .n_frames = FRAMES,
                                  .fps = 25, .views = f->views };
-    /* No two neighbours alike: no colour is a background's. */
+    /* No two neighbouring pixels are equal, so that no colour is taken for the
+     * background. */
     for (size_t i = 0; i < sizeof f->rgb; i++)
         f->rgb[i] = (uint8_t)(100 + i * 37 % 56);
     for (int v = 0; v < VIEWS; v++) {
@@ -91,8 +93,9 @@ static double off(const double x[3], const saga_shot *a, const saga_shot *b)
     return sqrt(sum);
 }
 
-/* Cameras 0, 1, 3 and 4 are learned from. 0 has the neighbours 1 and 3, 1 has 0
- * and 3, 3 has 4 and 1, 4 has 3 and 1: five pairs, three cameras each. */
+/* Cameras 0, 1, 3 and 4 are training views. Each is paired with its two nearest
+ * ones: 0 with 1 and 3, 1 with 0 and 3, 3 with 4 and 1, 4 with 3 and 1. There
+ * must be three novel cameras between each of these five pairs. */
 TEST(cameras_should_stand_between_training_views)
 {
     static const int pair[5][2] = {
@@ -114,8 +117,8 @@ TEST(cameras_should_stand_between_training_views)
                 at = k;
         assert_true(at >= 0);
         n[at]++;
-        /* It looks at the origin, as those do that it stands between: forward
-         * is -x / |x|, but for what a chord is off the arc in between. */
+        /* It must look at the origin like the two cameras of the pair: forward
+         * is -x / |x|, except for the distance of a chord from its arc. */
         for (int k = 0; k < 3; k++) {
             ahead -= r[6 + k] * x[k];
             length += x[k] * x[k];
@@ -134,7 +137,8 @@ TEST(cameras_should_stand_between_training_views)
     drop(f);
 }
 
-/* In the middle of each third of the way. */
+/* The three cameras of a pair must be in the middle of each third of the way
+ * between them. */
 TEST(rotation_should_be_shared_evenly)
 {
     static const double part[3] = { 1 / 6.0, 1 / 2.0, 5 / 6.0 };
@@ -153,7 +157,7 @@ TEST(cameras_should_not_know_held_out_views)
     fixture *const f = make(0.22);
     saga_novel a = placed(f), b;
 
-    /* Wherever the held-out camera stands, and whatever it sees. */
+    /* The place and the pictures of the held-out camera must not matter. */
     look(&f->views[HELD_OUT], -1.1);
     b = placed(f);
     assert_int_equal(a.n_shots, b.n_shots);
@@ -163,9 +167,10 @@ TEST(cameras_should_not_know_held_out_views)
     drop(f);
 }
 
-/* The origin, at distance 4, is the middle depth. 0.18 is 10.3 degrees, so that
- * no view has another within 10; 0.17 is 9.7, and all four have one. At 0.9
- * neighbours are 47 degrees apart, 2 atan(sin 0.45): too far. */
+/* Novel cameras must exist only if neighbours are 10 to 40 degrees apart, seen
+ * from the middle depth, which is at the origin here. 0.18 radians are 10.3
+ * degrees; 0.17 are 9.7, which is too near. With 0.9 neighbours are
+ * 2 atan(sin 0.45) = 47 degrees apart, which is too far. */
 TEST(cameras_should_stand_where_views_are_far_apart)
 {
     fixture *f = make(0.18);
@@ -209,8 +214,8 @@ static void teach(saga_novel *o, real red)
     assert_done(saga_novel_teach(o, &p, 1, &error));
 }
 
-/* The capture moves, so 15 in a hundred are of teachers. The others come as if
- * there were no such pictures. */
+/* In a capture that moves, 15 of a hundred pictures must be the teachers'. The
+ * others must come in the order that they have without teachers. */
 TEST(others_should_keep_their_order)
 {
     const saga_rng r = saga_rng_stream(1, 2);
@@ -242,7 +247,7 @@ TEST(others_should_keep_their_order)
     drop(f);
 }
 
-/* Of a still, three in ten are. */
+/* In a still, three of ten pictures must be the teachers'. */
 TEST(still_should_have_more_of_them)
 {
     const saga_rng r = saga_rng_stream(1, 2);
@@ -271,7 +276,7 @@ TEST(truth_should_be_the_mean_of_the_teachers)
     assert_done(saga_pictures_canvas(&canvas, &f->pictures, &error));
     f->pictures.novel = &o;
     for (int k = 0; k < 3; k++) {
-        /* One teacher, the other alone, then both. */
+        /* First one teacher, then the other one, then both. */
         if (k > 0)
             for (int i = 0; i < o.n_teachers; i++)
                 saga_params_free(&o.teacher[i]);
@@ -288,7 +293,7 @@ TEST(truth_should_be_the_mean_of_the_teachers)
         red[k] = canvas.truth[middle];
         assert_true(canvas.truth[middle + plane] > R(0.4));
     }
-    /* Alpha is 0.99 before black. */
+    /* Alpha is 0.99 in front of a black background. */
     assert_true(fabs((double)red[0] - 0.2475) < 0.01);
     assert_true(fabs((double)red[1] - 0.7425) < 0.01);
     assert_true(fabs((double)(red[0] + red[1]) / 2 - (double)red[2]) < 1e-6);
@@ -317,8 +322,9 @@ static double distance_of(const fixture *f, saga_flat *flat,
     return mse;
 }
 
-/* Cameras see grey, the teacher red between them: who listens is redder there.
- * Its pictures are told as an error of 0. */
+/* The cameras see grey and the teacher's pictures between them are red. A
+ * warm-up with this teacher must be redder there. For the teacher's pictures an
+ * error of 0 must be reported. */
 TEST(warm_up_should_learn_from_teachers)
 {
     saga_flat_options options = saga_flat_defaults();
