@@ -256,7 +256,8 @@ FORMATS_TEXT = """
 - Rounding a trained file's weights to 8 bits costs as much as 10 bits of
   activations. 8-bit weights are for files that are trained with them (level 0).
 - A larger limit below which a splat is not drawn (smallest alpha) saves time:
-  1/128 blends {saved} fewer pixels, at an error of {saved_rms} levels. It is not an option of the decoder.
+  1/128 blends {saved} fewer pixels, at an error of {saved_rms} levels. It is not
+  an option of the decoder.
 - Colour depends on the camera and not on the time: while the camera does not
   move, it is the same in every frame.
 """
