@@ -173,20 +173,35 @@ static int write_json(const char *path)
     return fclose(f) == 0;
 }
 
-/* Runs the named parts, or all if none is named. The ceilings always run.
- * Returns 0 if a name is unknown. */
-static int run_parts(char **names, int n)
+static int is_part(const char *name)
 {
-    int k, wanted, known = 0;
+    for (int i = 0; i < N_PARTS; i++)
+        if (!strcmp(name, parts[i].name))
+            return 1;
+    return 0;
+}
 
+/* Runs the named parts, or all if none is named. The ceilings always run. */
+static void run_parts(char **names, int n)
+{
     for (int i = 0; i < N_PARTS; i++) {
-        for (wanted = n == 0, k = 0; k < n; k++)
+        int wanted = n == 0 || i == 0;
+
+        for (int k = 0; k < n; k++)
             wanted |= !strcmp(names[k], parts[i].name);
-        known += wanted;
-        if (wanted || i == 0)
+        if (wanted)
             parts[i].run();
     }
-    return n == 0 || known == n;
+}
+
+static int usage(void)
+{
+    fprintf(stderr, "usage: bench_table [-o OUT.json] [-b BEFORE.json] "
+            "[PART...]\nparts:");
+    for (int i = 0; i < N_PARTS; i++)
+        fprintf(stderr, " %s", parts[i].name);
+    fprintf(stderr, "\n");
+    return 2;
 }
 
 int main(int argc, char **argv)
@@ -194,21 +209,32 @@ int main(int argc, char **argv)
     const char *out = NULL, *old = NULL;
     int i = 1;
 
-    for (; i + 1 < argc && argv[i][0] == '-'; i += 2)
-        *(argv[i][1] == 'o' ? &out : &old) = argv[i + 1];
+    for (; i < argc && argv[i][0] == '-'; i += 2) {
+        const char **const path = !strcmp(argv[i], "-o") ? &out
+                                : !strcmp(argv[i], "-b") ? &old : NULL;
+
+        if (!path) {
+            fprintf(stderr, "bench_table: unknown option '%s'\n", argv[i]);
+            return usage();
+        }
+        if (i + 1 == argc) {
+            fprintf(stderr, "bench_table: %s needs a file name\n", argv[i]);
+            return usage();
+        }
+        *path = argv[i + 1];
+    }
+    for (int k = i; k < argc; k++)
+        if (!is_part(argv[k])) {
+            fprintf(stderr, "bench_table: unknown part '%s'\n", argv[k]);
+            return usage();
+        }
 #ifdef _OPENMP
     omp_set_num_threads(1);
 #endif
-    if (!run_parts(argv + i, argc - i)) {
-        fprintf(stderr, "bench_table: no such part; there are:");
-        for (i = 0; i < N_PARTS; i++)
-            fprintf(stderr, " %s", parts[i].name);
-        fprintf(stderr, "\n");
-        return 2;
-    }
+    run_parts(argv + i, argc - i);
     print_table(old);
     if (out && !write_json(out)) {
-        fprintf(stderr, "bench_table: %s: cannot write\n", out);
+        fprintf(stderr, "bench_table: %s: cannot be written\n", out);
         return 2;
     }
     return 0;
