@@ -33,6 +33,14 @@ def stat_of(folder):
         return f.read().rsplit(")", 1)[1].split()
 
 
+def wait_for(is_true, patience=60.0):
+    until = time.monotonic() + patience
+    while not is_true():
+        if time.monotonic() > until:
+            raise TimeoutError("never true")
+        time.sleep(0.001)
+
+
 class Browser:
     """One tab. Calls wait for their answer; what takes longer than `patience`
     seconds raises TimeoutError."""
@@ -165,12 +173,41 @@ class Browser:
                 self.call("Page.captureScreenshot")["data"]))
 
 
+class Valve:
+    """Lets a server send as many bytes as `grant` has allowed, and holds it
+    until more are allowed. `held` is the first byte of the answer that is held,
+    or None."""
+
+    def __init__(self):
+        self.change = threading.Condition()
+        self.left = 0
+        self.held = None
+
+    def grant(self, nbytes):
+        """Allows this number of bytes, instead of what is left of earlier ones."""
+        with self.change:
+            self.left, self.held = nbytes, None
+            self.change.notify_all()
+
+    def take(self, wanted, first):
+        """Returns how many of the wanted bytes may be sent, which is at least
+        one."""
+        with self.change:
+            while self.left <= 0:
+                self.held = first
+                self.change.wait()
+            self.held = None
+            n = min(self.left, wanted)
+            self.left -= n
+            return n
+
+
 class FileServer(http.server.ThreadingHTTPServer):
     """Serves {path: bytes} on a port of its own; `served` lists (path, first
-    byte, number of bytes) of what was sent. ranges=False: whole files
-    only. share=True: pages of other servers may read them. What is called
-    .saga comes after `delay` seconds and with `rate` bytes a second, if
-    that is set, one answer after the other."""
+    byte, number of bytes) of what was asked for, `sent` what was sent of
+    it. ranges=False: whole files only. share=True: pages of other servers may
+    read them. What is called .saga passes through `valve`, if there is one, one
+    answer after the other."""
 
     TYPES = {".html": "text/html", ".js": "text/javascript",
              ".mjs": "text/javascript",
@@ -181,9 +218,8 @@ class FileServer(http.server.ThreadingHTTPServer):
         self.files = files
         self.ranges = ranges
         self.share = share
-        self.delay, self.rate = 0, None
-        self.free, self.line = 0, threading.Lock()
-        self.served = []
+        self.valve, self.line = None, threading.Lock()
+        self.served, self.sent = [], []
         self.url = "http://127.0.0.1:%d/" % self.server_port
         threading.Thread(target=self.serve_forever, daemon=True).start()
 
@@ -223,23 +259,20 @@ class FileHandler(http.server.BaseHTTPRequestHandler):
             self.send_header("Access-Control-Allow-Origin", "*")
             self.send_header("Access-Control-Expose-Headers", "Content-Range")
         self.end_headers()
-        if path.endswith(".saga") and self.server.rate:
-            self.write_slowly(part, self.server.rate)
+        if path.endswith(".saga") and self.server.valve:
+            self.write_slowly(path, first, part, self.server.valve)
         else:
             self.wfile.write(part)
 
-    def write_slowly(self, data, rate):
-        """One answer after the other; a sleep too long is made up for."""
-        server, step = self.server, 1024
-        with server.line:
-            begin = max(time.monotonic(), server.free) + server.delay
-            server.free = begin + len(data) / rate
+    def write_slowly(self, path, first, part, valve):
+        at = 0
         try:
-            for at in range(0, len(data), step):
-                part = data[at:at + step]
-                due = begin + (at + len(part)) / rate
-                time.sleep(max(0, due - time.monotonic()))
-                self.wfile.write(part)
+            with self.server.line:
+                while at < len(part):
+                    n = valve.take(len(part) - at, first)
+                    self.wfile.write(part[at:at + n])
+                    at += n
+            self.server.sent.append((path, first, len(part)))
         except ConnectionError:
             pass # the page has gone on
 
