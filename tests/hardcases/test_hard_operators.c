@@ -22,8 +22,8 @@ typedef struct {
     saga_position query;
 } crowd;
 
-/* Makes anchors whose cells are as large as the cube. All lie at its centre, as
- * does the query; K of them count at any distance. */
+/* Makes anchors whose cells are as large as the cube. They and the query are at
+ * its centre. The radius is so large that K of them are always neighbours. */
 static void make_crowd(crowd *c, gen_rng *r, int neighbours, int softmax_q8)
 {
     memset(c, 0, sizeof *c);
@@ -53,9 +53,10 @@ static double feature_of(const crowd *c, uint32_t rank, int i)
     return c->feature[rank * N_FEATURES + (uint32_t)i];
 }
 
-/* All at one place: the first K by rank, but that the parent takes the place of
- * the last one, and 1/K of each. Where K is a power of two that is exact, and
- * so is the mean, halves upwards; else a weight is half a unit of 2^-14 off. */
+/* If all anchors are at one place, the neighbours must be the first K by rank,
+ * of which the parent replaces the last, with weights of 1/K. If K is a power
+ * of two, weights must be exact, and the result must be the mean with ties
+ * rounded up. Otherwise a weight may be wrong by half a unit of 2^-14. */
 TEST(equal_logits_should_give_the_mean)
 {
     gen_rng r = gen_seeded(61);
@@ -87,8 +88,9 @@ TEST(equal_logits_should_give_the_mean)
     }
 }
 
-/* The steepest softmax halves with every 16/4096 of a distance, so 257/4096
- * away there is nothing left: the nearest alone counts, to the bit. */
+/* With the steepest softmax a weight halves with every 16/4096 of a distance,
+ * so that it is 0 if a neighbour is 257/4096 farther than the nearest. The
+ * result must be exactly the nearest anchor's features. */
 TEST(steepest_logits_should_give_the_nearest)
 {
     gen_rng r = gen_seeded(62);
@@ -131,9 +133,10 @@ static double distance(const crowd *c, uint32_t rank)
     return sum;
 }
 
-/* Anywhere in the cube, cells of any depth, from the flattest softmax to the
- * steepest: weights of double, by the distances that the integers found, which
- * are those of double within what a reciprocal of 16 bits loses. */
+/* For anchors anywhere in the cube with cells of any depth, and for all softmax
+ * temperatures, weights must equal those computed in double from the integer
+ * distances. These distances must equal those in double within the error of a
+ * 16-bit reciprocal. */
 TEST(any_logits_should_be_those_of_double)
 {
     static const int softmax[] = { 1, 739, 8000, 65535 };
@@ -166,8 +169,9 @@ TEST(any_logits_should_be_those_of_double)
     }
 }
 
-/* Beyond 8 of both supports distances saturate, and 65535 is no member: the
- * parent alone is, however far it is. */
+/* Distances saturate at 8 times both supports, and an anchor at the saturated
+ * distance of 65535 is no neighbour. Only the parent must be one, however far
+ * away it is. */
 TEST(parent_should_stay_when_all_are_too_far)
 {
     gen_rng r = gen_seeded(64);
@@ -213,9 +217,10 @@ static saga_bank new_bank(void **block)
     return m;
 }
 
-/* Slots all alike are read as they are, whatever is asked. Half of them
- * opposite, a query of zero or across reads nothing, one along them the half
- * that agrees. Slots of zero read as zero. */
+/* If all slots are equal, any query must read their common value. If half of
+ * them are opposite to the others, a query of zero or orthogonal to them must
+ * read 0, and a query along them must read the half that agrees with it. Slots
+ * of zero must read as 0. */
 TEST(slots_should_be_read_when_parallel_opposite_or_zero)
 {
     static const int16_t zero[D];
@@ -251,9 +256,9 @@ TEST(slots_should_be_read_when_parallel_opposite_or_zero)
     assert_memory_equal(got, zero, sizeof got);
 }
 
-/* A token written along the slot changes its length, which is normalised, and
- * against it likewise, for every gate; across it turns the slot by half of a
- * right angle when the gate is open. */
+/* A write parallel or opposite to a slot must leave it unchanged for every
+ * gate, because only its length would change, which is normalised. A write
+ * orthogonal to the slot with an open gate must turn it by 45 degrees. */
 TEST(slots_should_be_written_when_parallel_or_opposite)
 {
     enum { BOTH = 724 };         /* 2 * 512 / sqrt(2) */

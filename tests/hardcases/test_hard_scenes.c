@@ -72,7 +72,7 @@ static void see_one(given_view *v, const gen_given *g, uint32_t tools,
     see(v, c, t);
 }
 
-/* Checks that a pixel has this part of full white on black. */
+/* Checks that a pixel has the grey value `part`, from 0 to 1. */
 static void expect(const given_view *v, int x, int y, double part)
 {
     const double alpha =
@@ -103,9 +103,10 @@ static void expect_same(const given_view *a, const given_view *b)
 
 /* --- Shapes -------------------------------------------------------------- */
 
-/* Projection uses only the direction of a quaternion. Zero is the identity, as
- * are one unit of w and half a turn about an axis of the ellipsoid; (1, 0, 0,
- * 1) turns by a right angle as (512, 0, 0, 512) does. */
+/* Only the direction of a quaternion may matter. A zero quaternion must give
+ * the picture of the identity, and so must w = 1 and a half turn about an axis
+ * of the ellipsoid. (1, 0, 0, 1) must turn by a right angle like
+ * (512, 0, 0, 512). */
 TEST(zero_quaternion_should_be_the_identity)
 {
     static const int same[][4] = {
@@ -134,9 +135,9 @@ TEST(zero_quaternion_should_be_the_identity)
     given_close(&w);
 }
 
-/* The quaternion is (1, 0, 0, 0) at the centre and loses 1 for each age, so
- * that it is zero half a segment later: the picture is that of the identity,
- * without a division by zero. */
+/* The quaternion is (1, 0, 0, 0) at the temporal centre, and w falls by 1 for
+ * each unit of age, so that it is zero half a segment later. The picture there
+ * must be that of the identity, without a division by zero. */
 TEST(quaternion_should_pass_through_zero)
 {
     const saga_camera c = front(SIDE, SIDE);
@@ -156,8 +157,8 @@ TEST(quaternion_should_pass_through_zero)
     given_close(&w);
 }
 
-/* A point is drawn as the low-pass alone, 0.1 px^2, whatever makes it a point.
- */
+/* A primitive that is a point in the picture must be drawn as the low-pass
+ * alone, 0.1 px^2, whether it is small, far away, or both. */
 TEST(points_should_be_the_low_pass)
 {
     static const int scales[] = { 3, -1, -20, -31 };
@@ -175,8 +176,8 @@ TEST(points_should_be_the_low_pass)
     }
 }
 
-/* Standard deviations of 16 pictures and more give a picture with one grey,
- * that of the cap. */
+/* A primitive whose standard deviations are 16 times the picture and more must
+ * fill it with one grey value, that of the cap of alpha. */
 TEST(scene_wide_scales_should_fill_the_picture)
 {
     static const int scales[] = { 24, 28, 31 };
@@ -191,8 +192,9 @@ TEST(scene_wide_scales_should_fill_the_picture)
     }
 }
 
-/* 1 : 10^4, 2^13.3125. Along x: grey falls as exp(-d^2 / 2 sigma^2) with sigma
- * = 13.2 px, across as that of a point. Along z it is a point. */
+/* The axes of a needle have the ratio 10^4, or 2^13.3125. A needle along x must
+ * fall off as exp(-d^2 / 2 sigma^2) with sigma = 13.2 px along x, and like a
+ * point along y. A needle along z must be a point. */
 TEST(needles_should_be_a_line_from_the_side)
 {
     const saga_camera c = front(SIDE, SIDE);
@@ -216,7 +218,8 @@ TEST(needles_should_be_a_line_from_the_side)
     given_close(&v);
 }
 
-/* Needles of 30,000 px and of 30, turned all ways, near the axis and not. */
+/* Needles of 30 and of 30,000 px in all directions, near the camera's axis and
+ * far from it, must equal those in double. */
 TEST(turned_needles_should_be_those_of_double)
 {
     const saga_camera c = front(SIDE, SIDE);
@@ -238,8 +241,8 @@ TEST(turned_needles_should_be_those_of_double)
 
 /* --- Where they are ------------------------------------------------------ */
 
-/* A splat on the near plane is drawn; a box unit nearer, at the camera's place
- * and behind it, nothing is drawn. */
+/* A primitive on the near plane must be drawn. One box unit nearer, at the
+ * camera's place and behind it, it must not be drawn. */
 TEST(near_plane_should_decide_by_a_unit)
 {
     static const int32_t behind[] = { 1023, 1, 0, -1, -1024, -(1 << 22) };
@@ -262,9 +265,9 @@ TEST(near_plane_should_decide_by_a_unit)
     }
 }
 
-/* The camera is inside a ball of 2^20. Whether it is drawn depends on its mean,
- * not its extent. In front it is 65 pictures wide, even at a depth of one box
- * unit. */
+/* The camera is inside a ball with a radius of 2^20. The ball must be drawn if
+ * and only if its centre is in front of the camera. It must then fill the
+ * picture, even at a depth of one box unit. */
 TEST(camera_inside_should_see_what_is_before_it)
 {
     static const struct { int32_t depth; int seen; } cases[] = {
@@ -285,9 +288,9 @@ TEST(camera_inside_should_see_what_is_before_it)
     }
 }
 
-/* From the corner of what a camera can be, sqrt(3) 2^29 away, and along an
- * axis, with the longest focal length, 2^15 px: a ball of 2^18 is 16 px there.
- * Its grey is its formula's. */
+/* A camera is as far away as the format allows, 2^29 along an axis and
+ * sqrt(3) 2^29 in a corner, with the longest focal length, 2^15 px. A ball of
+ * 2^18 is 16 px wide there and must have the grey value of its formula. */
 TEST(farthest_camera_should_see_through_the_longest_lens)
 {
     const gen_given g = gen_given_ball(0, 18);
@@ -317,7 +320,8 @@ TEST(farthest_camera_should_see_through_the_longest_lens)
                exp(-d * d / (2 * (16 * 16 / 3.0 + 0.1))));
 }
 
-/* 8 supports of half a cube for each age: 2^26 after half a segment. */
+/* A motion of 8 supports of half a cube for each unit of age must move the
+ * primitive by 2^26 box units in half a segment, out of the cube. */
 TEST(motion_should_leave_the_cube)
 {
     static const int32_t times[] = { 0, 8192, 32768, 65535 };
@@ -340,7 +344,8 @@ TEST(motion_should_leave_the_cube)
     }
 }
 
-/* The largest motion of all orders ends at +-2^29, where a camera can be. */
+/* The largest motion of all orders must saturate at +-2^29, a place where a
+ * camera can be. */
 TEST(motion_should_end_where_cameras_end)
 {
     saga_camera c = front(SIDE, SIDE);
@@ -364,8 +369,9 @@ TEST(motion_should_end_where_cameras_end)
     expect(&v, MIDDLE, MIDDLE, 1);
 }
 
-/* The direction of view is that of the middle of the segment; there the camera
- * stands in it, so it has none, and the colour is the base's alone. */
+/* View directions are those at the middle of the segment. A camera that is at
+ * the primitive's place then has no direction, and the colour must be that of
+ * F_color's first part alone. */
 TEST(camera_at_the_place_should_add_no_direction)
 {
     const saga_camera c = front(SIDE, SIDE);
@@ -374,7 +380,7 @@ TEST(camera_at_the_place_should_add_no_direction)
 
     g.p.t_centre = 32768;
     g.p.support[2] = 1 << 21;
-    g.p.motion[2] = 1 << GIVEN_Q_MOTION;  /* 2^21 further at its end */
+    g.p.motion[2] = 1 << GIVEN_Q_MOTION;  /* moves by 2^21 until the end */
     g.colour_q15[0] = 8192;
     g.colour_q15[1] = 16384;
     g.colour_q15[2] = 0;
@@ -386,9 +392,10 @@ TEST(camera_at_the_place_should_add_no_direction)
 
 /* --- How much of them there is ------------------------------------------- */
 
-/* alpha = 8 / (1 + 2^(3 - o)): 0 is no splat, 1 is the cap, and between -8,
- * whose q is 11.0007, and -8 + 1/64, whose q is 10.985, lies the cut. Of the
- * latter the pixels within 0.14 standard deviations of its centre are left. */
+/* With alpha = 8 / (1 + 2^(3 - o)), the lowest opacity must draw nothing and
+ * the highest must reach the cap. The cut is between o = -8, whose q is
+ * 11.0007, and o = -8 + 1/64, whose q is 10.985. The latter must draw only the
+ * pixels within 0.14 standard deviations of its centre. */
 TEST(opacity_should_be_nothing_cut_or_cap)
 {
     static const int16_t nothing[] = { -32, -16, -8 };
@@ -423,11 +430,12 @@ TEST(opacity_should_be_nothing_cut_or_cap)
     given_close(&v);
 }
 
-/* Eight colours, 256 of each at one place, alpha 8/1025 all over the picture:
- * the first takes 1 - T, the next T (1 - T), T = (1017/1025)^256, until T^k is
- * below 2^-13. Equal depths are drawn by number, so no two machines differ.
- * A weight below half a unit of 2^-16 is none: T stays at 64, a quarter of a
- * level, where double goes on. */
+/* 256 primitives of each of eight colours are at one place, with an alpha of
+ * 8/1025 all over the picture. They must be drawn by their numbers. Then the
+ * first colour has the weight 1 - T and the k-th one T^(k-1) (1 - T), where
+ * T = (1017/1025)^256, until T^k is below 2^-13. Weights below half a unit of
+ * 2^-16 are 0, so that T stays at 64, a quarter of a level more than in
+ * double. */
 TEST(coincident_splats_should_be_drawn_by_number)
 {
     const double all = pow(1017 / 1025.0, 256);
@@ -454,7 +462,7 @@ TEST(coincident_splats_should_be_drawn_by_number)
         assert_int_equal(s.depth, DEPTH);
         assert_int_equal(s.colour_q15[0], v.p[i / 256].colour_q15[0]);
     }
-    for (uint32_t i = 0; i < 5; i++)     /* the fifth is cut after 135 */
+    for (uint32_t i = 0; i < 5; i++)     /* the fifth ends after 135 splats */
         for (int k = 0; k < 3; k++)
             want[k] += (pow(all, i) - (i < 4 ? pow(all, i + 1) : exp2(-13))) *
                        v.p[i].colour_q15[k] / 32768;
@@ -464,8 +472,9 @@ TEST(coincident_splats_should_be_drawn_by_number)
 
 /* --- Time ---------------------------------------------------------------- */
 
-/* The width is a frame of a thousand, 64 units. alpha is exp(-u^2) at a
- * distance of u widths, and 0 from sqrt(log 256) = 2.355 on. */
+/* The temporal width is one frame of a thousand, 64 units. alpha must be
+ * exp(-u^2) at a distance of u widths, and 0 from u = sqrt(log 256) = 2.355
+ * on. */
 TEST(width_of_a_frame_should_last_a_frame)
 {
     static const int32_t away[] = { 0, 1, 32, 64, 128, 150, 151, 1000, 32767 };
@@ -485,8 +494,9 @@ TEST(width_of_a_frame_should_last_a_frame)
     }
 }
 
-/* A thousand segments, 2^26 units: u is 2^-11 at most, and the fade of 2^-22
- * log2(e) is below half a unit of q: the same bytes at all times. */
+/* The temporal width is a thousand segments, 2^26 units, so that u is at most
+ * 2^-11, and the fade, 2^-22 log2(e), is below half a unit of q. The picture
+ * must have the same bytes at all times. */
 TEST(width_of_a_thousand_segments_should_not_fade)
 {
     static const int32_t times[] = { 0, 1, 32767, 65535 };
@@ -504,8 +514,9 @@ TEST(width_of_a_thousand_segments_should_not_fade)
     given_close(&v);
 }
 
-/* Half a segment before its start, and after its end, with widths of half a
- * segment: exp(-1) at the near end, exp(-9), which is cut, at the far one. */
+/* Temporal centres are half a segment before its start or after its end, with
+ * widths of half a segment. alpha must be exp(-1) at the near end of the
+ * segment, and 0 at the far end, since exp(-9) is below the cut. */
 TEST(centres_outside_should_fade_into_the_segment)
 {
     const saga_camera c = front(9, 7);
@@ -524,7 +535,8 @@ TEST(centres_outside_should_fade_into_the_segment)
     }
 }
 
-/* A view of a time outside the segment is refused, and the last one stays. */
+/* A view at a time outside the segment must be refused, and the previous view
+ * must stay valid. */
 TEST(times_outside_should_be_refused)
 {
     static const int32_t times[] = { -1, 65536, INT32_MIN, INT32_MAX };
@@ -546,7 +558,8 @@ TEST(times_outside_should_be_refused)
 
 /* --- The least and the most of everything -------------------------------- */
 
-/* The file has one of each: anchor, primitive, frame, camera, pixel. */
+/* A file with one anchor, one primitive, one frame, and one camera with one
+ * pixel must be drawn. */
 TEST(one_of_everything_should_be_enough)
 {
     const saga_camera c = front(1, 1);
@@ -572,9 +585,9 @@ TEST(one_of_everything_should_be_enough)
                      SAGA_ERR_ARG);
 }
 
-/* Pictures with rows or columns of 16,384 pixels have a ball at each end and
- * one that spans everything; each is compared with a picture in double. Both
- * ends are lit, and equal except for the half pixel between the axis and the
+/* Pictures with rows or columns of 16,384 pixels show a ball at each end and
+ * one that fills everything. They must equal pictures in double. Both ends must
+ * be bright, and equal except for the half pixel between the axis and the
  * middle of the row. */
 TEST(longest_rows_should_be_drawn_to_both_ends)
 {

@@ -45,9 +45,9 @@ static void *resized(void *p, size_t n, size_t size)
     return p;
 }
 
-/* Sets the symbols: one leaf, which is the cube, its anchor, and as many
- * children as asked for; every residual is q, every suffix the lowest or the
- * highest. */
+/* Sets the symbols to one leaf, which is the cube, with its anchor and
+ * n_children children. Every residual is q, and every suffix is the lowest or
+ * the highest. */
 static void set_symbols(gen_stream *g, uint32_t n_children, int32_t q)
 {
     const saga_model *const m = &g->header.model;
@@ -161,10 +161,10 @@ static int32_t first_cell(const saga_model *m, int tier)
     return (1 << (14 - m->tier[tier].suffix_bits)) - 16384;
 }
 
-/* Networks give 0, so predictions, features and offsets are 0: the primitive
- * lies in the first suffix cell of the first suffix cell of the cube, its
- * support the cube's half, and it is a half-transparent grey ball of half the
- * cube and half the segment. */
+/* If all symbols are 0, networks return 0, and predictions, features and
+ * offsets are 0. There must be one primitive, in the first suffix cell of the
+ * first suffix cell of the cube: a half-transparent grey ball with a size of
+ * half the cube and half the segment. */
 TEST(zero_symbols_should_be_one_grey_ball)
 {
     for (uint32_t i = 0; i < N_STREAMS; i++) {
@@ -230,11 +230,11 @@ static void full_layer(saga_layer_symbols *l, const saga_net_shape *s, int i)
     }
 }
 
-/* With the largest steps a residual of +-65535 saturates what it is added to,
- * whatever was predicted: positions end at a corner of the cube and at an end
- * of the segment, all 256 of them. Where they are faint, what their alphas lose
- * to 16 bits adds up to a fifth of a level, which takes one channel of an even
- * picture to the level beside: 52.9 dB in the worst one. */
+/* With the largest steps a residual of +-65535 saturates every value, whatever
+ * was predicted. All 256 positions must be in a corner of the cube and at an
+ * end of the segment. If the primitives are faint, rounding their alphas to 16
+ * bits adds up to a fifth of a level, which may change one channel of a uniform
+ * picture by a level, so that the worst picture has 52.9 dB. */
 TEST(limits_should_end_in_a_corner)
 {
     for (uint32_t i = 0; i < N_STREAMS; i++) {
@@ -304,9 +304,10 @@ static int32_t log2_of(uint32_t row, int q, int half)
     return clamp(q10 + 1024 * half, -32767, 32767);
 }
 
-/* Whatever the features, the outputs are +-32767 by the number of the row, and
- * so are the primitives' attributes, in their formats. Their motion is so fast
- * that the rounding of a time shows: double begins with what is moved. */
+/* With saturated layers the outputs are +-32767, by the number of the row,
+ * whatever the features are. The primitives' attributes must have these values
+ * in their formats. The motion is so fast that the rounding of a time is
+ * visible; therefore the comparison with double begins after the motion. */
 TEST(saturated_networks_should_give_their_signs)
 {
     uint32_t row;
@@ -361,10 +362,11 @@ TEST(saturated_networks_should_give_their_signs)
 
 /* --- Trees --------------------------------------------------------------- */
 
-/* Down to the last corner: 16 halvings of space, the first 8 of them of time
- * too. The cell has 2^8 box units to a side and 2^8 of time, so its centre is
- * half of that before the end, and all that is relative to it shrinks by 2^14
- * and 2^8 against the leaf of depth 2 that gen_given made. */
+/* The tree's only leaf is the last corner of the cube after 16 halvings of
+ * space and 8 of time. Its cell has a side of 2^8 box units and a duration of
+ * 2^8, so that its centre must be half of that before the end. Compared with
+ * the leaf of depth 2 that gen_given makes, everything that is relative to the
+ * cell must be smaller by 2^14 in space and 2^8 in time. */
 TEST(deepest_tree_should_end_in_the_last_corner)
 {
     enum { DEPTH = 16, DEPTH_T = 8, CORNER = 3 << 21 };

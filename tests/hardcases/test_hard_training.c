@@ -107,7 +107,7 @@ static trained survive(saga_capture *c, double psnr)
 
 /* --- Pictures ------------------------------------------------------------ */
 
-/* Nothing to see: black is what no primitive at all draws. */
+/* A black capture must give black pictures, even if no primitive is drawn. */
 TEST(black_capture_should_stay_black)
 {
     FREED_BY(saga_capture_free) saga_capture c = changed();
@@ -122,8 +122,9 @@ TEST(black_capture_should_stay_black)
     free(r.bytes);
 }
 
-/* One colour, so that no place is better than another: it comes out in the
- * mean, on black where nothing was put. */
+/* If all pictures have one colour, no place is better than another. The mean of
+ * the drawn pictures must be this colour, although parts without primitives are
+ * black. */
 TEST(one_colour_should_come_out)
 {
     static const int colours[][3] = { { 255, 255, 255 }, { 200, 100, 40 } };
@@ -143,8 +144,8 @@ TEST(one_colour_should_come_out)
     }
 }
 
-/* Depths of a capture that are none: not numbers, infinite, zero, negative,
- * denormal. They are guesses at most. */
+/* Invalid depths of a capture (not a number, infinite, zero, negative,
+ * denormal) must not harm the training. */
 TEST(depths_should_be_doubted)
 {
     static const float wrong[] = { NAN, INFINITY, -INFINITY, 0, -3, 1e-42f,
@@ -166,7 +167,7 @@ TEST(depths_should_be_doubted)
 
 /* --- Points -------------------------------------------------------------- */
 
-/* The points lie on a line, all lie at one place, or there are none. */
+/* A capture's points may be on a line, all at one place, or missing. */
 TEST(points_should_be_taken_as_they_lie)
 {
     for (int k = 0; k < 3; k++) {
@@ -186,8 +187,9 @@ TEST(points_should_be_taken_as_they_lie)
 
 /* --- Cameras ------------------------------------------------------------- */
 
-/* All cameras stand at one place and look the same way, so that no depth can be
- * found, with points and without, here and a million units away. */
+/* All cameras are at one place and look in the same direction, so that no depth
+ * can be found. The training must succeed, with points and without, near the
+ * origin and a million units away. */
 TEST(identical_cameras_should_do)
 {
     for (int k = 0; k < 4; k++) {
@@ -212,7 +214,7 @@ TEST(identical_cameras_should_do)
     }
 }
 
-/* The cameras stand back to back, so that no two see the same. */
+/* The cameras look away from each other, so that no two show the same. */
 TEST(opposite_cameras_should_do)
 {
     saga_capture c = changed();
@@ -252,10 +254,10 @@ static double unit_of(const trained *r)
     return ldexp(r->report.info.unit_mantissa, r->report.info.unit_exponent);
 }
 
-/* Lengths are in cubes inside, so the scale of the world does not matter: a
- * power of two changes the exponents of unit and centre and, after them, the
- * CRCs of the header and of its six chunks, nothing else; a million not the
- * picture. */
+/* The scale of the world must not matter, because training measures lengths in
+ * cubes. A scale of a power of two must change only the exponents of unit and
+ * centre, and therefore the CRCs of the header and of its six chunks. A scale
+ * of a million must not change the picture. */
 TEST(scale_of_the_world_should_not_matter)
 {
     static const double by[] = { 1, 0x1p20, 0x1p-20, 1e6, 1e-6 };
@@ -281,7 +283,8 @@ TEST(scale_of_the_world_should_not_matter)
         free(r[k].bytes);
 }
 
-/* The same room a million units from the origin of the world. */
+/* The room must be trained as well if it is a million units from the origin of
+ * the world. */
 TEST(room_should_be_found_far_from_the_origin)
 {
     saga_capture c = changed();

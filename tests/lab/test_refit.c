@@ -190,8 +190,9 @@ TEST_OF(const fixture, refit_should_give_the_same_scene)
     assert_true(all_bits(&g) <= 1.01 * all_bits(&f->f));
 }
 
-/* A recorder_watch: every block of a kind has one mu and one scale, and those
- * of features are the mean of their channel and a deviation not above its. */
+/* A recorder_watch for a file without sources. Every block of a kind must have
+ * the same mu and scale. For features, mu must be the mean of the channel, and
+ * the scale must not exceed its deviation. */
 typedef struct {
     const ref_file *f;           /* before */
     int16_t mu[SAGA_N_SYMS][SAGA_MAX_FEATURES];
@@ -233,8 +234,8 @@ static void features_should_have_constants(const constants *c)
         log2_sigma = 0.5 * log2(square / (step * step) + 1.0 / 12);
         scale = saga_prob_index((int16_t)lrint(1024 * log2_sigma), 10);
         assert_true(fabs(c->mu[SAGA_SYM_FEATURE][k] - sum) <= 0.51);
-        /* One that hardly varies may be taken for less than rounding makes
-         * of it. */
+        /* The scale of a channel that hardly varies may be below the deviation
+         * that rounding causes. */
         assert_in_range(c->scale[SAGA_SYM_FEATURE][k],
                         square > step * step / 12 ? scale - 7 : 0, scale + 1);
     }
@@ -261,9 +262,9 @@ TEST_OF(const fixture, refit_without_anything_should_have_constants)
     free(bytes);
 }
 
-/* Features that lie 12 steps to either side of 0, by the side of the cube they
- * are on: constants need log2(12 sqrt(2 pi e)) = 5.6 bits for each, whoever
- * knows the side 2. */
+/* Features are +12 or -12 steps, depending on the half of the cube. Constants
+ * need log2(12 sqrt(2 pi e)) = 5.6 bits for each, a source that knows the
+ * position 2. This source must be kept. */
 TEST_OF(const fixture, refit_should_find_a_source_that_tells)
 {
     const saga_ablation all = { .groups = 0 };
@@ -310,8 +311,8 @@ static void refit_should_take(gen_stream *g)
     free(bytes);
 }
 
-/* Random streams have networks that say nothing of their values: whatever they
- * have, with a bank or without, is read and becomes another valid file. */
+/* The networks of random streams do not predict their values. Such streams,
+ * with a bank or without, must be read and refitted to another valid file. */
 TEST(refit_should_take_any_stream)
 {
     for (uint64_t seed = 1; seed <= 12; seed++) {
@@ -370,8 +371,8 @@ TEST_OF(const fixture, refit_should_not_depend_on_threads)
 
 /* --- The order-0 coder --------------------------------------------------- */
 
-/* 0, 0, 1: 1/2 * 3/4 * 1/6 = 2^-4, and 32 bits for the bounds. Entropy: 3
- * log2(3) - 2. */
+/* The adaptive probability of the symbols 0, 0, 1 is 1/2 * 3/4 * 1/6 = 2^-4,
+ * and the bounds take 32 bits. Their entropy is 3 log2(3) - 2. */
 TEST(order0_should_be_the_sum_by_hand)
 {
     const int32_t v[] = { 0, 9, 0, 9, 1, 9 };
@@ -381,7 +382,7 @@ TEST(order0_should_be_the_sum_by_hand)
     assert_int_equal(row.n, 3);
     assert_true(fabs(row.adaptive - 36) < 1e-12);
     assert_true(fabs(row.entropy - (3 * log2(3) - 2)) < 1e-12);
-    order0_channel(&row, v + 1, 2, 3); /* one symbol: nothing but its bounds */
+    order0_channel(&row, v + 1, 2, 3); /* equal symbols take only the bounds */
     assert_int_equal(row.n, 6);
     assert_true(fabs(row.adaptive - 68) < 1e-12);
     assert_true(fabs(row.entropy - (3 * log2(3) - 2)) < 1e-12);

@@ -151,7 +151,7 @@ static void check_zeroed(const decoded *a, const decoded *z,
                     m->step_q16[SAGA_STEP_PRIM]);
     if (has_contexts(g))
         return;
-    /* Predictions do not move: the same residuals. */
+    /* Predictions do not depend on features, so that residuals are equal. */
     SAME(a->s.centre, z->s.centre, 4u * n.coarse);
     SAME(a->s.fine_offset, z->s.fine_offset, 4u * n.fine);
     SAME(a->s.prim_offset, z->s.prim_offset, 4u * n.prim);
@@ -203,7 +203,8 @@ TEST(features_alone_should_become_zero)
     }
 }
 
-/* As the trainer makes them; one in 256. */
+/* Streams without contexts, as the trainer makes them, are one in 256 of the
+ * random ones. */
 TEST(streams_without_contexts_should_keep_all_residuals)
 {
     uint64_t i = 0;
