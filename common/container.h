@@ -23,7 +23,8 @@
 
 enum {
     SAGA_VERSION = 1,
-    SAGA_HEADER_NBYTES = 174,    /* fixed part, magic and version included */
+    SAGA_HEADER_NBYTES = 157 + SAGA_N_OUTS, /* fixed part: magic, version, a Q
+                                  * format for each output, and the rest */
     SAGA_BANK_NBYTES = 15,       /* of the bank's networks */
     SAGA_BASE_NBYTES = 16,       /* of the base's sizes */
     SAGA_CHUNK_NBYTES = 12,      /* chunk header: type, length, CRC-32C */

@@ -33,12 +33,11 @@ enum { FIXED = 64, LIKE_INPUT = 128 };
 typedef struct {
     uint8_t net, format, n;
     uint8_t most_q;         /* see saga_rows */
-    uint8_t tools;          /* any of these; 0: always */
     uint8_t order;          /* least motion order */
+    uint16_t tools;         /* any of these SAGA_TOOL_* bits; 0: always */
 } output;
 
 enum {
-    DYNAMIC = SAGA_TOOL_OPACITY_T | SAGA_TOOL_SLOPE | SAGA_TOOL_MOTION_MASK,
     FROM_BASE = LIKE_INPUT + SAGA_NET_COLOUR,
     FROM_WRITE = LIKE_INPUT + SAGA_NET_WRITE
 };
@@ -61,12 +60,12 @@ static const output outputs[] = {
     { SAGA_NET_GEO, SAGA_OUT_OPACITY, 1, 12, 0, 0 },
     { SAGA_NET_GEO, SAGA_OUT_SCALE, 3, 12, 0, 0 },
     { SAGA_NET_GEO, SAGA_OUT_QUAT, 4, MAX_QUAT_Q, 0, 0 },
-    { SAGA_NET_GEO, SAGA_OUT_SLOPE, 4, 15, SAGA_TOOL_SLOPE, 0 },
-    { SAGA_NET_GEO, SAGA_OUT_TIME, 1, 15, DYNAMIC, 0 },
-    { SAGA_NET_GEO, SAGA_OUT_WIDTH, 1, 12, SAGA_TOOL_OPACITY_T, 0 },
-    { SAGA_NET_GEO, SAGA_OUT_MOTION1, 3, 15, 0, 1 },
-    { SAGA_NET_GEO, SAGA_OUT_MOTION2, 3, 15, 0, 2 },
-    { SAGA_NET_GEO, SAGA_OUT_MOTION3, 3, 15, 0, 3 },
+    { SAGA_NET_GEO, SAGA_OUT_SLOPE, 4, 15, 0, SAGA_TOOL_SLOPE },
+    { SAGA_NET_GEO, SAGA_OUT_TIME, 1, 15, 0, SAGA_TOOLS_TIME },
+    { SAGA_NET_GEO, SAGA_OUT_WIDTH, 1, 12, 0, SAGA_TOOL_OPACITY_T },
+    { SAGA_NET_GEO, SAGA_OUT_MOTION1, 3, 15, 1, 0 },
+    { SAGA_NET_GEO, SAGA_OUT_MOTION2, 3, 15, 2, 0 },
+    { SAGA_NET_GEO, SAGA_OUT_MOTION3, 3, 15, 3, 0 },
     { SAGA_NET_COLOUR_BASE, FROM_BASE, ROWS_C, 0, 0, 0 },
     { SAGA_NET_COLOUR_VIEW, FROM_BASE, ROWS_C, 0, 0, 0 },
     { SAGA_NET_COLOUR, SAGA_OUT_COLOUR, 3, 14, 0, 0 },

@@ -67,7 +67,10 @@ enum {
     SAGA_TOOL_LATER_LIST(SAGA_TOOL_BIT)
     SAGA_TOOL_MOTION_SHIFT = 3,
     SAGA_TOOL_MOTION_MASK = 3u << 3,
-    SAGA_TOOLS_PICTURE = (1u << 5) - 1, /* attributes of primitives */
+    /* Attributes of primitives that depend on time, and all attributes. */
+    SAGA_TOOLS_TIME = SAGA_TOOL_OPACITY_T | SAGA_TOOL_SLOPE |
+                      SAGA_TOOL_MOTION_MASK,
+    SAGA_TOOLS_PICTURE = SAGA_TOOLS_TIME | SAGA_TOOL_VIEW,
     SAGA_TOOLS_SPLAT = SAGA_TOOL_STEEP, /* the shape of splats */
     SAGA_TOOLS_KNOWN = SAGA_TOOL_MOTION_MASK SAGA_TOOL_LIST(SAGA_TOOL_OR)
 };
@@ -201,8 +204,7 @@ static inline int saga_motion_order(const saga_model *m)
 /* Returns whether anything in a segment depends on time. */
 static inline int saga_is_dynamic(const saga_model *m)
 {
-    return (m->tools & (SAGA_TOOL_OPACITY_T | SAGA_TOOL_SLOPE |
-                        SAGA_TOOL_MOTION_MASK)) != 0;
+    return (m->tools & SAGA_TOOLS_TIME) != 0;
 }
 
 /* Returns whether the header describes a network. */

@@ -12,11 +12,11 @@
 #define MAX_BASE_NBYTES (1u << 30)
 
 /* The size of the work block decides whether a file keeps to its level.
- * Therefore these sizes are part of the format (docs/bitstream.md). */
+ * Therefore these sizes, and that of a primitive (primitive.h), are part of the
+ * format (docs/bitstream.md). */
 _Static_assert(sizeof(saga_models) == 6630, "format: adaptive models");
 _Static_assert(sizeof(saga_vectors) == 4224, "format: network vectors");
 _Static_assert(sizeof(saga_round) == 388, "format: round of the bank");
-_Static_assert(sizeof(saga_primitive) == 72, "format: primitive");
 _Static_assert(sizeof(saga_coarse) == 32, "format: coarse anchor");
 _Static_assert(sizeof(saga_fine) == 48, "format: fine anchor");
 _Static_assert(sizeof(saga_splat) == 44, "format: splat");

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * A decoded primitive, 72 bytes in memory. It depends on no camera.
+ * A decoded primitive. It depends on no camera.
  */
 #ifndef SAGA_PRIMITIVE_H
 #define SAGA_PRIMITIVE_H
@@ -23,7 +23,7 @@ typedef struct saga_primitive {
     int16_t log2_width_q10;  /* temporal width, log2 of 1/65536 segment */
 } saga_primitive;
 
-_Static_assert(sizeof(saga_primitive) == 72, "plan.c counts 72 bytes");
+_Static_assert(sizeof(saga_primitive) == 72, "format: primitive");
 
 /* Describes the fields of a primitive: their Q formats, and which temporal
  * tools are on. If a tool is off, its fields are not read. */

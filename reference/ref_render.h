@@ -16,27 +16,10 @@
 #define SAGA_REF_RENDER_H
 
 #include "depth_sort.h"
-#include "primitive.h"
+#include "ref_primitive.h"
 #include "saga.h"
 
 /* --- In double ----------------------------------------------------------- */
-
-/* Space has any unit; the unit of time is a segment. */
-typedef struct ref_primitive {
-    double mean[3];          /* at t_centre */
-    double quat[4], slope[4]; /* slope per age */
-    double log2_scale[3];
-    double opacity;          /* logit in log2 units */
-    double support[3], motion[9]; /* motion in supports per age^order */
-    double t_centre, log2_width; /* log2_width INFINITY: it never fades */
-} ref_primitive;
-
-typedef struct ref_animated {
-    double x[3];             /* box units */
-    double quat[4];          /* unit length */
-    double scale[3];         /* standard deviations, box units */
-    double q0;               /* 3 - log2 of the peak opacity */
-} ref_animated;
 
 typedef struct ref_splat {
     double mean[2];          /* pixels */
@@ -49,13 +32,8 @@ typedef struct ref_splat {
                               * then the caller sets the file's */
 } ref_splat;
 
-void ref_animate(ref_animated *out, const ref_primitive *p, double t);
-
-/* Convert the decoder's integers to double (box units), so that one stage can
- * be tested alone. ref_splat_of leaves the covariance 0. */
-void ref_primitive_of(ref_primitive *out, const saga_primitive *p,
-                      const saga_prim_format *f);
-void ref_animated_of(ref_animated *out, const saga_animated *a);
+/* Converts the decoder's integers to double, so that one stage can be tested
+ * alone; leaves the covariance 0. */
 void ref_splat_of(ref_splat *out, const saga_splat *s);
 
 /* Projects a primitive. Returns 0 if it is not drawn. Depth is not rounded; the

@@ -53,52 +53,6 @@ void ref_scene_fine(ref_scene *s)
         fine_anchor(s, rank);
 }
 
-/* Returns value i of an output, or 0 if the output has no such row. */
-static double value(const double *out, const saga_rows *rows, int i)
-{
-    return i < rows->n ? out[rows->first + i] : 0;
-}
-
-static void set_primitive(ref_primitive *p, const saga_model *m,
-                          const double *out, const ref_block *b,
-                          const saga_coarse *c)
-{
-    saga_rows rows[SAGA_N_OUTS];
-
-    saga_model_rows(rows, m);
-    for (int i = 0; i < 3; i++) {
-        p->mean[i] = b->x[i];
-        p->support[i] = b->support[i];
-        p->log2_scale[i] = ref_saturate(value(out, &rows[SAGA_OUT_SCALE], i) +
-                                        ref_log2_half_size(c, i), 1 / 1024.0);
-        for (int k = 0; k < 3; k++)
-            p->motion[3 * k + i] = value(out, &rows[SAGA_OUT_MOTION1 + k], i);
-    }
-    for (int i = 0; i < 4; i++) {
-        p->quat[i] = value(out, &rows[SAGA_OUT_QUAT], i);
-        p->slope[i] = value(out, &rows[SAGA_OUT_SLOPE], i);
-    }
-    p->quat[0] = ref_saturate(p->quat[0] + 1,
-                              ldexp(1, -m->out_q[SAGA_OUT_QUAT]));
-    p->opacity = value(out, &rows[SAGA_OUT_OPACITY], 0);
-    p->t_centre = ref_clamp(b->x[3] + b->support[3] *
-                            value(out, &rows[SAGA_OUT_TIME], 0),
-                            SAGA_CENTRE_T_MIN, SAGA_CENTRE_T_END - 1) / 65536;
-    p->log2_width = rows[SAGA_OUT_WIDTH].n
-        ? ref_saturate(value(out, &rows[SAGA_OUT_WIDTH], 0) +
-                       ref_log2_half_size(c, 3), 1 / 1024.0) - 16 : INFINITY;
-}
-
-/* Makes a primitive of the base, which neither moves nor fades: its temporal
- * width, 2^(32767/1024) time units, is the longest that the format has. */
-static void stand_still(ref_primitive *p)
-{
-    memset(p->motion, 0, sizeof p->motion);
-    memset(p->slope, 0, sizeof p->slope);
-    p->t_centre = 0.5;
-    p->log2_width = 32767 / 1024.0 - 16;
-}
-
 /* Computes a colour from the pre-activations z, which it overwrites. */
 static void colour_of(double rgb[3], const ref_scene *s, double *z)
 {
@@ -113,7 +67,7 @@ static void primitive(ref_scene *s, uint32_t prim, uint32_t anchor)
 {
     const saga_scaffold *const sc = &s->file->sc;
     const uint32_t f = s->model->features;
-    double v[SAGA_MAX_VECTOR], out[SAGA_MAX_VECTOR];
+    double v[SAGA_MAX_VECTOR], out[SAGA_MAX_VECTOR], log2_half[4];
     saga_neighbours nb;
     saga_position p;
     ref_block b;
@@ -130,9 +84,12 @@ static void primitive(ref_scene *s, uint32_t prim, uint32_t anchor)
     ref_embed_offset(v + f, s->model, s->offset[prim]);
     /* F_geo and F_color read the same input. */
     ref_nets_run(out, &s->nets, SAGA_NET_GEO, v);
-    set_primitive(&s->prim[prim], s->model, out, &b, ref_cell_of(s, anchor));
+    for (int i = 0; i < 4; i++)
+        log2_half[i] = ref_log2_half_size(ref_cell_of(s, anchor), i);
+    ref_primitive_make(&s->prim[prim], s->model, out, b.x, b.support,
+                       log2_half);
     if (s->file->is_base)
-        stand_still(&s->prim[prim]);
+        ref_primitive_stand_still(&s->prim[prim]);
     ref_nets_run(out, &s->nets, SAGA_NET_COLOUR_BASE, v);
     if (s->model->tools & SAGA_TOOL_VIEW)
         memcpy(s->colour + (size_t)prim * s->n_colour, out,

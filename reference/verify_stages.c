@@ -90,69 +90,59 @@ static void note_all(column c, const double *value, const double *reference,
         note(c, value[i], reference[i]);
 }
 
-static void compare_dynamics(session *s, int is_alone)
+/* Compares the attributes of primitives, either the temporal ones or the
+ * others: the integers' converted to double, and those in double. */
+static void compare_attributes(session *s, bool is_temporal, int is_alone)
 {
-    enum { ST = SAGA_VERIFY_PRIMITIVES };
-    const saga_prim_format *const f = &s->e.format;
-    column motion = verify_row(s, ST, "motion", "support",
-                               ldexp(1, -f->q_motion[0]), is_alone);
-    column slope = verify_row(s, ST, "slope", "1", ldexp(1, -f->q_slope),
-                              is_alone);
-    column time = verify_row(s, ST, "temporal centre", "segment", 1 / 65536.0,
-                             is_alone);
-    column width = verify_row(s, ST, "log2 temporal width", "1", 1 / 1024.0,
-                              is_alone);
+    const saga_model *const m = s->e.model;
+    column c[REF_N_FIELDS];
+    int width[REF_N_FIELDS];
 
+    for (int k = 0; k < REF_N_FIELDS; k++) {
+        const ref_field *const f = &ref_fields[k];
+
+        width[k] = 0;
+        if (f->is_temporal == is_temporal) {
+            c[k] = verify_row(s, SAGA_VERIFY_PRIMITIVES, f->name, f->unit,
+                              ref_field_step(f, m), is_alone);
+            width[k] = ref_field_width(f, m);
+        }
+    }
     for (uint32_t i = 0; i < n_prims(s); i++) {
-        const ref_primitive *const r = prim_of(s, i);
+        const char *const r = (const char *)prim_of(s, i);
         ref_primitive e;
 
-        ref_primitive_of(&e, &s->e.prim[i], f);
-        note_all(motion, e.motion, r->motion, 3 * f->motion_order);
-        note_all(slope, e.slope, r->slope, f->has_slope ? 4 : 0);
-        note(time, e.t_centre, r->t_centre);
-        if (f->has_width)
-            note(width, e.log2_width, r->log2_width);
+        ref_primitive_of(&e, &s->e.prim[i], &s->e.format);
+        for (int k = 0; k < REF_N_FIELDS; k++) {
+            const size_t at = ref_fields[k].at;
+
+            if (width[k])
+                note_all(c[k], (const double *)(const void *)((char *)&e + at),
+                         (const double *)(const void *)(r + at), width[k]);
+        }
     }
 }
 
 static void compare_primitives(session *s, int is_alone)
 {
-    enum { ST = SAGA_VERIFY_PRIMITIVES };
-    const saga_prim_format *const f = &s->e.format;
     const saga_model *const m = s->e.model;
     const int has_view = (m->tools & SAGA_TOOL_VIEW) != 0;
     const double unit = has_view ? ldexp(1, -m->q_in[SAGA_NET_COLOUR])
                                  : 1 / 32768.0;
-    column place = verify_row(s, ST, "position", "box unit", 1, is_alone);
-    column opacity = verify_row(s, ST, "opacity", "log2", ldexp(1,
-                                -f->q_opacity),
-                                is_alone);
-    column scale = verify_row(s, ST, "log2 scale", "1", 1 / 1024.0, is_alone);
-    column quat = verify_row(s, ST, "quaternion", "1", ldexp(1, -f->q_quat),
-                             is_alone);
-    column colour = verify_row(s, ST, has_view ? "colour, first layer" :
-                               "colour", "1", unit, is_alone);
+    column colour;
 
-    /* The integers' attributes, converted to double, and those in double. */
-    for (uint32_t i = 0; i < n_prims(s); i++) {
-        const ref_primitive *const r = prim_of(s, i);
-        ref_primitive e;
-
-        ref_primitive_of(&e, &s->e.prim[i], f);
-        note_all(place, e.mean, r->mean, 3);
-        note(opacity, e.opacity, r->opacity);
-        note_all(scale, e.log2_scale, r->log2_scale, 3);
-        note_all(quat, e.quat, r->quat, 4);
-    }
+    compare_attributes(s, false, is_alone);
     /* Colours; if they depend on the view, the part that does not. */
+    colour = verify_row(s, SAGA_VERIFY_PRIMITIVES, has_view
+                        ? "colour, first layer" : "colour", "1", unit,
+                        is_alone);
     for (size_t i = 0; i < (size_t)n_prims(s) * s->e.stride; i++) {
         const part *const p = part_of(s, (uint32_t)(i / s->e.stride));
 
         note(colour, ref_scene_colour(&p->scene, i, s->e.colour[i]),
              p->scene.colour[i - (size_t)p->first * s->e.stride]);
     }
-    compare_dynamics(s, is_alone);
+    compare_attributes(s, true, is_alone);
 }
 
 /* Returns the angle between two rotations, given as unit quaternions, which may

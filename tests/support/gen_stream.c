@@ -106,7 +106,8 @@ static void make_model(saga_model *m, uint64_t *r, const gen_options *o)
     int i;
 
     m->tools = o->tools_fixed ? o->tools
-                              : (uint32_t)gen_range(r, 0, SAGA_TOOLS_PICTURE);
+                              : (uint32_t)gen_range(r, 0, SAGA_TOOLS_PICTURE) &
+                                SAGA_TOOLS_PICTURE;
     for (i = 0; i < SAGA_N_KINDS; i++)
         m->sources[i] = (uint8_t)(gen_range(r, 0, 7) &
             (i == SAGA_KIND_COARSE ? ~SAGA_SOURCE_PARENT

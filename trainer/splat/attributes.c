@@ -2,13 +2,11 @@
 #include "attributes.h"
 
 #include "alloc.h"
-#include "model.h"
 
 #include <stdlib.h>
 #include <string.h>
 
 #define ORDERS SAGA_TOOL_MOTION_MASK
-#define IN_TIME (SAGA_TOOL_OPACITY_T | SAGA_TOOL_SLOPE | SAGA_TOOL_MOTION_MASK)
 
 /* Networks do not compute mean and support, which come from the anchors.
  * Bounds: an opacity below 2^-8 is never drawn again, and with a temporal width
@@ -33,7 +31,7 @@ const saga_attribute saga_attributes[SAGA_N_ATTRS] = {
         .lo = -16, .hi = 16, .rate = 2e-3, .rate_end = 4e-4 },
     [SAGA_ATTR_T_CENTRE] = {
         .name = "t_centre", .width = 1, .unit = SAGA_UNIT_TIME,
-        .tools = IN_TIME, .is_temporal = true,
+        .tools = SAGA_TOOLS_TIME, .is_temporal = true,
         .out = SAGA_OUT_TIME, .n_outs = 1,
         .start = 0.5, .lo = 0, .hi = 1, .rate = 1e-3, .rate_end = 2e-4 },
     [SAGA_ATTR_LOG2_WIDTH] = {
@@ -65,6 +63,18 @@ size_t saga_attrs_width(uint32_t set)
 
     for (int a = 0; a < SAGA_N_ATTRS; a++)
         n += has(set, a) ? (size_t)saga_attributes[a].width : 0;
+    return n;
+}
+
+size_t saga_attr_n_outputs(int attr, const saga_model *m)
+{
+    const saga_attribute *const a = &saga_attributes[attr];
+    saga_rows rows[SAGA_N_OUTS];
+    size_t n = 0;
+
+    saga_model_rows(rows, m);
+    for (int h = 0; saga_attr_is_output(a) && h < a->n_outs; h++)
+        n += rows[a->out + h].n;
     return n;
 }
 

@@ -9,6 +9,7 @@
 #define SAGA_ATTRIBUTES_H
 
 #include "error.h"
+#include "model.h"
 #include "real.h"
 #include "threads.h"
 
@@ -93,6 +94,7 @@ static inline bool saga_attr_is_output(const saga_attribute *a)
 
 #define saga_attributes SAGA_REAL_NAME(saga_attributes)
 #define saga_attrs_width SAGA_REAL_NAME(saga_attrs_width)
+#define saga_attr_n_outputs SAGA_REAL_NAME(saga_attr_n_outputs)
 #define saga_attrs_of_tools SAGA_REAL_NAME(saga_attrs_of_tools)
 #define saga_params_lay SAGA_REAL_NAME(saga_params_lay)
 #define saga_params_alloc SAGA_REAL_NAME(saga_params_alloc)
@@ -104,6 +106,11 @@ extern const saga_attribute saga_attributes[SAGA_N_ATTRS];
 
 /* Returns the number of reals of a primitive for a set of attributes. */
 size_t saga_attrs_width(uint32_t set);
+
+/* Returns the number of values that F_geo and F_color output for an attribute
+ * of a model's primitives. It is 0 for the temporal centre, because positions
+ * determine it. */
+size_t saga_attr_n_outputs(int attr, const saga_model *m);
 
 /* Returns the set of attributes of primitives with these tools, without the
  * temporal ones if they are still. */

@@ -29,27 +29,13 @@ enum { N_STEPS = 300 };
 
 static const char what[] = "the start of the fit";
 
-/* Returns the number of network outputs for an attribute. The temporal centre
- * has none here, because positions determine it. */
-static size_t n_outputs(int attr, const saga_model *m)
-{
-    const saga_attribute *const a = &saga_attributes[attr];
-    saga_rows rows[SAGA_N_OUTS];
-    size_t n = 0;
-
-    saga_model_rows(rows, m);
-    for (int h = 0; saga_attr_is_output(a) && h < a->n_outs; h++)
-        n += rows[a->out + h].n;
-    return n;
-}
-
 static bool init(saga_start *x, const saga_fit *f, saga_error *error)
 {
     const saga_model *const m = &f->scene->model;
 
     x->n = f->scene->n.prim;
     for (int a = 0; a < SAGA_N_ATTRS; a++) {
-        x->width[a] = f->twin.attr.of[a] ? n_outputs(a, m) : 0;
+        x->width[a] = f->twin.attr.of[a] ? saga_attr_n_outputs(a, m) : 0;
         x->at[a] = x->d;
         x->d += x->width[a];
     }

@@ -5,6 +5,8 @@
  */
 #include "scene_model.h"
 
+#include "attributes.h"
+
 #include <string.h>
 
 static void set_tiers(saga_model *m, const saga_train_options *o)
@@ -100,17 +102,17 @@ static bool has_own_anchors(const saga_train_options *o)
     return o->n_coarse >= o->n_primitives && o->n_fine >= o->n_primitives;
 }
 
-/* Returns 3/4 of the number of attributes that the tools leave, rounded up to a
- * multiple of four. The attributes are opacity, 3 scales, 4 of the rotation, 3
- * colours, and the temporal ones. */
+/* Returns 3/4 of the number of values that the networks output for a primitive,
+ * rounded up to a multiple of four. */
 static uint32_t own_features(const saga_model *m)
 {
-    const uint32_t attributes = 11 + 3 * (uint32_t)saga_motion_order(m) +
-        (m->tools & SAGA_TOOL_SLOPE ? 4 : 0) +
-        (m->tools & SAGA_TOOL_OPACITY_T ? 1 : 0);
+    size_t n = 0;
 
-    /* 11 attributes give 12 features, 25 give 20. */
-    return (3 * attributes + 15) / 16 * 4;
+    for (int a = 0; a < SAGA_N_ATTRS; a++)
+        n += saga_attr_n_outputs(a, m);
+    /* Without motion there are 11 values and 12 features; with all tools there
+     * are 25 values and 20 features. */
+    return (3 * (uint32_t)n + 15) / 16 * 4;
 }
 
 /* Sets the number of features and of hidden units. With ReLU, two hidden units

@@ -557,7 +557,7 @@ bool saga_plan_tools(saga_tool_choice *to, const saga_tool_question *q,
     bool ok = true;
 
     memset(to, 0, sizeof *to);
-    to->tools = q->moves ? SAGA_TOOLS_PICTURE : SAGA_TOOL_VIEW;
+    to->tools = SAGA_TOOLS_PICTURE & ~(q->moves ? 0u : SAGA_TOOLS_TIME);
     choose_pictures(&a);
     if (a.n_looks > 0) {
         ok = saga_pictures_canvas(&a.canvas, q->pictures, error) &&
