@@ -23,7 +23,7 @@ TEST_GROUP(make_room, synth_leave);
 
 static uint32_t seed = 1;
 
-/* Uniform in -1 to 1. */
+/* Returns a random number, uniform in [-1, 1). */
 static double even(void)
 {
     seed = seed * 1664525u + 1013904223u;
@@ -75,8 +75,8 @@ TEST(derivatives_should_be_finite_differences)
 
 /* --- Cameras -------------------------------------------------------------- */
 
-/* 0.2 degrees, 1 % of the focal length, 2 mm, 1 pixel: as far as a good
- * calibration may be off. */
+/* Disturbs a camera as much as a good calibration may be wrong: by 0.2 degrees,
+ * 2 mm, 1 % of the focal length, and 1 pixel of the principal point. */
 static void disturb(saga_pinhole *c)
 {
     double by[SAGA_BUNDLE_N];
@@ -91,7 +91,8 @@ static void disturb(saga_pinhole *c)
     saga_bundle_move(c, by);
 }
 
-/* Root mean square of what cameras see of places against what others see. */
+/* Returns the root mean square distance, in pixels, between the projections of
+ * the places by cameras a and by cameras b. */
 static double differ(const saga_pinhole *a, const saga_pinhole *b,
                      double (*places)[3])
 {
@@ -107,9 +108,11 @@ static double differ(const saga_pinhole *a, const saga_pinhole *b,
     return sqrt(sum / (N_VIEWS * N_PLACES));
 }
 
-/* The room's cameras see a cloud, and one pixel in twenty is drawn anywhere:
- * the disturbed cameras come to see the adjusted places so, and keep the world
- * where it was. */
+/* Places near the room's points are projected by the true cameras, with noise
+ * of 0.1 pixels and one coordinate in twenty wrong by up to 40 pixels. From
+ * these sights and disturbed cameras, adjustment must halve the cameras' error.
+ * The adjusted places, projected by the adjusted cameras, must be within 0.1
+ * pixels of the true sights. */
 TEST(adjustment_should_find_what_was_disturbed)
 {
     const saga_capture *const c = *state;
@@ -150,7 +153,8 @@ TEST(adjustment_should_find_what_was_disturbed)
     after = differ(right, moved, truth);
     print_message("%.3f pixels off before, %.3f after\n", before, after);
     assert_true(after < before / 2);
-    /* Of the places themselves, which the cameras moved with. */
+    /* The places may have moved together with the cameras; therefore the sights
+     * are compared with projections of the adjusted places. */
     {
         double sum = 0, at[2], off[2];
 
@@ -204,7 +208,8 @@ TEST(refinement_should_help_disturbed_cameras_only)
                   right.before, right.after, r.before, r.after);
     assert_false(right.helps);
     assert_true(r.helps);
-    /* Nine tenths of what the disturbance added. */
+    /* Refinement must remove nine tenths of the error that the disturbance
+     * added. */
     assert_true(r.after - right.before < 0.1 * (r.before - right.before));
     free(right.cameras);
     free(r.cameras);

@@ -52,7 +52,8 @@ TEST(matches_should_follow_a_picture_that_is_turned)
     b = features_of(to, H, W);
     n = saga_matches_find(m, &a, &b, NULL);
     for (size_t i = 0; i < n; i++)
-        /* Corners of the smallest size have pixels of 2.8. */
+        /* The tolerance is 2 pixels, because corners of the coarsest scale are
+         * found in a picture whose pixels have 2.8 times the size. */
         n_right += fabs(m[i].b[0] - (H - m[i].a[1])) < 2 &&
                    fabs(m[i].b[1] - m[i].a[0]) < 2;
     print_message("%zu features, %zu matches, %zu right\n", a.n, n, n_right);
@@ -119,8 +120,9 @@ TEST(agreement_should_leave_wrong_matches_out)
         n_right = 0;
         for (size_t i = 0; i < n; i++)
             n_right += m[i].doubt == 0.5;
-        /* Of forty, some lie within a pixel of their line by chance: a strip
-         * of two pixels of 180, and F bends towards them. */
+        /* A strip of 2 of the 180 rows lies within a pixel of an epipolar line,
+         * so that a few of the 40 wrong matches agree by chance; the estimate
+         * of F also bends towards them. */
         assert_true(n_right >= RIGHT - 1 && n - n_right <= 4);
     }
 }
@@ -166,14 +168,15 @@ static void spoil(saga_shot *s, saga_pose_form form, bool opencv)
     if (form == SAGA_POSE_INVERSE || form == SAGA_POSE_TRANSPOSED)
         transpose(file, a);
     if (form == SAGA_POSE_INVERSE || form == SAGA_POSE_TRANSLATION) {
-        /* t = -A^T b of world to camera stands where the centre should. */
+        /* The translation of world to camera, t = -A^T b, stands in place of
+         * the centre. */
         double t[3];
 
         for (int k = 0; k < 3; k++)
             t[k] = -(a[k] * b[0] + a[3 + k] * b[1] + a[6 + k] * b[2]);
         memcpy(b, t, sizeof t);
     }
-    /* The loader: y and z of OpenGL's camera are reversed. */
+    /* Like the loader, reverse y and z of OpenGL's camera axes. */
     for (int i = 0; i < 3; i++) {
         right[i] = file[3 * i];
         down[i] = -file[3 * i + 1];
@@ -198,7 +201,8 @@ static saga_calibration find(const saga_capture *c, saga_shot *views)
     return cal;
 }
 
-/* When the mistake is undone, the views must be the room's own again. */
+/* When the mistake that was found is undone, the views must be those of the
+ * room again. */
 static void expect_found(const saga_capture *c, saga_shot *views)
 {
     FREED_BY(saga_calibration_free) saga_calibration cal = find(c, views);
@@ -214,8 +218,8 @@ static void expect_found(const saga_capture *c, saga_shot *views)
             assert_true(fabs(s->rotation[i] - own->rotation[i]) < 1e-9);
         for (int i = 0; i < 3; i++)
             assert_true(fabs(s->translation[i] - own->translation[i]) < 1e-9);
-        /* Lengths are tried in steps of an eighth of an octave, and along an
-         * arc the next one fits as well. */
+        /* The focal length is tried in steps of an eighth of an octave; with
+         * cameras along an arc, the next step fits equally well. */
         assert_true(fabs(log2(lens[0] / own->fx)) < 0.13);
         assert_true(fabs(log2(lens[2] / own->cx)) < 0.13);
     }
@@ -231,7 +235,7 @@ TEST(room_should_fit_its_pictures)
     assert_int_equal(cal.n_fit, cal.n_pairs);
     assert_false(cal.found || cal.bad);
     for (int v = 0; v < N_VIEWS; v++) {
-        /* Corners are found to half a pixel. */
+        /* Corners are accurate to half a pixel. */
         assert_true(cal.off[v] < 0.7 && !cal.odd[v]);
         assert_true(fabs(cal.stops[v]) < 0.05);
     }
@@ -331,7 +335,8 @@ TEST(survey_should_say_so_in_words)
     saga_shot *const right = c.views;
     saga_survey s;
 
-    /* As written by a program of OpenCV's. */
+    /* The matrices are written as an author who uses OpenCV's axes might write
+     * them. */
     c.views = copy_views(&c);
     c.n_points = 0;
     for (int v = 0; v < N_VIEWS; v++)
@@ -341,7 +346,8 @@ TEST(survey_should_say_so_in_words)
                      "OpenCV's (y down, z forward)"));
     saga_survey_free(&s);
 
-    /* Camera 3 has camera 4's pose, and sees patches of grey. */
+    /* Camera 3 has the pose of camera 4, and its picture is random grey
+     * patches. */
     memcpy(c.views, right, N_VIEWS * sizeof *right);
     c.views[3] = right[4];
     c.views[3].rgb = zeroed((size_t)W * H, 3);

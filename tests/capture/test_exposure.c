@@ -8,16 +8,17 @@
 
 enum { N_VIEWS = 5, N_PAIRS = 400 };
 
-/* Four cameras learn; the third is half as bright and reddish, the fifth is in
- * no pair. */
+/* The cameras whose exposures are estimated, and the brightness of all: the
+ * third is half as bright and reddish, the fifth is in no pair. */
 static const int train[] = { 0, 1, 2, 3 };
 static const double factor[N_VIEWS][3] = {
     { 1, 1, 1 }, { 1.2, 1.2, 1.2 }, { 0.6, 0.5, 0.4 }, { 1, 0.9, 1.1 },
     { 1, 1, 1 }
 };
 
-/* Makes pairs of every two cameras; each seventh shows two surfaces, and so any
- * ratio. */
+/* Makes pairs of the colours that two of the four cameras have of a place. Each
+ * seventh pair is an outlier, as if the two cameras showed different
+ * surfaces. */
 static void make_pairs(saga_exposure_pair *at)
 {
     for (int i = 0; i < N_PAIRS; i++) {
@@ -42,8 +43,9 @@ TEST(pairs_should_give_the_factors_back)
     for (int v = 0; v < 4; v++)
         for (int k = 0; k < 3; k++) {
             sum[k] += found[3 * v + k];
-            /* An exposure is one over what was planted; relative to the
-             * first camera, since a common factor shows in no pair. */
+            /* An exposure must be one over the planted factor. It is compared
+             * relative to the first camera's, because a factor that all cameras
+             * share shows in no pair. */
             assert_true(fabs(found[3 * v + k] - found[k] +
                              log(factor[v][k] / factor[0][k])) < 0.02);
         }
@@ -51,7 +53,7 @@ TEST(pairs_should_give_the_factors_back)
         assert_true(fabs(sum[k]) < 1e-9);
         assert_true(found[3 * 4 + k] == 0);
     }
-    /* The widest range is that of blue, from 0.4 to 1.2. */
+    /* The channel with the widest range is blue, from 0.4 to 1.2. */
     assert_true(fabs(saga_exposure_span(found, &pairs) - log(3)) < 0.04);
 }
 
@@ -60,7 +62,7 @@ TEST(places_should_tell_stops_unless_cut_off)
     static const double grey[] = { 100, 100, 100 }, white[] = { 250, 250, 250 };
     double stops, twice[3];
 
-    /* Twice the light is 2^(1 / 2.2) of a display value. */
+    /* Doubling the light multiplies a display value by 2^(1 / 2.2). */
     for (int k = 0; k < 3; k++)
         twice[k] = 100 * exp2(1 / 2.2);
     assert_true(saga_exposure_compare(&stops, twice, grey));
@@ -71,21 +73,23 @@ TEST(places_should_tell_stops_unless_cut_off)
 
 TEST(error_should_be_what_the_best_factor_leaves)
 {
-    /* Red is half of the truth, green is right but for one of two pixels, blue
-     * is nothing where 3 is true. */
+    /* Red is half of the truth. Green is right in the first pixel and wrong in
+     * the second. Blue is 0 instead of 3, which no factor corrects. */
     static const uint8_t made[] = { 10, 20, 0, 30, 20, 0 };
     static const uint8_t truth[] = { 20, 20, 3, 60, 10, 3 };
     saga_exposure_sums sums[3] = { { 0 } };
 
     assert_int_equal(saga_exposure_add(sums, made, truth, NULL, 2), 2);
-    /* Green: f = 600 / 800, (15 - 20)^2 + (15 - 10)^2 = 50; blue: 9 + 9. */
+    /* The error of green with f = 600 / 800 is (15 - 20)^2 + (15 - 10)^2 = 50,
+     * that of blue 9 + 9, that of red 0. */
     assert_true(fabs(saga_exposure_error(sums) - 68) < 1e-9);
 }
 
 TEST(masked_pixels_should_not_hold_the_factor)
 {
     /* The first pixel is half as bright as it should be, which a factor of two
-     * mends; the second, which does not count, is right. */
+     * corrects. The second is right, but masked; if it counted, there would be
+     * an error. */
     static const uint8_t made[] = { 10, 20, 30, 90, 90, 90 };
     static const uint8_t truth[] = { 20, 40, 60, 90, 90, 90 };
     static const uint8_t mask[] = { 1, 0 };

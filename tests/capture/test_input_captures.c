@@ -59,7 +59,7 @@ enum { STUDIO_VIEWS = 14, MAX_ID = 4096, MAX_SEEN = 20000 };
 /* A COLMAP model in text, read line by line according to its description. */
 typedef struct {
     double position[MAX_ID][3];
-    int n_training[MAX_ID];     /* distinct views but cam00; -1: no point */
+    int n_training[MAX_ID];     /* distinct views without cam00; -1: no point */
     int image_of_view[STUDIO_VIEWS];
 } studio_points;
 
@@ -188,8 +188,8 @@ static void check_studio_views(const saga_capture *c)
     }
 }
 
-/* README: COLMAP 2490 points, 11851 observations, median 0.143 px, p90 0.69;
- * |depth - true| / true median 0.14 %, p90 1.3 %. */
+/* The README gives 2490 points, 11851 observations, a median distance of 0.143
+ * px (p90 0.69), and |depth - true| / true with median 0.14 % (p90 1.3 %). */
 static void check_studio_points(const saga_capture *c)
 {
     static studio_points s;
@@ -216,8 +216,8 @@ static void check_studio_points(const saga_capture *c)
 }
 
 /* Pixels of view a are lifted with the true depth and projected into view b.
- * The README has for cam01 to cam02: in view 90 %, visible 73 %, colour median
- * 3.3. */
+ * For cam01 to cam02 the README has: 90 % in view, 73 % visible, median
+ * difference of colour 3.3. */
 static void check_studio_pixels(const saga_capture *c, int from, int to,
                                 double in_view, double visible)
 {
@@ -256,9 +256,11 @@ static void check_studio_pixels(const saga_capture *c, int from, int to,
            "median %.0f\n", a->name, b->name, 100.0 * n_inside / n,
            100.0 * n_seen / n, median);
     assert_true(fabs((double)n_inside / n - in_view) < 0.01);
-    /* The README's test of what is hidden is the stricter one. */
+    /* Fewer pixels are visible by the README's test of occlusion, which is
+     * stricter. */
     assert_true((double)n_seen / n >= visible && n_seen <= n_inside);
-    /* It interpolates, and takes all channels. */
+    /* The README's median is smaller, because it interpolates and takes all
+     * channels. */
     assert_true(median <= 4);
 }
 
@@ -366,7 +368,8 @@ static void check_lens(const saga_capture *c, int view, const json_t *frame)
     printf("person4: %s moves pixels by up to %.1f, focal length x %.4f, "
            "worst difference %.2f\n", v->name, farthest, v->focal_scale,
            worst);
-    /* Rounding, and positions to 1/512 pixel: up to 1/2 at full contrast. */
+    /* The tolerance covers rounding, and positions to 1/512 pixel, which at
+     * full contrast are up to 1/2. */
     assert_true(worst < 1.6);
     assert_true(farthest > 0.5);
 }

@@ -13,8 +13,9 @@ enum { W = 64, H = 48, N_IMAGES = 3, N_POINTS = 40 };
 
 /* --- A model ------------------------------------------------------------- */
 
-/* Cameras: a PINHOLE and an OPENCV one. Images, ids descending: cam02, cam01,
- * cam00, each 0.5 further to the left, all looking along +z. */
+/* The model has two cameras, a PINHOLE and an OPENCV one, and three images with
+ * descending ids: cam02, cam01, cam00. All look along +z, each 0.5 further to
+ * the left. */
 typedef struct {
     double position[N_POINTS][3];
     bool seen[N_POINTS][N_IMAGES];
@@ -33,7 +34,8 @@ static world make_world(void)
         w.position[i][0] = (i % 8 - 3.5) * 0.25;
         w.position[i][1] = (i / 8 - 2) * 0.25;
         w.position[i][2] = 4 + i % 3;
-        /* The last eight are seen by too few of cam01 and cam02. */
+        /* The last eight points are seen by cam00 and, every second one, by
+         * cam01, but not by cam02. */
         for (int k = 0; k < N_IMAGES; k++)
             w.seen[i][k] = i < N_POINTS - 8 || k == 2 || (i % 2 && k == 1);
     }
@@ -111,7 +113,7 @@ static void write_text_model(folder *f, const world *w)
             }
         put_text(&b, "\n");
     }
-    /* One without features: its second line is empty. */
+    /* An image without features has an empty second line. */
     put_text(&b, "5 1 0 0 0 0 0 0 9 other.png\n\n");
     write_bytes(f, "colmap/images.txt", &b);
     for (int i = 0; i < N_POINTS; i++) {
@@ -329,7 +331,7 @@ TEST_IN_FOLDER(model_should_be_read_from_bytes)
     const world w = make_world();
 
     write_binary_model(f, &w);
-    /* Newer COLMAP's further files are not looked at. */
+    /* The additional files of newer versions of COLMAP must be ignored. */
     write_text(f, "colmap/rigs.bin", "rigs");
     check_model(f, &w);
 }
@@ -385,7 +387,8 @@ TEST_IN_FOLDER(model_should_be_refused_when_bytes_are_missing)
             write_part(f, path, &b, n);
             refused_model(f, names[i], "copy or export");
         }
-        /* A count that would be gigabytes. */
+        /* The first eight bytes announce a count whose memory would be
+         * gigabytes. */
         memset(b.data, 0x7f, 7);
         write_part(f, path, &b, b.n);
         refused_model(f, names[i], "announces 35887507618889599 ");
@@ -439,8 +442,9 @@ static void write_videos(folder *f)
                "&& cp cam00.mp4 cam02.mp4", W, H);
 }
 
-/* cam00 is held out. Points that none or one of the other cameras has seen do
- * not count. Without poses_bounds.npy the cameras are those of the model. */
+/* The held-out camera cam00 must not count as seeing a point, and points that
+ * fewer than two other cameras see must be dropped. Without poses_bounds.npy,
+ * the model gives the cameras. */
 TEST_IN_FOLDER(points_should_be_dropped_when_few_training_views_see_them)
 {
     const world w = make_world();
@@ -453,7 +457,8 @@ TEST_IN_FOLDER(points_should_be_dropped_when_few_training_views_see_them)
     assert_int_equal(c.n_views, 3);
     assert_int_equal(c.n_points, N_POINTS - 8);
     for (int v = 0; v < 3; v++) {
-        /* cam00 is image 2 of the model, cam01 image 1, cam02 image 0. */
+        /* Image numbers of the model descend: cam00 is its image 2, cam01 image
+         * 1, cam02 image 0. */
         assert_int_equal(c.views[v].held_out, v == 0);
         assert_true(c.views[v].fx == 60 && c.views[v].cy == 24);
         assert_true(c.views[v].translation[0] == 0.5 * v);
@@ -486,7 +491,7 @@ TEST_IN_FOLDER(cameras_should_be_scaled_to_the_videos)
     c = load(f->path);
     assert_true(c.views[0].fx == 60 && c.views[0].fy == 61);
     assert_true(c.views[0].cx == 32 && c.views[0].cy == 24);
-    /* The observations are of pictures of twice the size. */
+    /* The model's observations are in pixels of a picture of twice the size. */
     assert_true(c.views[0].reprojection_median > 10);
     saga_capture_free(&c);
     write_text(f, "colmap/cameras.txt", "7 PINHOLE 128 48 120 122 64 48\n");

@@ -115,7 +115,8 @@ TEST_IN_FOLDER(npy_should_be_refused_when_it_is_something_else)
         put_f64(&b, 1);
         refused_npy(f, &b, "header that is not understood");
     }
-    /* The key at the very end of the longest header there may be. */
+    /* The header is as long as is allowed, and the key stands at its very end,
+     * without a value. */
     memset(longest, ' ', sizeof longest);
     strcpy(longest + 4095 - 8, "'descr':");
     memcpy(longest, "'fortran_order': False", 22);
@@ -337,11 +338,12 @@ static void put_chunk(bytes *b, const char *type, const void *data, size_t n)
 
 typedef struct {
     int width, height, depth, colour;
-    const void *extra[3];    /* gAMA, PLTE, tRNS; NULL: none */
+    const void *extra[3];    /* gAMA, PLTE and tRNS chunks; NULL: none */
     size_t n_extra[3];
 } png_kind;
 
-/* rows: (height, row_nbytes), without filter bytes. */
+/* Returns a PNG file. The shape of rows is (height, row_nbytes), without filter
+ * bytes. */
 static bytes png_bytes(const png_kind *k, const uint8_t *rows,
                        size_t row_nbytes)
 {
@@ -401,7 +403,8 @@ TEST_IN_FOLDER(png_should_be_read_in_colour_and_grey)
     static const uint8_t colour[12] = { 1, 2, 3, 250, 128, 0, 255, 255, 255,
                                         0, 0, 9 };
     static const uint8_t grey[2] = { 7, 200 };
-    static const uint8_t two_bits[2] = { 0x1b, 0xe4 }; /* 0 1 2 3, 3 2 1 0 */
+    /* The 2-bit indices 0 1 2 3 and 3 2 1 0. */
+    static const uint8_t two_bits[2] = { 0x1b, 0xe4 };
     static const uint8_t grown[24] = { 0, 0, 0, 85, 85, 85, 170, 170, 170,
                                        255, 255, 255, 255, 255, 255, 170, 170,
                                        170, 85, 85, 85, 0, 0, 0 };
@@ -419,7 +422,8 @@ TEST_IN_FOLDER(png_should_be_read_in_colour_and_grey)
               bits);
 }
 
-/* round(v / 257): 128 is just below a half, 129 just above. */
+/* 16-bit samples must become round(v / 257): a remainder of 128 is just below a
+ * half, of 129 just above. */
 TEST_IN_FOLDER(png_should_be_rounded_from_16_bits)
 {
     static const uint8_t rows[12] = { 0, 128, 0, 129, 0xff, 0xff, 0x80, 0x80,
@@ -430,7 +434,8 @@ TEST_IN_FOLDER(png_should_be_rounded_from_16_bits)
               rounded);
 }
 
-/* Colour times alpha / 255, to the nearest; gamma has no part in it. */
+/* A pixel must become colour times alpha / 255, rounded; gamma must have no
+ * effect on it. */
 TEST_IN_FOLDER(png_should_lie_over_black_where_it_is_transparent)
 {
     static const uint8_t colour[12] = { 200, 100, 3, 128, 200, 100, 3, 0,
@@ -444,7 +449,8 @@ TEST_IN_FOLDER(png_should_lie_over_black_where_it_is_transparent)
     static const uint8_t coloured[6] = { 10, 20, 30, 51, 26, 13 };
     static const uint8_t key[2] = { 0, 90 }, keyed_rows[2] = { 90, 91 };
     static const uint8_t keyed[6] = { 0, 0, 0, 91, 91, 91 };
-    static const uint8_t linear[4] = { 0, 1, 0x86, 0xa0 }; /* gamma 1 */
+    static const uint8_t linear[4] = { 0, 1, 0x86, 0xa0 }; /* a gAMA chunk with
+                                                            * gamma 1 */
 
     for (int with_gamma = 0; with_gamma < 2; with_gamma++) {
         const uint8_t *const g = with_gamma ? linear : NULL;
@@ -492,7 +498,7 @@ TEST_IN_FOLDER(png_should_be_refused_when_it_is_damaged)
     }
     write_part(f, "a.png", &b, b.n);
     refused_picture(f, "a.png", 2, 3, "is 2 x 2 pixels, expected 2 x 3");
-    b.data[b.n - 12 - 10] ^= 1; /* in IDAT: its checksum */
+    b.data[b.n - 12 - 10] ^= 1; /* a bit of the checksum of IDAT */
     write_bytes(f, "a.png", &b);
     refused_picture(f, "a.png", 2, 2, "damaged");
     for (size_t i = 0; i < sizeof sizes / sizeof sizes[0]; i++) {
@@ -524,8 +530,9 @@ static void put_attribute(bytes *b, const char *name, const char *type,
     put(b, value->data, value->n);
 }
 
-/* Channels in alphabetical order, all of 32-bit floats, not compressed; the
- * first pixel at (left, top). data: (height, channels, width). */
+/* Returns an uncompressed EXR of 32-bit floats. Names are in alphabetical
+ * order, the data window begins at (left, top), and the shape of data is
+ * (height, channels, width). */
 static bytes exr_bytes(const char *const *names, int n, int left, int top,
                        int width, int height, const double *data)
 {
@@ -537,7 +544,7 @@ static bytes exr_bytes(const char *const *names, int n, int left, int top,
     put_le(&b, 2, 4);
     for (int i = 0; i < n; i++) {
         put(&v, names[i], strlen(names[i]) + 1);
-        put_le(&v, 2, 4);  /* float */
+        put_le(&v, 2, 4);  /* 2: float */
         put_le(&v, 0, 4);
         put_le(&v, 1, 4);
         put_le(&v, 1, 4);
@@ -597,8 +604,9 @@ TEST_IN_FOLDER(exr_should_be_read_as_depth)
     }
 }
 
-/* IEC 61966-2-1 by hand: 255 (1.055 0.5^(1/2.4) - 0.055) = 187.5, just above;
- * 0.18 gives 117.6, 0.001 gives 255 12.92 / 1000 = 3.3. */
+/* The expected values are computed by hand from IEC 61966-2-1: 0.5 gives 255
+ * (1.055 0.5^(1/2.4) - 0.055) = 187.5, just above a half; 0.18 gives 117.6;
+ * 0.001 gives 255 12.92 / 1000 = 3.3. */
 TEST_IN_FOLDER(exr_should_become_srgb)
 {
     static const char *const bgr[] = { "B", "G", "R" };
@@ -628,8 +636,9 @@ TEST_IN_FOLDER(exr_should_bring_all_8_bits_back)
     assert_memory_equal(rgb, back, 768);
 }
 
-/* The size of a compressed chunk passes through all sizes around that of the
- * pixels: noise after more and more zeros. */
+/* Pictures of noise after an increasing number of zeros compress to all sizes
+ * around that of the raw pixels. All must be read back exactly, whether or not
+ * the writer stores them compressed. */
 TEST_IN_FOLDER(exr_should_bring_depth_back_whatever_its_size)
 {
     enum { WIDTH = 24, HEIGHT = 16, N = WIDTH * HEIGHT };
@@ -641,7 +650,7 @@ TEST_IN_FOLDER(exr_should_bring_depth_back_whatever_its_size)
 
         for (int i = 0; i < N; i++) {
             seed = seed * 1664525u + 1013904223u;
-            /* A mantissa of noise, the exponent of 1..2. */
+            /* The mantissa is noise, and the value is in [1, 2). */
             depth[i] = i < zeros ? 0 : 1 + (float)(seed >> 9) / (1 << 23);
         }
         assert_true(saga_exr_write_depth(folder_file(f, "d.exr"), WIDTH,

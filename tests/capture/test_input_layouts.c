@@ -31,19 +31,20 @@ TEST_IN_FOLDER(colmap_folder_should_be_the_scene_in_bytes)
 
 TEST_IN_FOLDER(colmap_folder_should_have_frames_by_camera)
 {
-    /* Every picture is in the model. */
+    /* Every picture is in the COLMAP model. */
     write_model(f, "sparse/0", camera_and_number, N_FRAMES);
     write_pictures(f, "images", camera_and_number, 0, N_FRAMES);
     check_same(f->path, "COLMAP, a folder for each camera", N_FRAMES, LOSSLESS);
-    /* The first of each is. */
+    /* Only the first picture of each camera is in the model. */
     write_model(f, "sparse/0", camera_and_number, 1);
     check_same(f->path, "the same, first pictures in the model",
                N_FRAMES, LOSSLESS);
-    /* The model knows a picture cam00.png, the frames are in cam00/. */
+    /* The model has a picture cam00.png, and the frames are in the folder
+     * cam00/. */
     write_model(f, "sparse/0", camera_alone, 1);
     check_same(f->path, "the same, pictures of cameras in the model",
                N_FRAMES, LOSSLESS);
-    /* There is no folder images/. */
+    /* The pictures' folders lie next to sparse/, without a folder images/. */
     folder_run(f, "mv images/* . && rmdir images");
     check_same(f->path, "the same, without images/", N_FRAMES, LOSSLESS);
 }
@@ -57,12 +58,13 @@ TEST_IN_FOLDER(colmap_folder_should_have_frames_by_moment)
 
 TEST_IN_FOLDER(frame_folders_should_be_the_scene)
 {
-    /* t8 t9 t10: by number, not by letter. One model beside them. */
+    /* The moments t8, t9, t10 must be ordered by number, not by letters. One
+     * COLMAP model lies next to their folders. */
     write_pictures(f, ".", number_and_camera, 0, N_FRAMES);
     write_model(f, "sparse/0", camera_alone, 1);
     check_same(f->path, "frame folders, a COLMAP model beside them",
                N_FRAMES, LOSSLESS);
-    /* Or a capture of its own in each. */
+    /* Each moment's folder is a capture of its own. */
     folder_run(f, "for t in t8 t9 t10; do mkdir $t/images && mv $t/*.png "
                "$t/images && cp -r sparse $t; done; rm -r sparse t9/sparse");
     check_same(f->path, "frame folders, COLMAP in each", N_FRAMES, LOSSLESS);
@@ -81,7 +83,7 @@ TEST_IN_FOLDER(blender_scene_should_be_the_scene)
     write_json(f, "transforms_test.json", camera_alone, 3, 4, 1, "./train");
     write_pictures(f, "train", camera_alone, 0, 1);
     c = load(f->path);
-    /* In the order in which they are read, test first. */
+    /* Views are in the order in which files are read: the test file first. */
     assert_int_equal(c.n_views, N_VIEWS);
     for (int v = 0; v < N_VIEWS; v++) {
         const int from = (v + 3) % N_VIEWS;
@@ -127,15 +129,16 @@ static double check_moving(const saga_capture *c, int view, int from, int k,
     assert_true(fabs(c->views[view].late - late) < 1e-9);
     for (int i = 0; i < c->n_frames; i++) {
         assert_int_equal(saga_capture_has(c, view, i), i == k);
-        /* One picture in memory stands for all moments. */
+        /* The picture in memory is shared by all moments. */
         assert_memory_equal(saga_capture_frame(c, view, i),
                             saga_capture_frame(&scene, from, 0), 3 * W * H);
     }
     return camera;
 }
 
-/* There are three training pictures, each at its own time, and one test
- * picture, a quarter between the first and the second. */
+/* The capture has three training pictures, each at its own time, and one test
+ * picture, whose time is a quarter of the way from the first moment to the
+ * second. */
 TEST_IN_FOLDER(moving_camera_should_have_a_view_for_each_picture)
 {
     static const double time[] = { 0.5, 0, 1, 0.125 };
@@ -157,7 +160,7 @@ TEST_IN_FOLDER(moving_camera_should_have_a_view_for_each_picture)
     assert_true(c.views[0].held_out && !c.views[1].held_out);
     assert_non_null(strstr(c.notes, "its 4 pictures are views of 3 moments"));
     saga_capture_free(&c);
-    /* A range of moments keeps all views. */
+    /* If only a range of moments is loaded, all views must stay. */
     o.first_frame = 1;
     o.end_frame = 2;
     c = load_with(f->path, &o);
@@ -165,7 +168,7 @@ TEST_IN_FOLDER(moving_camera_should_have_a_view_for_each_picture)
     for (int v = 0; v < N_VIEWS; v++)
         assert_int_equal(saga_capture_has(&c, v, 0), v == 1);
     saga_capture_free(&c);
-    /* A delay that is told adds to what the times tell. */
+    /* A delay given as an option must be added to that of the times. */
     o.first_frame = o.end_frame = 0;
     o.late = "cam03=-1";
     c = load_with(f->path, &o);
@@ -187,19 +190,22 @@ TEST_IN_FOLDER(moving_camera_should_need_no_memory_for_what_is_missing)
     write_moving(f, "transforms.json", 0, 4, time);
     write_pictures(f, "train", camera_alone, 0, 1);
     o.n_threads = 1;
-    /* Four pictures in RGB, and what one thread works with; not 16. */
+    /* The limit is enough for four pictures in RGB and one thread's work, not
+     * for 16 pictures. */
     o.memory_nbytes = W * H * (4 * 3 + 3 * 7);
     c = load_with(f->path, &o);
     assert_int_equal(c.n_frames, 4);
-    /* Four of five even quarters are frames: thirds of the time. */
+    /* Times are multiples of a quarter, but four views make four frames, which
+     * are thirds of the time. */
     assert_true(fabs(c.views[1].late - 0.75) < 1e-9 &&
                 saga_capture_has(&c, 1, 0));
     assert_true(fabs(c.views[2].late - 0.5) < 1e-9 &&
                 saga_capture_has(&c, 2, 1));
 }
 
-/* Fewer poses than SAGA_MAX_VIEWS, and more pictures: each would be a view. It
- * is refused before any of them is looked for. */
+/* The number of poses is below SAGA_MAX_VIEWS, but the number of pictures is
+ * above it, and each picture would become a view. The capture must be refused
+ * before any picture is opened. */
 TEST_IN_FOLDER(moving_camera_should_be_refused_when_it_has_too_many_pictures)
 {
     const int n_poses = SAGA_MAX_VIEWS - 10, n = SAGA_MAX_VIEWS + 1;
@@ -257,7 +263,8 @@ TEST_IN_FOLDER(stills_should_be_the_scene_in_every_format)
     }
 }
 
-/* In linear light, of which 8 bits come back. */
+/* EXR pictures hold linear light; after conversion, the loaded 8 bits must be
+ * those of the scene. */
 TEST_IN_FOLDER(exr_stills_should_be_the_scene)
 {
     write_model(f, "sparse/0", camera_alone, 1);
@@ -314,7 +321,8 @@ TEST_IN_FOLDER(missing_pictures_should_be_left_out)
     refused(f->path, f->path, "none of its 4 cameras has a picture");
 }
 
-/* The names' numbers tell which moment is not listed. */
+/* The numbers in the pictures' names tell which moment is missing from the
+ * list. */
 TEST_IN_FOLDER(unlisted_pictures_should_be_left_out)
 {
     FREED_BY(saga_capture_free) saga_capture c;
@@ -340,7 +348,7 @@ TEST_IN_FOLDER(unlisted_pictures_should_be_left_out)
     assert_non_null(strstr(c.notes, "pictures: 2 are missing"));
 }
 
-/* Frame k of a camera that runs one late is its picture k + 1. */
+/* Frame k of a camera that is one frame late must be its picture k + 1. */
 TEST_IN_FOLDER(late_cameras_should_be_shifted)
 {
     saga_capture_options o = saga_capture_defaults();

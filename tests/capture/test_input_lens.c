@@ -52,8 +52,8 @@ static void undistort(const lens *l, const double to[2], double x[2])
     assert_true(fabs(y[0] - to[0]) < 1e-12 && fabs(y[1] - to[1]) < 1e-12);
 }
 
-/* The brightness of the scene in the direction (x, y, 1), 0..255: waves of at
- * least 27 pixels, in a different direction for each channel. */
+/* Returns the brightness of the scene in the direction (x, y, 1), 0..255. Each
+ * channel has waves of at least 27 pixels in a direction of its own. */
 static double pattern(double x, double y, int channel)
 {
     static const double a[3][2] = { { 29, 0 }, { 4, 27 }, { -20, 19 } };
@@ -134,9 +134,10 @@ static void check_pattern(folder *f, const lens *l, int scale)
         squares += e * e / (3 * n);
         sum[i % 3] += e / n;
     }
-    /* Two roundings to 8 bits, 1/2 each at most; interpolation over waves of
-     * 27 pixels, (2 pi / 27)^2 / 8 of their height 100 on each axis: 0.7 and
-     * 0.7; positions to 1/512 pixel, 0.1. Half a pixel would be 11. */
+    /* The tolerance covers two roundings to 8 bits, 1/2 each at most;
+     * interpolation of waves of 27 pixels with height 100, (2 pi / 27)^2 / 8 of
+     * the height on each axis, which is 0.7 and 0.7; and positions to 1/512
+     * pixel, 0.1. An error of half a pixel would be 11. */
     assert_true(worst < 2.6);
     assert_true(squares < 0.6 * 0.6);
     for (int k = 0; k < 3; k++)
@@ -147,8 +148,9 @@ static void check_pattern(folder *f, const lens *l, int scale)
 
 TEST(lens_should_give_values_worked_out_by_hand)
 {
-    /* k1: r2 = 1/4, factor 1 + 1/2 / 4. k2: r4 = 1/16. k3: r2 = 1/2, r6 =
-     * 1/8. p1 at (1/2, 1/2): x + 2 p1 / 4, y + p1 (1/2 + 2/4); p2 mirrored. */
+    /* By hand: k1 has r2 = 1/4 and a factor of 1 + 1/2 / 4; k2 has r4 = 1/16;
+     * k3 has r2 = 1/2 and r6 = 1/8; p1 at (1/2, 1/2) gives x + 2 p1 / 4 and y +
+     * p1 (1/2 + 2/4); p2 gives the same with x and y swapped. */
     static const struct {
         saga_lens lens;
         double x, y, u, v;
@@ -188,8 +190,8 @@ TEST_IN_FOLDER(lens_should_be_gone_when_scaled_down)
     check_pattern(f, &pincushion, 3);
 }
 
-/* OpenCV's fisheye formula: the radius for an angle from the axis, and its
- * inverse by bisection. */
+/* OpenCV's fisheye formula: the distance from the centre for an angle from the
+ * axis. Its inverse is found by bisection. */
 static const double fish_k[4] = { 0.03, -0.01, 0.004, -0.002 };
 
 static double fish_radius(double angle)
@@ -218,7 +220,7 @@ static double fish_angle(double radius)
     return low;
 }
 
-/* Writes a fisheye picture with `focal` pixels for a radian, of waves that are
+/* Writes a fisheye picture with `focal` pixels per radian, whose waves are
  * `slow` times longer. */
 static void write_fisheye(folder *f, double focal, double slow)
 {
@@ -244,7 +246,8 @@ static void write_fisheye(folder *f, double focal, double slow)
 
 TEST_IN_FOLDER(fisheye_should_become_a_pinhole)
 {
-    /* The first focal length fits, the second is cut at 110 degrees. */
+    /* With the first focal length the whole picture fits; with the second the
+     * field of view is cut at 110 degrees. */
     static const double focal[] = { 120, 60 }, slow[] = { 1, 4 };
 
     for (int t = 0; t < 2; t++) {
@@ -334,11 +337,13 @@ TEST_IN_FOLDER(scale_should_average_areas_exactly)
 
         for (int k = 0; k < N * N; k++)
             sum += rgb[3 * ((N * y + k / N) * FULL_W + N * x + k % N) + i % 3];
-        /* Nine can not be halved: nearest is what is within a half. */
+        /* The mean of nine pixels must be rounded to nearest; a ninth is never
+         * a tie. */
         assert_true(abs(18 * saga_capture_frame(&c, 0, 0)[i] - 2 * sum) <= 9);
     }
-    /* The picture's corner stays where it is, so do places in thirds. By hand,
-     * in the full picture: 50.5 + 90 / 8 and 25 + 91 / 16. */
+    /* A place in the world must be at the same place relative to the picture's
+     * corner. By hand, in pixels of the full picture: 50.5 + 90 / 8 and 25 + 91
+     * / 16. */
     assert_true(saga_view_project(c.views, world, small, &z));
     saga_capture_free(&c);
     full[0] = 50.5 + 90 * 0.125;

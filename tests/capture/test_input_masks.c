@@ -47,8 +47,8 @@ static void write_capture(folder *f, const char *root, const char *also)
     write_bytes(f, "transforms.json", &b);
 }
 
-/* Checks a picture whose left half is masked and has the given grey, and whose
- * right half counts. */
+/* Checks a picture whose left half is masked and was replaced by the given
+ * grey, and whose right half counts. */
 static void check_left(const saga_capture *c, int view, int frame, int left)
 {
     const uint8_t *const mask = saga_capture_mask(c, view, frame);
@@ -104,14 +104,14 @@ TEST_IN_FOLDER(masks_should_be_found_beside_pictures)
     write_grey(f, "m/one.png", W, H, 100, 200);
     write_capture(f, "images", ", \"mask_path\": \"m/one.png\"");
     check_one(f);
-    /* Other pictures' folders than images/ */
+    /* Masks are also found if the pictures' folder is not images/. */
     folder_run(f, "mkdir -p masks/p/cam0");
     write_grey(f, "masks/p/cam0/1.png", W, H, 0, 255);
     write_capture(f, "p", "");
     check_one(f);
 }
 
-/* A pixel that never counts is black. */
+/* A pixel that is masked in all frames must become black. */
 TEST_IN_FOLDER(mask_should_be_of_all_frames_when_it_is_the_cameras)
 {
     saga_capture_options o = saga_capture_defaults();
@@ -142,9 +142,9 @@ TEST_IN_FOLDER(mask_should_be_of_all_frames_when_it_is_the_cameras)
     refused_with(f->path, &o, f->path, "--memory");
 }
 
-/* Views hold 3 bytes a pixel and frame, one more where a camera has masks; a
- * thread has 7 for a picture and its depth, and for a mask 4 of opacity and 3
- * of what is scaled. */
+/* The forecast must be 3 bytes for each pixel and frame, one more for cameras
+ * with masks, and a thread's work: 7 bytes a pixel for a picture and its depth,
+ * and for a mask 4 of opacity and 3 of scaled samples. */
 TEST_IN_FOLDER(masks_should_count_in_the_forecast_of_memory)
 {
     saga_capture_options o = saga_capture_defaults();
@@ -200,9 +200,10 @@ TEST_IN_FOLDER(mask_should_be_refused_when_wrong)
     refused(f->path, "transforms.json", "\"mask_path\" in frames[1]");
 }
 
-/* Camera 1 runs 1.25 frames behind: its second picture was taken 3/4 of a frame
- * after the first one of camera 0 that is left. Picture k is then late by that.
- */
+/* Camera 1 runs 1.25 frames late: its second picture was taken 3/4 of a frame
+ * after the first picture of camera 0 that is kept. Of each delay, the whole
+ * frames must be removed by shifting, and the rest must remain as the view's
+ * delay. */
 TEST_IN_FOLDER(parts_of_a_frame_should_be_kept)
 {
     static const struct {

@@ -21,7 +21,7 @@ enum { W = 16, H = 12 };
 
 typedef struct {
     const char *path;
-    uint32_t crc;            /* of all that is to be loaded */
+    uint32_t crc;            /* of everything that is to be loaded */
 } source;
 
 static uint32_t add(uint32_t crc, const void *p, size_t n)
@@ -63,7 +63,8 @@ static bool load_and_free(void *user, saga_error *error)
     return ok;
 }
 
-/* Lets each allocation fail once; there must be at least `least` of them. */
+/* Lets each allocation fail once. The number of allocations must be at least
+ * `least`, so that the test cannot become empty. */
 static void fail_each(folder *f, const char *name, long least)
 {
     source s = { folder_file(f, name), 0 };
@@ -92,7 +93,8 @@ static void write_synth(const char *path, bool exr)
 TEST_IN_FOLDER(pngs_should_be_refused_when_memory_ends)
 {
     write_synth(folder_file(f, "scene"), false);
-    /* The second camera's lens has to be straightened. */
+    /* The second camera gets a lens distortion, so that its picture is
+     * resampled. */
     folder_run(f, "sed -i '/{\"file_path\": .*cam01/s/{/{\"k1\": 0.01, /' "
                "scene/transforms.json && grep -q k1 scene/transforms.json");
     fail_each(f, "scene", 400);
@@ -104,8 +106,8 @@ TEST_IN_FOLDER(exrs_should_be_refused_when_memory_ends)
     fail_each(f, "scene", 500);
 }
 
-/* 3 cameras x 2 frames in RGB; a thread has 7 bytes a pixel, and three floats
- * of an EXR. */
+/* The budget is exactly 3 cameras x 2 frames in RGB and a thread's work of 7
+ * bytes a pixel and three floats of an EXR. One byte less must be refused. */
 static void check_exr_budget(const char *path)
 {
     saga_capture_options o = saga_capture_defaults();
@@ -125,8 +127,9 @@ TEST_IN_FOLDER(exrs_should_count_in_the_forecast_of_memory)
     check_exr_budget(folder_file(f, "scene"));
 }
 
-/* The format is recognised from a file's contents, and the first file may have
- * another format than the rest. */
+/* A picture's format is recognised from its contents. The first file of a
+ * camera may be a PNG and later ones EXR; these must be counted in the budget,
+ * too. */
 TEST_IN_FOLDER(exrs_behind_pngs_should_count_too)
 {
     write_synth(folder_file(f, "scene"), true);
@@ -160,8 +163,8 @@ static void write_tool(folder *f, const char *name, const char *command)
     folder_run(f, "chmod +x %s && mkdir -p bin && mv %s bin", name, name);
 }
 
-/* Writes the stand-ins for ffprobe and ffmpeg. For any video they give two
- * frames, each of one grey. */
+/* Writes stand-ins for ffprobe and ffmpeg, which for any video give two frames,
+ * each of a single grey. */
 static void write_tools(folder *f)
 {
     char command[300];
@@ -194,7 +197,8 @@ static void write_model(folder *f, const char *where)
 }
 
 /* Writes poses_bounds.npy with the cameras of write_model: down, right,
- * backwards, centre, size and focal length, near and far (column by column). */
+ * backwards, centre, size and focal length, then near and far. The array is
+ * stored column by column. */
 static void write_poses(folder *f)
 {
     static const char header[] = "{'descr': '<f8', 'fortran_order': False, "
@@ -299,5 +303,5 @@ TEST(products_should_be_refused_when_they_overflow)
     assert_null(saga_calloc(half, 2, "x", &error));
     assert_null(saga_realloc(NULL, half, 2, "x", &error));
     assert_null(saga_aligned_alloc(64, SIZE_MAX, "x", &error));
-    assert_says(&error, "a scene"); /* the first is kept */
+    assert_says(&error, "a scene"); /* the first message must be kept */
 }

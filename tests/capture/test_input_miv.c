@@ -13,9 +13,10 @@ enum { W = 64, H = 32, N_FRAMES = 2 };
 #define NEAR 0.5
 #define FAR 8.0
 
-/* The wall is x = 4 of the scene in the first frame, x = 2 in the second; the
- * sphere has that radius. Cameras stand at (1, 2, 3), turned by 90 degrees to
- * the left, so that they see the scene's y ahead; the wall is ahead of them. */
+/* Returns the distance of the wall x = 4 (in the second frame x = 2), which is
+ * also the sphere's radius. Cameras are at (1, 2, 3), turned to the left by 90
+ * degrees, so that their forward axis is the scene's y. All lengths are those
+ * of the cameras' axes. */
 static double depth_of(int frame)
 {
     return frame ? 2 : 4;
@@ -25,7 +26,7 @@ static void write_texture(folder *f, const char *name)
 {
     bytes b = { 0 };
 
-    /* Pure red is Y 63, U 102, V 240 of 8 bits. */
+    /* Pure red has Y 63, U 102, V 240 in 8 bits; samples have 10. */
     for (int k = 0; k < N_FRAMES; k++) {
         for (int i = 0; i < W * H; i++)
             put_le(&b, 63 * 4, 2);
@@ -37,7 +38,7 @@ static void write_texture(folder *f, const char *name)
     write_bytes(f, name, &b);
 }
 
-/* The upper left pixels of a row of 8 have no depth. */
+/* The first 8 pixels of each row have no depth. */
 static void write_depth(folder *f, const char *name, int bits)
 {
     const double most = (1 << bits) - 1;
@@ -127,7 +128,8 @@ static void check_points(folder *f, const char *kind, int frame)
         assert_true(p->rgb[0] > 250 && p->rgb[1] < 6 && p->rgb[2] < 6);
     }
     if (strcmp(kind, PINHOLE) == 0) {
-        /* Pixels 8 to 63 of 64 and 0 to 31 of 32, from their middles. */
+        /* Points come from the centres of the pixels 8 to 63 of 64 columns and
+         * 0 to 31 of 32 rows. */
         const double z = depth_of(frame);
 
         assert_true(fabs(most[1] - z * (30 - 8.5) / 50) < 0.01);

@@ -62,7 +62,8 @@ static entry put_member(bytes *zip, const char *name, int method)
     put_le(zip, e.packed, 4);
     put_le(zip, e.nbytes, 4);
     put_le(zip, strlen(name), 2);
-    put_le(zip, 3, 2);       /* what zip64 would have there */
+    /* The length of an extra field, as files of zip64 have it in this place. */
+    put_le(zip, 3, 2);
     put_text(zip, "%sxyz", name);
     put(zip, packed, e.packed);
     free(b.data);
@@ -107,7 +108,8 @@ static bytes npz_bytes(const char *comment)
     return zip;
 }
 
-/* Reads an array of the file; returns whether it equals what was written. */
+/* Reads an array from the file; returns whether it equals the array that was
+ * written. */
 static bool reads(const char *path, const char *name, saga_error *error)
 {
     FREED_BY(saga_npy_free) saga_npy a = { 0 };
@@ -152,8 +154,8 @@ TEST_IN_FOLDER(npz_should_be_read_when_stored_or_deflated)
     }
 }
 
-/* Arrays that are accepted in spite of the damage must be right; only times,
- * versions and comments may be changed without notice. */
+/* Arrays that are accepted in spite of a changed byte must be right. Only
+ * times, versions and comments may be changed without notice. */
 TEST_IN_FOLDER(npz_should_be_refused_when_damaged)
 {
     static const char *const names[] = { "net.a", "net.b" };

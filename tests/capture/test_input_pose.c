@@ -15,8 +15,8 @@ enum { W = 80, H = 60 };
 
 /* --- Conventions --------------------------------------------------------- */
 
-/* A camera in a corner: at (3, -4, 2), looking along +y, x to the right, so
- * that z is up. Of a point (3 + a, -4 + d, 2 + b) it sees, at depth d, the
+/* The corner camera is at (3, -4, 2) and looks along +y with x to the right, so
+ * that z is up. A point (3 + a, -4 + d, 2 + b) has depth d and must be at the
  * pixel cx + fx a / d, cy - fy b / d. */
 static const double corner_centre[3] = { 3, -4, 2 };
 static const double corner_right[3] = { 1, 0, 0 };
@@ -46,17 +46,18 @@ TEST(turn_should_be_about_its_axis)
     const double quarter = 2 * atan(1.0), small = 1e-4;
     double r[9], s[9];
 
-    /* About z, x becomes y and y becomes -x. */
+    /* A quarter turn about z takes x to y and y to -x. */
     saga_pose_from_turn((double[3]){ 0, 0, quarter }, r);
     assert_true(fabs(r[3] - 1) < 1e-15 && fabs(r[1] + 1) < 1e-15 &&
                 fabs(r[0]) < 1e-15 && r[8] == 1);
-    /* About (1, 1, 1) by a third of a turn, x, y, z become y, z, x. */
+    /* A third of a turn about (1, 1, 1) takes x, y, z to y, z, x. */
     for (int i = 0; i < 3; i++)
         s[i] = 8 * atan(1.0) / 3 / sqrt(3);
     saga_pose_from_turn(s, r);
     for (int i = 0; i < 9; i++)
         assert_true(fabs(r[i] - (i == 2 || i == 3 || i == 7)) < 1e-15);
-    /* The series of small angles goes on as the formula does. */
+    /* Where the series for small angles takes over, it must agree with the
+     * formula. */
     for (int i = -1; i <= 1; i += 2) {
         const double a = small * (1 + i * 1e-9);
 
@@ -123,7 +124,8 @@ TEST_IN_FOLDER(defaults_should_come_from_the_angle_and_the_centre)
     FREED_BY(saga_capture_free) saga_capture c;
 
     write_picture(f, "a.png", W, H);
-    /* tan(angle / 2) = 1/2: the focal length is the width. */
+    /* The angle of view has tan(angle / 2) = 1/2, so that the focal length is
+     * the width of the picture. */
     write_text(f, "transforms.json", "{\"camera_angle_x\": "
                "0.92729521800161224, \"frames\": [{\"file_path\": \"a\", "
                "\"transform_matrix\": [[1,0,0,3],[0,0,-1,-4],[0,1,0,2],"
@@ -132,8 +134,8 @@ TEST_IN_FOLDER(defaults_should_come_from_the_angle_and_the_centre)
     check_corner(c.views, W, W, W / 2.0, H / 2.0);
 }
 
-/* Appends the corner camera as a row of Neu3D, for pictures of twice the size.
- */
+/* Appends the corner camera, moved by `shift`, as a row of poses_bounds.npy,
+ * for pictures of twice the size. */
 static void put_row(bytes *b, double shift)
 {
     for (int i = 0; i < 3; i++) {
@@ -243,7 +245,7 @@ static void turn(const double q[4], const double v[3], double out[3])
 TEST(quaternion_should_turn_as_its_product_does)
 {
     const double q[4] = { 0.5, -0.1, 0.7, 0.5 };      /* of unit length */
-    const double longer[4] = { 1, -0.2, 1.4, 1 };     /* twice that */
+    const double longer[4] = { 1, -0.2, 1.4, 1 };     /* twice q */
     const double zero[4] = { 0 }, bad[4] = { 1, NAN, 0, 0 };
     double r[9], out[3];
 
@@ -324,8 +326,9 @@ TEST_IN_FOLDER(synth_should_be_found_again_by_the_loader)
     }
 }
 
-/* The scene's own tracing hits something behind a pixel's centre, at the depth
- * of the EXR, in the loaded camera. */
+/* The depth in the EXR must be that at which the scene's own ray tracer hits
+ * something behind the pixel's centre, measured along the axis of the loaded
+ * camera. */
 TEST_IN_FOLDER(depth_should_be_along_the_axis_of_the_loaded_camera)
 {
     const saga_synth_options s = options();
@@ -350,7 +353,7 @@ TEST_IN_FOLDER(depth_should_be_along_the_axis_of_the_loaded_camera)
     }
 }
 
-/* A place has the same colour from every camera that sees it. */
+/* A place must have the same colour in all cameras that see it. */
 TEST_IN_FOLDER(views_should_agree_where_they_see_the_same)
 {
     saga_capture c = load_synth(f);
@@ -378,7 +381,8 @@ TEST_IN_FOLDER(views_should_agree_where_they_see_the_same)
                           saga_capture_frame(&c, i % 4 + 1, 0)[3 * to]);
     }
     saga_capture_free(&c);
-    /* The nearest pixel is up to 0.7 of a pixel away: slopes and texture. */
+    /* The nearest pixel is up to 0.7 pixels away, so that slopes and texture
+     * make a difference. */
     assert_true(n > 0.6 * tried);
     assert_true(quantile(depth, n, 0.5) < 0.005);
     assert_true(quantile(colour, n, 0.5) < 12);
@@ -414,11 +418,13 @@ TEST_IN_FOLDER(points_should_lie_where_the_pictures_show_them)
         }
         n_shared += seen >= 2;
     }
-    /* Points have noise, and at edges the pixel is someone else's. */
+    /* A tenth of the points may differ, because points have noise, and at edges
+     * the pixel may show another surface. */
     assert_true(n_shared >= 0.9 * (double)c.n_points);
     saga_capture_free(&c);
-    /* Noise along the ray: 3 times half a pixel of 1 / 86, whose median is
-     * 0.67 of that, 0.012; and the slope within the pixel. */
+    /* Depth has noise along the ray of 3 times half a pixel of 1 / 86, with a
+     * median of 0.67 of that, which is 0.012; to this comes the slope within a
+     * pixel. */
     assert_true(quantile(depth, n, 0.5) < 0.018);
     assert_true(quantile(colour, n, 0.5) < 16);
 }

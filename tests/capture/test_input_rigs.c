@@ -25,8 +25,9 @@ TEST_IN_FOLDER(nerfstudio_videos_should_be_the_scene)
     check_same(f->path, "nerfstudio, videos, 4:2:0", N_FRAMES, 40);
 }
 
-/* poses_bounds.npy: for each camera 3 rows of five, columns down, right,
- * backwards, centre, and height, width, focal length; then near and far. */
+/* Writes poses_bounds.npy. A camera has 3 rows of five columns (down, right,
+ * backwards, centre, and one of height, width and focal length), then near and
+ * far. */
 static void write_bounds(folder *f)
 {
     static const char header[] = "{'descr': '<f8', 'fortran_order': False, "
@@ -73,7 +74,7 @@ static void number_alone(char name[80], int view, int frame)
     snprintf(name, 80, "%d/%06d.png", view, frame);
 }
 
-/* Writes one list of the file, with an entry for each time and view. */
+/* Writes one list of the file, with an entry for each moment and view. */
 typedef void entry_fn(bytes *b, int view, int frame);
 
 static void put_list(bytes *b, const char *key, int from, int to,
@@ -140,8 +141,8 @@ static void write_meta(folder *f, const char *name, int from, int to)
     write_bytes(f, name, &b);
 }
 
-/* init_pt_cld.npz: a ZIP of one stored array, of a point and one that is not
- * finite, with a seventh column. */
+/* Writes init_pt_cld.npz, a ZIP with one stored array of seven columns: a
+ * point, and a point that is not finite. */
 static void write_cloud(folder *f)
 {
     static const char code[] =
@@ -206,8 +207,8 @@ TEST_IN_FOLDER(panoptic_sports_should_be_refused_when_wrong)
 
 static const double degree = 3.14159265358979323846 / 180;
 
-/* Sets angle to yaw, pitch and roll of the matrix whose columns are forward,
- * left and up. */
+/* Sets angle to yaw, pitch and roll, in degrees, of the matrix whose columns
+ * are forward, left and up. */
 static void angles_of(const saga_shot *s, double angle[3])
 {
     const double *const right = s->rotation, *const down = right + 3;
@@ -261,7 +262,8 @@ TEST_IN_FOLDER(miv_should_be_the_scene)
 
     write_pictures(f, "p", camera_and_number, 0, 1);
     write_miv_json(f);
-    /* A quarter of the colours' pixels is left. */
+    /* 4:2:0 keeps a quarter of the colour samples, so that the tolerance is
+     * large. */
     write_textures(f, "yuv420p10le");
     check_same(f->path, "MPEG MIV, 4:2:0, 10 bits", 1, 40);
     folder_run(f, "rm *.yuv");
@@ -284,14 +286,14 @@ static void turn(double d[3], int axis, double angle)
     d[b] = s * x + c * y;
 }
 
-/* Returns the light from a direction of the scene, 0 to 1. */
+/* Returns the brightness, 0 to 1, that the scene has in direction d. */
 static double light_from(const double d[3])
 {
     return 0.5 + 0.4 * sin(3 * d[0] + 4 * d[1] - 2 * d[2] + 1);
 }
 
-/* Two frames, the second of half the light, of an equirectangular camera that
- * is turned by 30, 20 and 10 degrees; grey, 10 bits. */
+/* Writes two grey 10-bit frames of an equirectangular camera that is turned by
+ * 30, 20 and 10 degrees. The second frame has half the light. */
 static void write_sphere(folder *f, int w, int h, double wide)
 {
     bytes b = { 0 };
@@ -352,16 +354,16 @@ static void check_faces(folder *f, int n_faces, int side)
         }
     }
     saga_capture_free(&c);
-    /* At the seam and the poles the nearest pixel is taken, up to half a source
-     * pixel away: 0.5 pi / 128 of light that changes by 5.4 * 0.4 * 255 a
-     * radian. */
+    /* At the seam and at the poles the nearest source pixel is taken, up to
+     * half a pixel away: 0.5 pi / 128 radians of brightness that changes by up
+     * to 5.4 * 0.4 * 255 per radian. */
     assert_true(n_off < 2 * side * side * n_faces / 50 && worst < 6.8);
 }
 
 TEST_IN_FOLDER(equirectangular_views_should_become_faces)
 {
     write_sphere(f, 256, 128, 360);
-    check_faces(f, 6, 81); /* 256 / pi */
+    check_faces(f, 6, 81); /* faces of 256 / pi pixels */
     folder_run(f, "rm *.yuv");
     write_sphere(f, 128, 128, 180);
     check_faces(f, 2, 81);

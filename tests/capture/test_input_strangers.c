@@ -21,8 +21,8 @@ static void write_png(folder *f, const char *name)
     assert_done(saga_png_write(folder_file(f, name), W, H, rgb, &error));
 }
 
-/* Writes two cameras side by side, each with a file; `also` is put before them.
- */
+/* Writes a capture of two cameras side by side with a picture or video each,
+ * and `also` as its first fields. */
 static void write_json(folder *f, const char *also, const char *a,
                        const char *b)
 {
@@ -69,7 +69,8 @@ TEST_IN_FOLDER(playlist_should_not_be_followed)
     }
 }
 
-/* The mp4 ends after the part that lists its frames. */
+/* The mp4 is cut after the box that lists its frames, so that all frames are
+ * missing. */
 TEST_IN_FOLDER(video_should_be_refused_when_cut_before_its_frames)
 {
     write_video(f, "b.mp4");
@@ -173,7 +174,7 @@ TEST_IN_FOLDER(frame_rate_should_be_refused_when_absurd)
     assert_true(c.fps == 0.1);
 }
 
-/* The remedy names an option that `saga encode` has. */
+/* The message must name the option of `saga encode` that gives more memory. */
 TEST_IN_FOLDER(memory_should_be_asked_for_by_its_option)
 {
     saga_capture_options o = saga_capture_defaults();

@@ -36,7 +36,7 @@ static bool says(const saga_survey *s, const char *what)
     return false;
 }
 
-/* Returns the angle, in degrees, between two cameras seen from a place. */
+/* Returns the angle in degrees between two cameras as seen from a place. */
 static double angle_from(const double x[3], const saga_shot *a,
                          const saga_shot *b)
 {
@@ -81,8 +81,9 @@ TEST_WITH(room_should_have_nothing_to_mind, make_room, synth_leave)
     }
 }
 
-/* Lamps that flicker are seen by all cameras alike: thirty frames of the room's
- * own motion, from eight sides, do not tell. */
+/* All frames flicker equally in all cameras, as they do with flickering lamps.
+ * The motion in thirty frames of the room, filmed from eight sides, is too
+ * little to estimate delays otherwise. */
 static void flicker(const saga_capture *c)
 {
     uint32_t x = 1;
@@ -122,7 +123,7 @@ TEST_WITH(dark_camera_should_be_found, make_room, synth_leave)
     saga_shot *const v = &c->views[5];
     FREED_BY(saga_survey_free) saga_survey s;
 
-    /* Half of the light. */
+    /* The camera gets half of the light. */
     for (size_t i = 0; i < saga_view_frame_nbytes(v) * N_FRAMES; i++)
         v->rgb[i] = (uint8_t)(v->rgb[i] * pow(0.5, 1 / 2.2) + 0.5);
     s = survey(c);
@@ -138,7 +139,7 @@ TEST_WITH(camera_that_looks_away_should_be_found, make_room, synth_leave)
     saga_shot *const v = &c->views[2];
     FREED_BY(saga_survey_free) saga_survey s;
 
-    /* Half a turn about its own y axis. */
+    /* The camera is turned by half a turn about its own y axis. */
     for (int i = 0; i < 3; i++) {
         v->rotation[i] *= -1;
         v->rotation[6 + i] *= -1;
@@ -159,7 +160,7 @@ TEST_WITH(few_wide_cameras_should_be_told_of, make_room, synth_leave)
     s = survey(&four);
     assert_true(s.free_views && says(&s, "There are no points"));
     assert_true(isnan(s.views[0].stops));
-    /* Without points, places are where the cameras look. */
+    /* Without points, the survey must use places that the cameras look at. */
     for (int v = 0; v < N_VIEWS; v++)
         assert_true(s.views[v].overlap > 0.5);
     saga_survey_free(&s);

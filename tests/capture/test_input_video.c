@@ -34,7 +34,7 @@ static int grey_of(int frame)
     return (int)(255 * 10.0 * frame / 219 + 0.5);
 }
 
-/* Writes a camera for each name; all look at the same places. */
+/* Writes a camera for each name; all look in the same direction. */
 static void write_json(folder *f, const char *const *names, int n)
 {
     bytes b = { 0 };
@@ -185,8 +185,8 @@ TEST_IN_FOLDER(videos_should_be_refused_when_counts_differ)
     saga_capture_free(&c);
     o.end_frame = 5;
     refused_with(f->path, &o, "b.mp4", "unequal frame counts");
-    /* Who says how they are to be shifted may have them so: b's frame k goes
-     * with a's frame k + 1. */
+    /* If a delay is given, videos of different lengths must be accepted, and
+     * frame k of b must be paired with frame k + 1 of a. */
     o.end_frame = 0;
     o.late = "a=1";
     c = load_with(f->path, &o);
@@ -228,9 +228,10 @@ static void check_rates(double a, double b, int n, int end, bool pass)
     }
 }
 
-/* 30 and 30000/1001 frames a second part by a thousandth of a frame with each
- * frame: frame 499 lies 0.499 frames away from its like, frame 500 half a
- * frame, and there the neighbour is as near. */
+/* At 30 and 30000/1001 frames a second, the difference grows by a thousandth of
+ * a frame with each frame. Frame 499 is 0.499 frames from its counterpart;
+ * frame 500 is half a frame from it, so that the next frame would fit equally
+ * well. The rates must be accepted up to frame 499. */
 TEST(rates_should_differ_by_less_than_half_a_frame_at_the_end)
 {
     const double ntsc = 30000.0 / 1001.0;
@@ -241,9 +242,10 @@ TEST(rates_should_differ_by_less_than_half_a_frame_at_the_end)
     check_rates(30, ntsc, 502, 0, false);
     check_rates(30, ntsc, 100000, 0, false);
     check_rates(30, ntsc, 100000, 500, true);
-    /* Milliseconds of a container's clock: 600 frames in 20.000 or 20.001 s. */
+    /* Containers round times to milliseconds, so that 600 frames may take
+     * 20.000 or 20.001 s. */
     check_rates(600 / 20.0, 600 / 20.001, 600, 0, true);
-    /* Never another rate, however short. */
+    /* Different nominal rates must be refused even for short videos. */
     check_rates(24, 25, 2, 0, false);
 }
 
@@ -260,7 +262,7 @@ TEST_IN_FOLDER(video_should_be_refused_when_it_is_missing_or_no_video)
     refused(f->path, "b.mp4", "has no video stream");
 }
 
-/* One file lacks its end, another has bytes changed in the middle. */
+/* One file is cut, another has changed bytes in its middle. */
 TEST_IN_FOLDER(video_should_be_refused_when_it_is_damaged)
 {
     const char *const name[] = { "a.mkv" };
@@ -280,7 +282,7 @@ TEST_IN_FOLDER(video_should_be_refused_when_it_is_damaged)
     refused(f->path, "a.mkv", "encode the video again");
 }
 
-/* A name cannot become an option, a protocol or a part of a command. */
+/* No name may be understood as an option, a protocol or a part of a command. */
 TEST_IN_FOLDER(video_should_be_found_whatever_its_name)
 {
     static const char *const odd[] = { "-a;'b $(c).mp4", "concat:d|e.mp4" };
@@ -321,8 +323,9 @@ TEST_IN_FOLDER(loading_should_stop_when_told)
     assert_int_equal(calls, 1);
 }
 
-/* 2 x 32 x 16 x 3 x 12 bytes of pictures, and one decoded picture with its
- * depth, 7 bytes per pixel: 40,448; the remedies must be true. */
+/* The memory needed is 2 x 32 x 16 x 3 x 12 bytes of pictures and one decoded
+ * picture with its depth, 7 bytes per pixel: 40,448. One byte less must be
+ * refused, and the remedies that the message names must work. */
 TEST_IN_FOLDER(loading_should_be_refused_when_memory_is_short)
 {
     saga_capture_options o = saga_capture_defaults();
@@ -347,8 +350,9 @@ TEST_IN_FOLDER(loading_should_be_refused_when_memory_is_short)
     saga_capture_free(&c);
 }
 
-/* A frame of both is 2 x 3 x 32 x 16 bytes, of a quarter the pixels a quarter.
- * A look says it of more than may be loaded, whatever the threads need. */
+/* A frame of both cameras has 2 x 3 x 32 x 16 bytes, at half scale a quarter of
+ * that. saga_capture_look must tell how many such frames fit in half of the
+ * memory, whatever the number of threads. */
 TEST_IN_FOLDER(frames_that_fit_should_take_half_the_memory)
 {
     saga_capture_options o = saga_capture_defaults();

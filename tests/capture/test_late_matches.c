@@ -11,11 +11,12 @@
 
 enum {
     AHEAD = 3,               /* frames before the first that is used */
-    N_FRAMES = 14,           /* no fewer are looked at */
+    N_FRAMES = 14,           /* the smallest number that is examined */
     N_PICTURES = N_FRAMES + 2 * AHEAD
 };
 
-/* Shows of every view N_FRAMES frames, of one of them those `by` before. */
+/* Finds delays from N_FRAMES frames of every view; the given view shows frames
+ * that were taken `by` frames earlier, as if it were late. */
 static void find(saga_lateness *late, const saga_capture *all, int view,
                  int by)
 {
@@ -40,9 +41,9 @@ enum {
     SPEED = 4                /* pixels a frame, twice what is called near */
 };
 
-/* Draws stamps of noise that move up and down in columns and come back at the
- * other edge. Cameras side by side, whose epipolar lines are rows of pixels,
- * see a column 1 or 2 pixels further left each. */
+/* Draws stamps of noise that move up and down in columns and re-enter at the
+ * opposite edge. The cameras are side by side, so that epipolar lines are rows
+ * of pixels; from camera to camera, columns are 1 or 2 pixels further left. */
 static void draw(uint8_t *rgb, int view, int frame)
 {
     memset(rgb, 128, 3 * W * H);
@@ -87,12 +88,13 @@ static void free_drawn(saga_shot views[N_VIEWS])
         free(views[v].rgb);
 }
 
-/* All that moves does so by 4 pixels along the columns, and lines are 2 pixels
- * wide, so that a pair counts its n matches at one shift only. The view that is
- * `by` late has 3 n there. Each of the others has 2 n at 0, from the others on
- * time, and n at -by, from the late one; where that is next to 0, the parabola
- * through 0, 2 n, n has its peak 1/6 from 0. That n differs a little between
- * pairs, and some corners are found beside their place, takes a fiftieth. */
+/* Everything moves by 4 pixels a frame along the columns, and epipolar lines
+ * are 2 pixels wide, so that a pair of views has its n matches at a single
+ * shift. The view that is `by` late gets 3 n at this shift. Each other view
+ * gets 2 n at shift 0, from the views on time, and n at -by, from the late one;
+ * if -by is next to 0, the parabola through 0, 2 n, n has its peak 1/6 from 0.
+ * The result must be exact to 0.02 frames, because n varies between pairs and
+ * some corners are displaced. */
 TEST(lateness_should_be_exact_where_all_matches)
 {
     static const struct { int view, by; double others; } late_one[] = {
@@ -118,7 +120,8 @@ TEST(lateness_should_be_exact_where_all_matches)
     free_drawn(views);
 }
 
-/* A film that stands still, one that is too short, two cameras. */
+/* A film that is too short, one with two cameras, and one that stands still
+ * must give no delay. */
 TEST(too_little_should_tell_nothing)
 {
     saga_shot views[N_VIEWS];
@@ -149,7 +152,7 @@ static saga_capture film(const char *path, saga_synth_scene scene)
 {
     saga_synth_options s = saga_synth_defaults(scene);
 
-    /* Moving things in the room are small. */
+    /* The moving things of the room are small and need more pixels. */
     s.width = scene == SAGA_SYNTH_ROOM ? 320 : 240;
     s.height = scene == SAGA_SYNTH_ROOM ? 180 : 135;
     s.n_cameras = N_CAMERAS;
@@ -161,7 +164,7 @@ static saga_capture film(const char *path, saga_synth_scene scene)
     return synth_capture(path, &s);
 }
 
-/* All that is told is right within what is told of it. */
+/* Every reported delay must be right within its reported tolerance. */
 static void plant(const saga_capture *c, int view, int by)
 {
     saga_lateness late[N_CAMERAS];

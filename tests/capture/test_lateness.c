@@ -16,7 +16,7 @@ enum {
     NBYTES = 3 * W * H
 };
 
-/* Films of all cameras, taken at the times k, and k - 0.3 frames. */
+/* Films of all cameras, taken at frame times k, and at k - 0.3. */
 typedef struct films {
     uint8_t *whole[N_VIEWS], *part[N_VIEWS];
 } films;
@@ -98,8 +98,9 @@ static void find(saga_lateness late[N_VIEWS], const films *f, int view,
     assert_done(saga_lateness_find(late, &c, &error));
 }
 
-/* Counts the delays that are reported for the planted camera; each must be
- * right. */
+/* Makes one camera after another late, and counts how often its delay is
+ * reported. Every reported delay, of any camera, must be right within its
+ * tolerance. */
 static void plant(const films *f, double by, int *n_told, int *n)
 {
     for (int v = 0; v < (by > floor(by) ? 3 : N_VIEWS); v++) {
@@ -144,7 +145,8 @@ TEST(lateness_should_be_right_or_not_told)
     assert_true(4 * whole >= n_whole);
 }
 
-/* A camera that shows another's film backwards has as much motion. */
+/* A camera that shows another camera's film backwards has as much motion as the
+ * others, but no delay may be reported for it. */
 TEST(unrelated_motion_should_tell_nothing)
 {
     saga_lateness late[N_VIEWS];
@@ -162,7 +164,7 @@ TEST(unrelated_motion_should_tell_nothing)
         f.whole[v] = own;
         assert_true(isnan(late[v].frames));
     }
-    /* Nor does a still one, nor a short film. */
+    /* No delay may be reported for a camera whose picture stands still. */
     memset(back, 77, (size_t)N_PICTURES * NBYTES);
     memcpy(f.whole[1], back, (size_t)N_PICTURES * NBYTES);
     find(late, &f, 1, 0);

@@ -63,8 +63,8 @@ static saga_synth_options small(saga_synth_scene scene, int n_cameras)
     return o;
 }
 
-/* Measured files are compared with files made later, so the room must not
- * change. The number is the checksum of the first version's pictures. */
+/* Captures of the room are compared across versions, so that its pictures must
+ * not change. The number is the checksum of the first version's pictures. */
 TEST_IN_FOLDER(room_should_keep_its_bytes)
 {
     const saga_synth_options o = small(SAGA_SYNTH_ROOM, 3);
@@ -81,8 +81,9 @@ TEST_IN_FOLDER(room_should_keep_its_bytes)
         fail_msg("CRC %08lx", (unsigned long)crc);
 }
 
-/* The one of four cameras between the others is held out, number 1 * 4 / 2;
- * they stand a quarter of a turn apart, give or take 2 * 0.1 / 4 of one. */
+/* Of four cameras, number 1 * 4 / 2 must be held out, which is between others.
+ * Neighbours must be a quarter of a turn apart, within 2 * 0.1 / 4 of a
+ * turn. */
 TEST_IN_FOLDER(ring_should_be_all_round_with_a_view_held_out)
 {
     const saga_synth_options o = small(SAGA_SYNTH_RING, 4);
@@ -108,7 +109,7 @@ TEST_IN_FOLDER(ring_should_be_all_round_with_a_view_held_out)
                               (hypot(a[0], a[1]) * hypot(b[0], b[1]));
 
         assert_true(fabs(acos(cosine) / 6.283185307 - 0.25) <= 0.05 + 1e-6);
-        assert_true(a[0] * b[1] - a[1] * b[0] > 0.0); /* all the way round */
+        assert_true(a[0] * b[1] - a[1] * b[0] > 0.0); /* the angles increase */
     }
 }
 
@@ -121,13 +122,15 @@ TEST(ring_should_hold_out_two_of_fourteen)
         saga_shot v;
 
         saga_synth_view(&o, i, &v);
-        assert_int_equal(v.held_out, i == 4 || i == 9); /* low and high */
+        assert_int_equal(v.held_out, i == 4 || i == 9); /* a low and a high
+                                                         * camera */
     }
 }
 
 /* --- Ball and body ------------------------------------------------------- */
 
-/* From a height of 2 m at 1 m/s upwards, after 0.3 s: 2 + 0.3 - g 0.09 / 2. */
+/* A ball that is thrown upwards at 1 m/s from a height of 2 m must be at 2 +
+ * 0.3 - g 0.09 / 2 after 0.3 s. */
 TEST(ball_should_fly_freely)
 {
     const double from[3] = { 0.1, 0.2, 2.0 }, speed[3] = { 3.0, -1.0, 1.0 };
@@ -139,8 +142,9 @@ TEST(ball_should_fly_freely)
     near(at[2], 2.3 - gravity * 0.045);
 }
 
-/* From the floor at v upwards it lands after 2 v / g, leaves at 0.72 v, 0.85
- * times as fast along, and is highest 0.72 v / g later. */
+/* A ball that leaves the floor upwards at v must land after 2 v / g, leave
+ * again at 0.72 v and with 0.85 of its horizontal speed, and be highest 0.72 v
+ * / g later. */
 TEST(ball_should_bounce)
 {
     const double r = SAGA_RING_BALL_RADIUS, v = 2.0;
@@ -154,8 +158,8 @@ TEST(ball_should_bounce)
     near(at[0], 2.0 * v / gravity + 0.85 * 0.72 * v / gravity);
 }
 
-/* 0.2 s after it left x = 3.79 at 5 m/s it would be at 4.79, half a metre
- * beyond the place where it touches the wall. */
+/* The ball flies at 5 m/s and touches the wall after 0.1 s. After 0.2 s it
+ * would be half a metre behind this place, and must be thrown back instead. */
 TEST(ball_should_come_back_from_a_wall)
 {
     const double touch = SAGA_RING_HALL - SAGA_RING_BALL_RADIUS;
@@ -193,7 +197,7 @@ TEST(ball_should_leave_the_hand_and_land_where_aimed)
     }
 }
 
-/* Feet are capsules: their lowest point is their lower end less the radius. */
+/* A foot is a capsule, whose lowest point is its lower end minus its radius. */
 TEST(body_should_stand_on_the_floor_and_keep_its_bones)
 {
     for (int i = 0; i < 200; i++) {
@@ -221,7 +225,8 @@ TEST(body_should_stand_on_the_floor_and_keep_its_bones)
 
 /* --- Rays ---------------------------------------------------------------- */
 
-/* Makes a hall with one capsule, from (1, 0, 1) to (1, 2, 1), 0.25 thick. */
+/* Makes a hall with one capsule from (1, 0, 1) to (1, 2, 1), whose radius is
+ * 0.25. */
 static void one_capsule(saga_ring_state *s)
 {
     const double a[3] = { 1, 0, 1 }, b[3] = { 1, 2, 1 }, up[3] = { 0, 0, 1 };
@@ -238,9 +243,10 @@ TEST(capsule_should_be_met_where_it_is)
         { 0, 1, 1.26 } };
     static const double to[5][3] = {
         { 2, 0, 0 }, { 1, 0, 0 }, { 0, 1, 0 }, { 1, 0, 0 }, { 1, 0, 0 } };
-    /* The side, half as far in lengths of 2; the ball of an end, 0.15 off its
-     * centre, where it is sqrt(.0625 - .0225) = 0.2 thick; that ball from
-     * ahead; past the end; past the side: the wall. */
+    /* The five rays hit the side (distances are in lengths of the direction,
+     * which is 2), the ball at an end 0.15 beside its centre, where its half
+     * chord is sqrt(.0625 - .0225) = 0.2, the same ball from ahead, and twice
+     * the wall: past the end and past the side. */
     static const double far[5] = { 0.375, 0.8, 1.75, SAGA_RING_HALL,
                                    SAGA_RING_HALL };
     static const double normal[3][3] = {
@@ -258,8 +264,8 @@ TEST(capsule_should_be_met_where_it_is)
     }
 }
 
-/* Seen from 0.5 m off its surface, the ball that goes is there until it goes,
- * and the cube that comes from when it comes. */
+/* Seen from 0.5 m off its surface, the ball that disappears must be visible
+ * until its time, and the cube that appears from its time on. */
 TEST(things_should_come_and_go_at_once)
 {
     for (uint32_t seed = 1; seed <= 20; seed++) {
@@ -286,7 +292,8 @@ TEST(things_should_come_and_go_at_once)
     }
 }
 
-/* Returns the mean light of a display, seen from 1 m before it. */
+/* Looks at 25 places of a display from 1 m before it. Sets sum to the sum of
+ * their light in each channel, and returns the sum over channels. */
 static double shown(double seconds, double sum[3])
 {
     saga_ring_state s;
@@ -320,7 +327,7 @@ TEST(display_should_show_a_new_picture_in_every_frame)
 {
     double last[3], now[3], again[3];
 
-    assert_true(shown(0.0, last) > 1.0); /* it shines */
+    assert_true(shown(0.0, last) > 1.0); /* it emits light */
     for (int frame = 1; frame < 32; frame++) {
         shown(frame / 30.0, now);
         shown(frame / 30.0, again);
