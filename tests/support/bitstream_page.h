@@ -18,7 +18,8 @@ enum { MAX_FIELDS = 80, MAX_FILES = 64, MAX_EXAMPLES = 40, N_COLUMNS = 6 };
 
 typedef struct {
     char type[16], name[32], range[64];
-    uint32_t offset, nbytes, count;  /* count: elements of an array, or 1 */
+    /* count: number of elements of an array; 1 if it is no array. */
+    uint32_t offset, nbytes, count;
 } field;
 
 typedef struct {
@@ -50,7 +51,8 @@ typedef struct {
 static file files[MAX_FILES];
 static int n_files;
 
-/* An example of names: the bytes after the structure Names, and the status. */
+/* An example of the names' table: bytes that follow the structure Names, and
+ * the status that a decoder must return. */
 typedef struct {
     uint8_t p[32];
     uint32_t n;
@@ -70,7 +72,7 @@ static inline table *table_named(const char *name)
     return NULL;
 }
 
-/* Returns the bytes of one element, or 0 for a type that does not exist. */
+/* Returns the number of bytes of an element, or 0 if there is no such type. */
 static inline uint32_t size_of_type(const char *type)
 {
     const table *const t = table_named(type);
@@ -81,8 +83,8 @@ static inline uint32_t size_of_type(const char *type)
          : strcmp(type, "u64") == 0 ? 8 : t ? t->nbytes : 0;
 }
 
-/* Cuts a line `| a | b |` into its cells, without the blanks around them, and
- * returns the number of cells. */
+/* Splits a table row `| a | b |` into its cells, without the blanks around
+ * them, and returns the number of cells. */
 static inline int split_row(char *line, char *cell[N_COLUMNS + 1])
 {
     int n = 0;
@@ -215,8 +217,7 @@ static inline void read_page(FILE *page)
 
 /* --- Ranges -------------------------------------------------------------- */
 
-/* Reads a whole number, 2^k or 2^k-1, or a negative one, and moves *s after it.
- */
+/* Reads a whole number (also negative), 2^k or 2^k-1, and moves *s after it. */
 static inline int64_t read_bound(const char **s)
 {
     const int negative = **s == '-';
@@ -381,7 +382,7 @@ static inline uint32_t rig_end(const uint8_t *header)
            (uint32_t)get(HEADER, header, "n_cameras", 0);
 }
 
-/* Returns whether the fields that depend on the bank's tool obey section 3. */
+/* Returns whether the header's fields of the memory bank obey section 3. */
 static inline int bank_is_consistent(const uint8_t *p)
 {
     const int64_t slots = get(HEADER, p, "bank_slots", 0);
@@ -474,8 +475,8 @@ static inline uint32_t n_layers_of(const file *f)
     return (uint32_t)get(HEADER, f->p, "more_layers", 0) + 1;
 }
 
-/* Returns the bytes of SEGM's payload, in which a single layer has no length.
- */
+/* Returns the number of bytes of SEGM's payload. A single layer has no length
+ * field. */
 static inline uint32_t segment_nbytes(const file *f)
 {
     const uint32_t n = n_layers_of(f);

@@ -69,7 +69,8 @@ def movie(parts):
 
 
 def fragment(number, start, duration, data):
-    """A segment is a sample; it needs no other, and is an access point."""
+    """Returns a movie fragment of one segment. A segment is one sample, which
+    needs no other segment and is an access point."""
     def build(offset):
         return box(b"moof", full(b"mfhd", 0, 0, struct.pack(">I", number)),
                    box(b"traf",
@@ -82,8 +83,8 @@ def fragment(number, start, duration, data):
 
 
 def mux(film):
-    """The file, and the place and length of its beginning, of its index and of
-    each fragment."""
+    """Returns the file's bytes, and a list of (offset, length) of its
+    beginning, of its index and of each fragment."""
     parts = parts_of(film)
     scale, step = parts["rate"]
     start = box(b"ftyp", b"iso6", struct.pack(">I", 0), b"iso6dashsaga")
@@ -105,7 +106,7 @@ def mux(film):
 
 
 def playlist(film, name, places):
-    """HLS, by byte ranges of one file."""
+    """Returns an HLS playlist with byte ranges of one file."""
     parts = parts_of(film)
     seconds = [n * parts["rate"][1] / parts["rate"][0]
                for n, _ in parts["segments"]]
@@ -119,14 +120,15 @@ def playlist(film, name, places):
 
 
 def walk(data, path):
-    """The payload of the first box on a path of types."""
+    """Returns the payload of the first box on a path of types."""
     at, first = 0, path[0]
     while at < len(data):
         n, kind = struct.unpack_from(">I4s", data, at)
         assert 8 <= n <= len(data) - at, kind
         if kind == first:
             body = data[at + 8:at + n]
-            # A sample entry and a list of them have fields before their boxes.
+            # stsd and the sample entry have fixed fields before the boxes that
+            # they contain.
             skip = {b"stsd": 8, b"saga": 40}.get(kind, 0)
             return walk(body[skip:], path[1:]) if path[1:] else body
         at += n

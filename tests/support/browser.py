@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""A headless Chromium, driven through its debugging pipe: no driver, no package
-is needed. And a server of files that tells which bytes were asked for."""
+"""A headless Chromium, driven through its debugging pipe, which needs no driver
+and no package; and a file server that records which bytes were requested."""
 
 import fcntl
 import glob
@@ -28,7 +28,7 @@ def find_chromium():
 
 
 def stat_of(folder):
-    """The fields of a process or thread behind its name (proc(5))."""
+    """Returns the fields that follow the name of a process or thread (proc(5))."""
     with open(folder + "/stat") as f:
         return f.read().rsplit(")", 1)[1].split()
 
@@ -42,8 +42,8 @@ def wait_for(is_true, patience=60.0):
 
 
 class Browser:
-    """One tab. Calls wait for their answer; what takes longer than `patience`
-    seconds raises TimeoutError."""
+    """A tab of the browser. Calls wait for their answer, and raise TimeoutError
+    after `patience` seconds."""
 
     def __init__(self, patience=60.0):
         self.patience = patience
@@ -53,7 +53,8 @@ class Browser:
         self.log = []          # what the page threw or wrote to its console
         ours_in, theirs_out = os.pipe()
         theirs_in, ours_out = os.pipe()
-        # Chromium reads commands at 3 and writes answers at 4.
+        # Chromium reads commands from file descriptor 3 and writes answers to
+        # 4.
         high = [fcntl.fcntl(fd, fcntl.F_DUPFD, 20)
                 for fd in (theirs_in, theirs_out)]
 
@@ -122,7 +123,7 @@ class Browser:
             self.log.append(str([a.get("value") for a in params["args"]]))
 
     def run(self, script):
-        """The value of an expression of JavaScript, promises awaited."""
+        """Returns the value of a JavaScript expression. Promises are awaited."""
         reply = self.call("Runtime.evaluate", expression=script,
                           awaitPromise=True, returnByValue=True)
         if "exceptionDetails" in reply:
@@ -130,8 +131,8 @@ class Browser:
         return reply["result"].get("value")
 
     def wait(self, script, tell=None):
-        """Until an expression is true; `tell`, another one, says more where it
-        never is."""
+        """Waits until an expression is true. If that never happens, the value
+        of the expression `tell` is added to the error."""
         until = time.monotonic() + self.patience
         while not self.run(script):
             if time.monotonic() > until:
@@ -145,7 +146,7 @@ class Browser:
                   "location.href === " + json.dumps(url))
 
     def worker_seconds(self):
-        """CPU time of the workers of our pages so far."""
+        """Returns the CPU time that the workers of our pages have used."""
         ticks = 0
         for task in glob.glob("/proc/[0-9]*/task/*"):
             try:
@@ -174,9 +175,9 @@ class Browser:
 
 
 class Valve:
-    """Lets a server send as many bytes as `grant` has allowed, and holds it
-    until more are allowed. `held` is the first byte of the answer that is held,
-    or None."""
+    """Limits what a server sends: it may send as many bytes as were granted,
+    and then waits for the next grant. `held` is the offset of the first byte
+    of the answer that waits, or None."""
 
     def __init__(self):
         self.change = threading.Condition()
@@ -184,14 +185,15 @@ class Valve:
         self.held = None
 
     def grant(self, nbytes):
-        """Allows this number of bytes, instead of what is left of earlier ones."""
+        """Grants this number of bytes, which replaces what is left of earlier
+        grants."""
         with self.change:
             self.left, self.held = nbytes, None
             self.change.notify_all()
 
     def take(self, wanted, first):
-        """Returns how many of the wanted bytes may be sent, which is at least
-        one."""
+        """Waits for a grant, and returns how many of the wanted bytes may be
+        sent, at least one."""
         with self.change:
             while self.left <= 0:
                 self.held = first
@@ -203,11 +205,11 @@ class Valve:
 
 
 class FileServer(http.server.ThreadingHTTPServer):
-    """Serves {path: bytes} on a port of its own; `served` lists (path, first
-    byte, number of bytes) of what was asked for, `sent` what was sent of
-    it. ranges=False: whole files only. share=True: pages of other servers may
-    read them. What is called .saga passes through `valve`, if there is one, one
-    answer after the other."""
+    """Serves {path: bytes} on a port of its own. `served` lists (path, first
+    byte, number of bytes) of each request, `sent` what was sent. With
+    ranges=False, only whole files are served; with share=True, pages of
+    other servers may read them. Files *.saga pass through `valve`, if there
+    is one, one answer after the other."""
 
     TYPES = {".html": "text/html", ".js": "text/javascript",
              ".mjs": "text/javascript",

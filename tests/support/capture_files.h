@@ -45,7 +45,7 @@ static inline int folder_remove(void **state)
     return 0;
 }
 
-/* A test with its own folder `f`. */
+/* Declares a test with a temporary folder `f` of its own. */
 #define TEST_IN_FOLDER(test) \
     TEST_OF_WITH(folder, test, folder_make, folder_remove)
 
@@ -83,7 +83,7 @@ typedef struct bytes {
 
 static inline void put(bytes *b, const void *data, size_t n)
 {
-    /* The room doubles, because files are made byte by byte. */
+    /* The capacity doubles, because files are made byte by byte. */
     if (b->n + n >= b->cap) {
         b->cap = 2 * (b->n + n + 1);
         b->data = realloc(b->data, b->cap);
@@ -143,7 +143,7 @@ static inline void put_f32(bytes *b, double x)
     put_le(b, bits, 4);
 }
 
-/* Writes the first n of the bytes. */
+/* Writes the first n of the bytes to a file. */
 static inline void write_part(folder *f, const char *name, const bytes *b,
                               size_t n)
 {
@@ -154,7 +154,7 @@ static inline void write_part(folder *f, const char *name, const bytes *b,
     assert_int_equal(fclose(file), 0);
 }
 
-/* Writes all of the bytes, and frees them. */
+/* Writes all of the bytes to a file, and frees them. */
 static inline void write_bytes(folder *f, const char *name, bytes *b)
 {
     write_part(f, name, b, b->n);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The main function of a program whose tests run with every set of vector
- * instructions of this machine, one after another: `cpu`.
+ * The main function of a program whose tests run once for every set of vector
+ * instructions that this machine has. The set is in `cpu`.
  */
 #ifndef EVERY_CPU_H
 #define EVERY_CPU_H

@@ -31,7 +31,8 @@ static struct failing_heap {
     uintptr_t openmp[2], libc[2], jpeg[2]; /* code of these libraries */
     long live;               /* blocks that are not freed */
     long left;               /* allocations until one fails; 0: none does */
-    long kept;               /* blocks left by an attempt without a failure */
+    long kept;               /* blocks left by an attempt in which nothing
+                              * failed */
     int pipe[2];             /* through which that attempt reports `kept` */
     const void *caller;      /* of the allocation that failed; NULL: none did */
     void *trace[9];         /* its callers */
@@ -209,16 +210,17 @@ static inline int heap_trial(long k, heap_attempt *attempt, void *user)
     return HEAP_WRONG;
 }
 
-/* Lets every step-th allocation of the attempt fail, one at a time. Each
- * failure must give a message about memory with a remedy, without a leak or a
- * crash. Returns the number of allocations. */
+/* Makes every step-th allocation of the attempt fail, one failure for each run.
+ * Each failure must give a message about memory with a remedy, without a leak
+ * or a crash. Returns the number of allocations. */
 static inline long heap_fail_each(heap_attempt *attempt, void *user, int step)
 {
     struct failing_heap *const h = &failing_heap;
     int n_wrong = 0, status = 0;
     long k;
 
-    (void)backtrace(h->trace, 9); /* it allocates the first time */
+    /* The first call of backtrace allocates memory. */
+    (void)backtrace(h->trace, 9);
     assert_int_equal(pipe(h->pipe), 0);
     heap_find(h->openmp, "/libgomp");
     heap_find(h->openmp, "/libomp");

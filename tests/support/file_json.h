@@ -49,7 +49,8 @@ static inline json_t *file_json_networks(const ref_file *f)
                      "reconstruction_parameters", (json_int_t)r.parameters);
 }
 
-/* Returns the bytes of each component by its key, and "networks" as above. */
+/* Returns the bytes of each component of the file by its key, and "networks" as
+ * file_json_networks makes it. */
 static inline json_t *file_json_parts(const ref_file *f)
 {
     json_t *const o = json_object();

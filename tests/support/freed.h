@@ -9,9 +9,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* The function gets a pointer to the variable. */
+/* Declares that function(pointer to the variable) is called when its block is
+ * left. */
 #define FREED_BY(function) __attribute__((cleanup(function)))
-/* The variable is a pointer to memory from malloc. */
+/* Declares that the variable points to memory from malloc, which is freed. */
 #define FREED FREED_BY(free_at)
 
 /* Frees the memory to which the pointer at `at` points. */

@@ -22,8 +22,8 @@ static saga_layer_symbols *last_layer(gen_stream *g, int net)
     return &g->nets.layer[net][shape_of(g, net).n_layers - 1];
 }
 
-/* Rows of a network's last layer have a value whatever the input is. All rows
- * of the layer lose the factor of their biases. */
+/* Makes rows first..first+n-1 of a network's last layer return `value`,
+ * whatever the input is. The layer's bias shift becomes 0. */
 static void set_rows(gen_stream *g, int net, uint32_t first, uint32_t n,
                      int32_t value)
 {
@@ -49,30 +49,31 @@ static void set_output(gen_stream *g, int out, int32_t value)
 
 /* --- Streams ------------------------------------------------------------- */
 
-/* Interpolations of one member, and of the parent alone. */
+/* Interpolation reads one coarse anchor, and of the fine ones only the
+ * parent. */
 static void one_neighbour(gen_stream *g)
 {
     g->header.model.tier[SAGA_TIER_COARSE].neighbours = 1;
     g->header.model.tier[SAGA_TIER_FINE].radius2_q12 = 0;
 }
 
-/* Every write takes the slot's opposite with an open gate. The first slot is
- * 1024 in all of its 16 components, so that nothing of it is left. */
+/* The gates of the memory bank are open, and each write adds -1024 to all 16
+ * components. The first slot begins with 1024 in all components, so that it
+ * becomes 0. */
 static void opposite_write(gen_stream *g)
 {
     set_rows(g, SAGA_NET_WRITE, 0, 16, -1024);
     set_rows(g, SAGA_NET_WRITE, 16, 1, 32767);
 }
 
-/* All slots have equal scores, and the gate stays closed. */
+/* All slots of the memory bank have equal scores, and the gate stays closed. */
 static void equal_scores(gen_stream *g)
 {
     set_rows(g, SAGA_NET_QUERY, 0, g->header.model.bank_width, 0);
     set_rows(g, SAGA_NET_WRITE, g->header.model.bank_width, 1, -32767);
 }
 
-/* Outputs of F_geo at the ends of what 16 bits hold, in their coarsest
- * formats. */
+/* The outputs of F_geo are the limits of 16 bits, in the coarsest formats. */
 static void largest_outputs(gen_stream *g)
 {
     uint8_t *const q = g->header.model.out_q;
@@ -94,14 +95,15 @@ static void invisible(gen_stream *g)
     set_output(g, SAGA_OUT_MOTION1, -32767);
 }
 
-/* A temporal width far below a time unit. */
+/* The temporal width of the primitives is far below a time unit. */
 static void short_lives(gen_stream *g)
 {
     g->header.model.out_q[SAGA_OUT_WIDTH] = 0;
     set_output(g, SAGA_OUT_WIDTH, -32767);
 }
 
-/* The quaternion is 0: its first output cancels the 1 that is added. */
+/* The quaternion becomes 0, because its first output cancels the 1 that is
+ * added. */
 static void no_rotation(gen_stream *g)
 {
     saga_rows rows[SAGA_N_OUTS];
@@ -112,7 +114,8 @@ static void no_rotation(gen_stream *g)
     set_rows(g, SAGA_NET_GEO, rows[SAGA_OUT_QUAT].first, 1, -(1 << 12));
 }
 
-/* Splats larger than any picture, whose factors are 0 in Q28. */
+/* Splats are larger than any picture, so that their Cholesky factors are 0 in
+ * Q28. */
 static void huge_splats(gen_stream *g)
 {
     g->header.model.out_q[SAGA_OUT_SCALE] = 10;
@@ -122,7 +125,8 @@ static void huge_splats(gen_stream *g)
         g->rig[1].focal_q16[i] = 1 << 28;
 }
 
-/* One camera has the longest focal length, the other axes that are short. */
+/* One camera has the longest focal length; the axes of the other have a length
+ * far below 1. */
 static void strange_cameras(gen_stream *g)
 {
     for (int i = 0; i < 2; i++)
@@ -171,7 +175,8 @@ static void one_leaf(gen_stream *g, uint32_t n_both, uint32_t n_space,
     }
     s->split[depth] = 0;
     s->occupancy[depth] = 0;
-    /* The other leaves are gone, with their fine anchors. */
+    /* The symbols of the other leaves and of their fine anchors are not
+     * used. */
     s->n.coarse = 1;
     s->n.fine = s->n_fine[0];
     s->n.prim = 0;
@@ -179,14 +184,15 @@ static void one_leaf(gen_stream *g, uint32_t n_both, uint32_t n_space,
         s->n.prim += s->n_prim[i];
 }
 
-/* The deepest leaf with suffixes of 7 bits: 16 splits of space, 8 of time. */
+/* The leaf is at the largest depth for suffixes of 7 bits: 16 splits of space,
+ * 8 of which also split time. */
 static void deepest_leaf(gen_stream *g)
 {
     g->header.model.tier[SAGA_TIER_COARSE].suffix_bits = 7;
     one_leaf(g, 8, 8, 0);
 }
 
-/* Without fine anchors the bits of their suffixes limit the depths alone. */
+/* Without fine anchors, only the bits of their suffixes limit the depth. */
 static void deepest_in_space(gen_stream *g)
 {
     g->header.model.tier[SAGA_TIER_COARSE].suffix_bits = 7;
@@ -213,12 +219,14 @@ static void largest_weights(gen_stream *g)
     l->step_shift = 0;
     for (uint32_t row = 0; row < 3; row++) {
         l->weight[row * n_in] = row & 1 ? -32767 : 32767;
-        /* The sum of a row leaves room for half a unit of its shift. */
+        /* The sum of a row is so large that only half a unit of its shift fits
+         * in addition. */
         l->weight[row * n_in + 1] = 32500;
         l->shift[row] = row == 2 ? 24 : 14;
     }
     g->header.model.int8[SAGA_NET_COLOUR] = 0;
-    /* The first layer's inputs are not finer than its own rows. */
+    /* The inputs of the last layer keep the formats of the first layer's
+     * rows. */
     l = &g->nets.layer[SAGA_NET_COLOUR][0];
     if (l->finer)
         memset(l->finer, 0, n_in);

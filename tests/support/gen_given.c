@@ -14,7 +14,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* The index of an attribute's first feature. */
+/* The index of the first feature that holds an attribute. */
 enum {
     AT_OPACITY, AT_SCALE, AT_QUAT = 4, AT_SLOPE = 8, AT_TIME = 12, AT_WIDTH,
     AT_MOTION, AT_COLOUR = 23, AT_SUPPORT = 26, N_FEATURES = 29
@@ -152,7 +152,7 @@ static void make_geo(saga_layer_symbols *l, uint32_t n_in, const saga_model *m)
         pass(l, n_in, rows[out[i].out], out[i].at, out[i].shift);
 }
 
-/* Makes E predict 0 with a deviation of 64 steps. */
+/* Makes the entropy network predict 0 with a deviation of 64 steps. */
 static void make_entropy(saga_layer_symbols *l, uint32_t n_out)
 {
     for (uint32_t i = n_out / 2; i < n_out; i++)
@@ -199,8 +199,8 @@ static void make_nets(saga_net_symbols *nets, const saga_model *m)
 
 /* --- Leaves -------------------------------------------------------------- */
 
-/* Returns a coordinate of a leaf; x is first in each triple of the key's bits.
- */
+/* Returns a coordinate of a leaf, in leaves. Each three bits of the key are
+ * those of x, y and z. */
 static int32_t leaf_cell(uint32_t key, uint32_t depth, int axis)
 {
     int32_t cell = 0;
@@ -235,7 +235,7 @@ typedef struct {
     uint32_t key;
 } placed;
 
-/* Puts each primitive into the nearest free leaf. */
+/* Puts each primitive into the nearest leaf that has none. */
 static void place(placed *to, const gen_given *p, uint32_t n, uint32_t depth)
 {
     const uint32_t n_leaves = 1u << 3 * depth;
@@ -266,8 +266,8 @@ static int by_key(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* Makes the tree depth first: before a leaf come those nodes above it that are
- * not above the previous leaf. */
+/* Makes the nodes of the tree in depth-first order. Before each leaf come those
+ * of its ancestors that are not ancestors of the previous leaf. */
 static void make_tree(saga_symbols *s, const placed *p, uint32_t n,
                       uint32_t depth)
 {
@@ -289,7 +289,7 @@ static void make_tree(saga_symbols *s, const placed *p, uint32_t n,
 
 /* --- Symbols ------------------------------------------------------------- */
 
-/* Returns the number of steps of a feature; exits if it is not whole or too
+/* Returns a value in steps of `unit`; exits if it is not a multiple or too
  * large. */
 static int32_t steps(const char *what, int32_t value, int32_t unit)
 {
@@ -308,7 +308,7 @@ static int32_t nearest(const char *what, int32_t value, int32_t unit)
 }
 
 /* Splits a coordinate into the offsets of fine anchor and primitive, and sets
- * it to the sum of their rounded values. */
+ * the coordinate to what these add up to after rounding. */
 static void make_offset(int32_t *fine, int32_t *prim, placed *p, int axis,
                         uint32_t depth)
 {
@@ -334,8 +334,8 @@ static int log2_of(int32_t x)
     return n;
 }
 
-/* Splits a temporal centre: the fine anchor has the part within the segment,
- * and F_geo adds the rest, which is returned. */
+/* Splits a temporal centre. The fine anchor gets the part within the segment;
+ * the rest, which F_geo adds, is returned. */
 static int32_t make_time(int32_t *fine, int32_t t_centre)
 {
     const int32_t in = t_centre < 0 ? 0 : t_centre > 65504 ? 65504 : t_centre;

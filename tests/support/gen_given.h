@@ -22,10 +22,9 @@ enum {
 };
 
 typedef struct gen_given {
-    saga_primitive p;        /* x: any, rounded to support / 1024 at the
-                              * coarsest; support: a power of two, at least
-                              * 1024. Other values the format cannot express are
-                              * refused */
+    saga_primitive p;        /* x: rounded to support / 1024 or finer; support:
+                              * a power of two, at least 1024. Other values that
+                              * the format cannot express are refused */
     uint16_t colour_q15[3];  /* multiples of 32 */
     uint32_t copies;         /* number at the same place, 1..256; 0 means 1 */
 } gen_given;

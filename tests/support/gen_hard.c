@@ -52,8 +52,7 @@ void gen_hard_camera(saga_camera *c, gen_rng *r, int width, int height)
     c->near_plane = gen_one_in(r, 2) ? 1 : 1 << gen_int(r, 0, 16);
 }
 
-/* Sets x to the box coordinates of the point that is seen at a pixel, at depth
- * z before the camera. */
+/* Sets x to the box coordinates of the point that a pixel shows at depth z. */
 static void place(int32_t *x, const saga_camera *c, const double *pixel,
                   double z)
 {
@@ -84,7 +83,8 @@ static void hard_position(saga_animated *a, gen_rng *r, const saga_camera *c,
         a->x[i] = gen_int(r, -(1 << 29), 1 << 29);
 }
 
-/* Sets a quaternion with all bits, few bits, along an axis, zero, or huge. */
+/* Sets a random quaternion: with all bits, with few bits, with components of at
+ * most 3, or with components of -1, 0 and 1. */
 static void hard_quat(saga_animated *a, gen_rng *r)
 {
     const int32_t reach[] = { 1 << 30, 1 << 30, 1 << 14, 3, 1 };
@@ -98,7 +98,8 @@ static void hard_quat(saga_animated *a, gen_rng *r)
         a->quat[gen_int(r, 0, 3)] = gen_one_in(r, 2) ? 1 << 30 : -(1 << 30);
 }
 
-/* Sets scales of about sigma px in the picture, with ratios up to 1:10^4. */
+/* Sets scales with a standard deviation of 0.01 to 10^6 pixels in the picture,
+ * and with ratios between axes of up to 10^4. */
 static void hard_scale(saga_animated *a, gen_rng *r, const saga_camera *c,
                        double z)
 {

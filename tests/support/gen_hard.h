@@ -26,7 +26,8 @@ void gen_hard_animated(saga_animated *a, gen_rng *r, const saga_camera *c);
  * gen_int(..). */
 int32_t gen_shifted(gen_rng *r, int32_t lo, int32_t hi, int max_shift);
 
-/* Any value, shifted likewise; the extremes and zero more often. */
+/* Returns any 16-bit value, shifted right by 0..max_shift; extremes and zero
+ * are more frequent. */
 int16_t gen_any16(gen_rng *r, int max_shift);
 
 #endif

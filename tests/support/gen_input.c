@@ -439,7 +439,8 @@ static void damage_once(bytes *b, input_kind kind, uint64_t *r)
     } else if (how < 6) {
         plant(b->p + at, left, r);
     } else if (how == 6) {
-        b->n = next(r) % 4 ? b->n : at; /* one in four is cut */
+        /* In one of four cases the file is cut here. */
+        b->n = next(r) % 4 ? b->n : at;
         b->p[at] = (uint8_t)next(r);
     } else {
         const size_t from = next(r) % b->n;
@@ -449,7 +450,8 @@ static void damage_once(bytes *b, input_kind kind, uint64_t *r)
     }
 }
 
-/* Writes the CRCs of a PNG's chunks anew, as far as the lengths lead. */
+/* Computes the CRCs of a PNG's chunks anew, as far as the lengths are
+ * plausible. */
 static void sign_png(bytes *b)
 {
     for (size_t at = 8; b->n > at + 12;) {
@@ -505,7 +507,8 @@ static int play_picture(input_kind kind, const char *path, saga_error *error)
     return ok;
 }
 
-/* Reads COLMAP's three files, as many bytes of them as there are. */
+/* Reads COLMAP's three files, which are concatenated, each after its length.
+ * Lengths are limited to the bytes that exist. */
 static int play_colmap(int text, const uint8_t *p, size_t n, saga_error *error)
 {
     static const char *const name[2][N_COLMAP] = {
@@ -544,7 +547,8 @@ static int play_capture(const char *path, saga_error *error)
     return 1;
 }
 
-/* The loader reads all cameras before it finds that there are no videos. */
+/* A calibration has no videos, so that it must be refused as a capture, but
+ * only after the loader has read all cameras. */
 static int play_toml(const char *path, saga_error *error)
 {
     saga_error refusal = { "" };

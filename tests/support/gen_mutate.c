@@ -140,7 +140,8 @@ static void relink(const mutate_file *f, uint8_t *index, size_t n)
     }
 }
 
-/* Returns the offset in SEGM of a layer's counts, which its length follows. */
+/* Returns the offset in SEGM of a layer's counts. The layer's length follows
+ * them. */
 static size_t layer_at(uint32_t layer)
 {
     return 12 + 16 * (size_t)layer;
@@ -244,12 +245,14 @@ void mutate_sign(uint8_t *bytes, size_t n)
 
 /* --- Walking a segment with a witness ------------------------------------ */
 
-/* A coder that passes every call on and notes what was asked for. */
+/* A coder that passes every call on to another one and records what was asked
+ * for. */
 typedef struct {
-    saga_coder coder;            /* first: its functions cast back */
+    saga_coder coder;            /* first, so that a pointer to it can be cast
+                                  * back */
     saga_coder *inner;
-    uint32_t leaves, fine, prim; /* counted from the symbols */
-    uint8_t last;                /* the last SAGA_SYM_* asked for */
+    uint32_t leaves, fine, prim; /* numbers, counted from the symbols */
+    uint8_t last;                /* the last SAGA_SYM_* that was asked for */
 } witness;
 
 static void residual(saga_coder *c, saga_at at, int32_t *q, const int16_t *mu,
@@ -501,7 +504,7 @@ static void repair_all(mutate_file *f)
 
 /* --- Damage -------------------------------------------------------------- */
 
-/* Returns a small random number, at most n. */
+/* Returns a random number from 1 to 64, mostly to 4, and at most n. */
 static size_t few(uint64_t *r, size_t n)
 {
     const size_t k = 1 + pick(r, pick(r, 4) ? 4 : 64);
@@ -543,8 +546,8 @@ static void overwrite(mutate_part *part, uint64_t *r)
                                                      : (int)pick(r, 256), k);
 }
 
-/* Makes one change somewhere in a payload. A late place leaves most of what is
- * decoded as it was. */
+/* Makes one change at a random place of a payload. Half of the places are in
+ * the last eighth, so that most of the payload decodes as it was. */
 static void damage(mutate_part *part, uint64_t *r)
 {
     const uint32_t how = pick(r, 8);
@@ -681,11 +684,12 @@ static void damage_header(mutate_file *f, uint64_t *r)
         saga_tools_io(&in, &h);
         damage_fields(&h, r);
         saga_header_io(&out, &h);
-        /* The fields of a tool that the damage turned on may not fit. */
+        /* If the damage turned on a tool, its fields may not fit. */
         if (saga_rig_offset(&h) <= room)
             saga_tools_io(&out, &h);
     }
-    /* Signing must find the header's end, where the CRC is. */
+    /* The CRC is signed at the header's end, so that the field header_nbytes
+     * must be right. */
     end = fx_load32_le(f->header + SAGA_MAGIC_NBYTES);
     if (end != f->header_nbytes && pick(r, 8))
         fx_store32_le(f->header + SAGA_MAGIC_NBYTES,
@@ -711,13 +715,13 @@ static void damage_order(mutate_file *f, uint64_t *r)
         f->part[i] = f->part[k];
         f->part[k] = kept;
         break;
-    case 1:                      /* drop */
+    case 1:                      /* remove a chunk */
         memmove(f->part + i, f->part + i + 1,
                 (f->n_parts - i - 1) * sizeof kept);
         free(kept.p);
         f->n_parts--;
         break;
-    case 2:                      /* the payload of another */
+    case 2:                      /* take the payload of another chunk */
         f->part[i].p = copy_of(f->part[k].p, f->part[k].n);
         f->part[i].n = f->part[k].n;
         free(kept.p);
@@ -728,7 +732,8 @@ static void damage_order(mutate_file *f, uint64_t *r)
     }
 }
 
-/* Returns whether the segments may be repaired. */
+/* Damages a file in the given class. Returns whether segments may be
+ * repaired. */
 static int damage_file(mutate_file *f, mutate_class c, uint64_t *r)
 {
     const uint32_t segment = f->segments + n_chunks(f) *
@@ -815,8 +820,8 @@ uint8_t *mutate_make(const uint8_t *bytes, size_t n, mutate_class c,
     return out;
 }
 
-/* gen_stream's networks have sum |w| <= 40000, which leaves room for a bias of
- * 8e8. */
+/* In gen_stream's networks sum |w| is at most 40000, so that a bias of up to
+ * 8e8 cannot overflow. */
 void mutate_extreme_nets(gen_stream *g, uint64_t *r)
 {
     saga_net_shape s;
@@ -891,7 +896,7 @@ typedef struct {
     mutate_result *result;
     saga_decoder *dec;
     saga_info info;
-    uint8_t *head;               /* a copy of exact size */
+    uint8_t *head;               /* a copy of the head's exact size */
     size_t n_head;
     uint64_t *r;
 } player;
@@ -936,10 +941,10 @@ static int rig_camera(saga_camera *c, player *p)
     return 1;
 }
 
-/* Returns an upper bound of the units of work for a picture: to clear and write
- * all tiles; for each splat in each band to keep its key, to count it and to
- * list it, and in each tile its count, its entry and its rows; and each time
- * the list is full, half of which may be keys, a splat and all tiles again. */
+/* Returns an upper bound of the units of work of saga_draw for a picture. It
+ * counts the clearing and writing of all tiles; for each splat and tile its
+ * key, count, list entry and rows; and the passes over all tiles, which are
+ * repeated whenever the list is full. */
 static uint64_t most_units(const saga_job *job, uint32_t n_splats)
 {
     const uint64_t side = (uint64_t)job->tile;
@@ -1092,7 +1097,7 @@ static int split_segment(mutate_part part[SEGMENT_PARTS], uint32_t n_layers,
 }
 
 /* Returns the stage at which a segment fails that saga_decode has refused, and
- * checks that the stages agree with it. */
+ * checks that decoding it stage by stage fails, too. */
 static mutate_stage stage_of_segment(player *p, const uint8_t *bytes, size_t n)
 {
     const size_t nets = p->info.head_nbytes - p->info.base_nbytes -
@@ -1117,13 +1122,13 @@ static mutate_stage stage_of_segment(player *p, const uint8_t *bytes, size_t n)
     return stage == MUTATE_AT_VIEW ? MUTATE_AT_SEGMENT : stage;
 }
 
-/* Decodes fewer bytes of the segment, as a player may. They must give the
- * layers that are complete in them. */
+/* Decodes only the first bytes of a segment, as a player may. This must give
+ * those layers that are complete in these bytes. */
 static void play_cut(player *p, const saga_segment *seg, const uint8_t *bytes,
                      const saga_report *whole)
 {
     const uint32_t layer = pick(p->r, whole->n_layers);
-    const uint32_t less = pick(p->r, 2); /* bytes */
+    const uint32_t less = pick(p->r, 2); /* bytes cut off a complete layer */
     saga_layer_report place;
     saga_report cut;
     uint8_t *copy;

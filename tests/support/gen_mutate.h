@@ -53,8 +53,8 @@ void mutate_sign(uint8_t *bytes, size_t n);
 /* --- Damage -------------------------------------------------------------- */
 
 typedef enum mutate_class {
-    MUTATE_RAW,              /* bytes anywhere, not signed */
-    MUTATE_RAW_SIGNED,       /* bytes anywhere, with new CRCs */
+    MUTATE_RAW,              /* any bytes are changed; not signed */
+    MUTATE_RAW_SIGNED,       /* any bytes are changed, then CRCs computed */
     MUTATE_IN_HEADER,        /* fields of the header, signed */
     MUTATE_IN_INDEX,
     MUTATE_IN_NETWORKS,
@@ -84,13 +84,15 @@ typedef enum mutate_stage {
     MUTATE_AT_HEADER,
     MUTATE_AT_SIZE,          /* valid, but the harness declines its size */
     MUTATE_AT_INDEX,
-    MUTATE_AT_NETWORKS,      /* or the base */
-    MUTATE_AT_SEGMENT,       /* segment header, or a chunk's CRC or length */
+    MUTATE_AT_NETWORKS,      /* the networks or the base */
+    MUTATE_AT_SEGMENT,       /* the segment header, or a chunk's CRC or
+                              * length */
     MUTATE_AT_TREE,
     MUTATE_AT_COARSE,
     MUTATE_AT_FINE,
     MUTATE_AT_PRIM,
-    MUTATE_AT_VIEW,          /* reconstructed; the rig's camera is refused */
+    MUTATE_AT_VIEW,          /* reconstruction succeeds; the rig's camera is
+                              * refused */
     MUTATE_DRAWN,
     MUTATE_N_STAGES
 } mutate_stage;
@@ -101,7 +103,8 @@ typedef struct mutate_result {
     mutate_stage stage;      /* the earliest of all segments */
     saga_status status;      /* at that stage */
     const char *broken;      /* a broken promise of saga.h, or NULL */
-    size_t head_nbytes;      /* of a head that open and find accepted, or 0 */
+    size_t head_nbytes;      /* bytes of a head that saga_open and saga_find
+                              * accept, or 0 */
     uint32_t crc;            /* of all pictures and statuses: the same on every
                               * machine */
     uint32_t n_segments;     /* number of decoded segments */

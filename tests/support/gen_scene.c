@@ -26,7 +26,8 @@ gen_rng gen_seeded(uint64_t seed)
     return r;
 }
 
-/* Returns the next number: a Weyl sequence, mixed by multiply and xorshift. */
+/* Returns the next number of a Weyl sequence, mixed by multiplications and
+ * shifts. */
 uint32_t gen_u32(gen_rng *r)
 {
     uint64_t x = r->state += 0x9e3779b97f4a7c15u;
@@ -126,7 +127,7 @@ static void random_primitive(saga_primitive *p, gen_rng *r,
     }
     for (int i = 0; i < 4; i++)
         p->quat[i] = (int16_t)gen_int(r, -16384, 16384);
-    /* an opacity below 1, 1 / (1 + 2^-normal) = 8 / (1 + 2^(3 - o)) */
+    /* The opacity is below 1: 1 / (1 + 2^-normal) = 8 / (1 + 2^(3 - o)). */
     p->opacity = (int16_t)lrint(
         4096 * (3 - log2(8 * (1 + exp2(-2.0 * gen_normal(r))) - 1)));
 }

@@ -18,7 +18,7 @@ typedef struct gen_rng {
  * and prints the seed. */
 gen_rng gen_seeded(uint64_t seed);
 uint32_t gen_u32(gen_rng *r);
-/* lo..hi, both included. */
+/* Returns a number in lo..hi; both are included. */
 int32_t gen_int(gen_rng *r, int32_t lo, int32_t hi);
 /* Returns 1 in one of n cases, else 0. */
 int gen_one_in(gen_rng *r, int n);
@@ -29,11 +29,13 @@ double gen_normal(gen_rng *r);
  */
 void gen_front_camera(saga_camera *c, int width, int height);
 
-/* Makes such a camera anywhere within +-reach, turned at random. */
+/* Makes a camera like gen_front_camera's, at a random place within +-reach and
+ * with a random rotation. */
 void gen_any_camera(saga_camera *c, gen_rng *r, int width, int height,
                     int32_t reach);
 
-/* The formats of the primitives below: Q14 quaternions, Q12 opacity. */
+/* The formats of the primitives that gen_uniform_scene makes: quaternions in
+ * Q14, opacity in Q12. */
 extern const saga_prim_format gen_still_format;
 
 /* Makes n still primitives, uniform over the picture of a front camera and over

@@ -88,7 +88,8 @@ static void make_model(saga_model *m, int level, int kind, uint32_t features)
 
 /* --- Networks ------------------------------------------------------------ */
 
-/* Makes a layer of zeros; E's biases give the smallest deviation. */
+/* Makes a layer of zeros. The biases of an entropy network give the smallest
+ * standard deviation. */
 static void make_layer(saga_layer_symbols *l, const saga_net_shape *s, int i,
                        int is_entropy)
 {
@@ -123,11 +124,13 @@ static void make_nets(gen_stream *g)
 
 typedef struct {
     saga_symbols *s;
-    int chains;              /* 1: a single leaf lies as deep as possible */
+    int chains;              /* 1: a leaf ends a chain of single children, as
+                              * deep as possible */
     int max_x, max_t;
 } tree;
 
-/* Makes a node with `want` leaves, and everything below it. */
+/* Makes a node at depth x of space and tm of time, with `want` leaves below
+ * it. */
 static void make_node(tree *t, int x, int tm, uint32_t want)
 {
     saga_symbols *const s = t->s;
@@ -180,8 +183,8 @@ static void make_layer_symbols(saga_symbols *s, const saga_model *m,
 
 /* --- Together ------------------------------------------------------------ */
 
-/* Returns the largest number of anchors of either tier that the header allows.
- */
+/* Returns the largest number of coarse anchors, and as many fine ones, that the
+ * level's limits allow. */
 static uint32_t most_anchors(saga_header *h)
 {
     uint32_t low = 0, high = 1u << 22;
@@ -198,8 +201,8 @@ static uint32_t most_anchors(saga_header *h)
     return low;
 }
 
-/* Chooses the model with the most features that leaves memory for at least one
- * anchor, if necessary with fewer primitives. */
+/* Chooses the largest number of features with which at least one anchor fits in
+ * the level's memory, if necessary with fewer primitives. */
 static void fit(saga_header *h, int level, int kind)
 {
     uint32_t features = kind == GEN_SLOW_ANCHORS ? 48 : 64;
@@ -251,8 +254,8 @@ void gen_slow_make(gen_stream *g, int level, int kind, uint32_t share)
                            kind == GEN_SLOW_ANCHORS);
 }
 
-/* Puts primitive i into the centre of one of gen_given's leaves before the
- * camera; `along` leaves lie along an axis. */
+/* Puts primitive i into the centre of one of gen_given's leaves in front of the
+ * camera. There are `along` leaves along each axis. */
 static void place(gen_given *p, uint32_t i, uint32_t along)
 {
     const int32_t half = (1 << 23) / (int32_t)along;

@@ -8,15 +8,15 @@
 
 #include "gen_stream.h"
 
-/* The kinds of streams that keep the decoder busy: with the products of wide
- * networks; with many runs of narrow networks; and with anchors alone, in trees
- * of single children and with the largest windows. The first two have a bank
- * whose rounds have one block. */
+/* What keeps the decoder busy: the products of wide networks; the runs of many
+ * narrow networks; or anchors alone, with trees of single children and the
+ * largest windows of interpolation. The first two have a memory bank with
+ * rounds of one block. */
 enum { GEN_SLOW_WIDE, GEN_SLOW_NARROW, GEN_SLOW_ANCHORS, GEN_N_SLOW };
 
-/* Makes a stream with eight layers. Its header.max has as many anchors as the
- * level's limit of work allows, so that one more in each tier is refused. The
- * layers have 1/share of them. */
+/* Makes a stream with eight layers. Its header.max has the largest numbers of
+ * anchors that the level's limit of work allows, so that one more in each tier
+ * is refused. The layers together have 1/share of these. */
 void gen_slow_make(gen_stream *g, int level, int kind, uint32_t share);
 
 /* Makes n splats that cover the whole picture of the rig's camera, 256 by 256

@@ -17,8 +17,8 @@ void gen_sound_sign(uint8_t *p)
     for (int i = 0; i < p[26]; i++)
         n += p[27 + i];
     store(p + 22, 4, 0);
-    /* Long division: the bits of the page enter one at a time, then 32 zeros.
-     */
+    /* The CRC is computed by long division: first the bits of the page enter,
+     * one at a time, then 32 zeros. */
     for (size_t i = 0; i < 8 * (n + 4); i++) {
         const uint32_t bit = i < 8 * n ? p[i / 8] >> (7 - i % 8) & 1u : 0;
         const uint32_t out = crc >> 31;
@@ -28,8 +28,8 @@ void gen_sound_sign(uint8_t *p)
     store(p + 22, 4, crc);
 }
 
-/* Writes a page with n packets of `each` bytes; returns the address after it.
- */
+/* Writes an Ogg page with n packets of `each` bytes; returns the address after
+ * it. */
 static uint8_t *page(uint8_t *p, int flags, uint32_t number, uint64_t granule,
                      const uint8_t *packet, int each, int n)
 {
@@ -49,10 +49,11 @@ static uint8_t *page(uint8_t *p, int flags, uint32_t number, uint64_t granule,
 
 void gen_sound(uint8_t to[GEN_SOUND_NBYTES])
 {
-    /* Version 1, one channel, 192 samples of pre-skip, 48000 a second. */
+    /* The Opus header: version 1, one channel, 192 samples of pre-skip, 48000
+     * Hz. */
     static const uint8_t head[19] = "OpusHead\1\1\xc0\0\x80\xbb\0\0\0\0";
     static const uint8_t tags[20] = "OpusTags\4\0\0\0saga\0\0\0";
-    /* Full band, 20 ms, one frame of silence. */
+    /* An Opus packet: full band, 20 ms, one frame of silence. */
     static const uint8_t silence[3] = { 0xf8, 0xff, 0xfe };
 
     to = page(to, 2, 0, 0, head, sizeof head, 1);

@@ -137,7 +137,8 @@ static void make_model(saga_model *m, uint64_t *r, const gen_options *o)
         make_memory(m, r, o);
 }
 
-/* Sets the model so that a useful picture is visible. */
+/* Changes the model so that the stream draws a picture in which something can
+ * be seen. */
 static void model_for_picture(saga_model *m)
 {
     m->tier[SAGA_TIER_COARSE].suffix_bits = 4;
@@ -175,7 +176,7 @@ static void drop_layers(saga_model *m, uint64_t *r, const gen_options *o)
 
 /* --- Networks ------------------------------------------------------------ */
 
-/* The mean and the spread of an output row, in its own LSB. */
+/* The mean and the spread of an output row, in units of its last bit. */
 typedef struct {
     double mean, spread;
 } target;
@@ -185,7 +186,8 @@ static int is_of(saga_rows r, uint32_t row)
     return row >= r.first && row < r.first + (uint32_t)r.n;
 }
 
-/* Returns the target of a row of a network's last layer, in real units. */
+/* Returns the target of a row of a network's last layer, in the units of the
+ * output. */
 static target target_of(const saga_model *m, int net, uint32_t row)
 {
     const target plain = { 0, 2000 };
@@ -227,7 +229,8 @@ uint32_t gen_scale_of(const saga_layer_symbols *l, size_t row, size_t column)
     return l->weight_scale - SAGA_DROP * drop;
 }
 
-/* Makes a random mode of scales, and drops, most of which are small. */
+/* Makes a random mode of scales and random drops, by which the weights of a row
+ * or column are smaller. Most drops are small. */
 static void make_scales(saga_layer_symbols *l, uint32_t n_in, uint32_t n_out,
                         uint64_t *r)
 {
@@ -273,8 +276,8 @@ static void make_layer(saga_layer_symbols *l, const saga_net_shape *s, int i,
     }
 }
 
-/* Makes finer formats of n rows. Most are 0, because a finer format makes
- * values smaller and nothing here compensates for that. */
+/* Makes finer formats of n rows. Most are 0, because a finer format divides the
+ * values, and no weight is made larger to compensate for that. */
 static void make_finer(saga_layer_symbols *l, uint32_t n, uint64_t *r)
 {
     l->finer = array(n, 1);
@@ -283,8 +286,8 @@ static void make_finer(saga_layer_symbols *l, uint32_t n, uint64_t *r)
             ? gen_range(r, 1, SAGA_N_FINER - 1) : 0);
 }
 
-/* Sets biases and shifts of the last layer so that a picture is visible. Each
- * input of a row is assumed to be about a third of full scale. */
+/* Sets biases and shifts of the last layer so that a picture can be seen. The
+ * inputs of a row are assumed to be about a third of full scale. */
 static void aim_layer(saga_layer_symbols *l, const saga_net_shape *s, int i,
                       const saga_model *m, int net)
 {
@@ -323,8 +326,9 @@ static void make_nets(gen_stream *g, uint64_t *r, int picture)
             uint64_t aside;
 
             make_layer(l, s, i, r);
-            /* F_color's formats use a copy of the random state, so that they do
-             * not change the rest of the stream, which tests know. */
+            /* The formats of F_color's rows use a copy of the random state, so
+             * that the rest of the stream does not change; tests have its
+             * values. */
             aside = *r;
             make_finer(l, saga_nets_n_finer(&nets, net, i),
                        net < SAGA_NET_COLOUR_BASE ? r : &aside);
@@ -343,8 +347,8 @@ typedef struct {
     int temporal;
 } tree;
 
-/* Makes a tree with exactly `want` leaves, depth first, with its own stack of
- * pending nodes. It counts the leaves that pending nodes still must have. */
+/* Makes a tree with exactly `want` leaves in depth-first order, with a stack of
+ * pending nodes. It counts the leaves that pending nodes must still have. */
 static void make_tree(tree *t, uint64_t *r)
 {
     struct { uint8_t x, t; } stack[4096];
@@ -366,7 +370,8 @@ static void make_tree(tree *t, uint64_t *r)
             split &= 2u;
         if (tm >= t->max_t)
             split &= 1u;
-        /* A node without a spare leaf may still have a single child. */
+        /* If all leaves are assigned, a node may be split only into a single
+         * child. */
         if (split && spare == 0 && !one_in(r, 8))
             split = 0;
         n = split == 0 ? 0 : split == 1 ? 8 : split == 2 ? 2 : 16;
@@ -403,8 +408,8 @@ static void make_tree(tree *t, uint64_t *r)
 
 /* --- Symbols ------------------------------------------------------------- */
 
-/* Returns a residual, mostly a small one, sometimes one beyond every table or
- * an extreme one. */
+/* Returns a residual: mostly a small one, sometimes any valid one, and rarely
+ * the largest one. */
 static int32_t make_residual(uint64_t *r, int picture)
 {
     int32_t size;
@@ -435,8 +440,8 @@ static int compare(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* Makes suffixes of all children, which ascend within each parent; some are
- * equal. */
+/* Makes the suffixes of all children. They ascend within each parent, and some
+ * are equal. */
 static uint32_t *suffixes(const uint8_t *n_children, uint32_t n_parents,
                           uint32_t total, uint32_t bits, uint64_t *r)
 {
@@ -454,8 +459,8 @@ static uint32_t *suffixes(const uint8_t *n_children, uint32_t n_parents,
     return s;
 }
 
-/* Makes the numbers of children, 0..max for each parent, and at most cap (if
- * full, exactly cap) together. Returns their sum. */
+/* Makes the number of children of each parent, 0..max, with a sum of at most
+ * cap, or exactly cap if `full`. Returns the sum. */
 static uint32_t children(uint8_t *n, uint32_t n_parents, int max, uint32_t cap,
                          int full, uint64_t *r)
 {
@@ -483,7 +488,7 @@ static void make_scaffold(saga_symbols *s, const saga_model *m, uint64_t *r,
                           const gen_options *o)
 {
     const saga_level_caps *const cap = &saga_caps[o->level];
-    /* Base and layers share the limits of the level. */
+    /* The base and the layers share the level's limits equally. */
     const uint32_t share = (o->base ? 1u : 0u) +
                            (o->n_layers ? o->n_layers : 1u);
     const saga_tier *const l = m->tier;
@@ -551,7 +556,8 @@ static void make_camera(saga_rig_camera *c, uint32_t number)
 
 /* --- Together ------------------------------------------------------------ */
 
-/* Makes models until the number of weights is within the level's limit. */
+/* Makes random models until one has a number of weights within the level's
+ * limit. */
 static void fit_model(saga_model *m, uint64_t *r, const gen_options *o)
 {
     uint32_t weights;

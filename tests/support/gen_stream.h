@@ -27,12 +27,12 @@ typedef struct gen_options {
     int full;                /* counts reach level 0's limits exactly, with
                               * GEN_FULL_COARSE coarse anchors */
     uint32_t n_segments;     /* 1..GEN_MAX_SEGMENTS */
-    int picture;             /* networks are such that a picture is visible */
+    int picture;             /* networks are such that a picture can be seen */
     uint32_t tools;          /* with tools_fixed: SAGA_TOOL_* */
     int tools_fixed;
-    /* A memory bank: 0 for none, else GEN_BANK_*. Sizes that are 0 here, and
-     * the kinds that read it, are random. Its tools are added to those above.
-     */
+    /* The memory bank: 0 for none, else GEN_BANK_*. The kinds of residuals that
+     * read it, and the sizes that are 0 here, are random. Its tools are added
+     * to `tools`. */
     int bank;
     uint32_t bank_slots, bank_width, bank_blocks;
     int bank_alone;        /* the bank is the only source of all kinds */
@@ -61,9 +61,9 @@ typedef struct gen_stream {
     int named, sounds;
 } gen_stream;
 
-/* splitmix64; the state is the seed. */
+/* Returns the next number of splitmix64, whose state begins as the seed. */
 uint64_t gen_random(uint64_t *state);
-/* lo..hi, both included. */
+/* Returns a number in lo..hi; both are included. */
 int32_t gen_range(uint64_t *state, int32_t lo, int32_t hi);
 
 gen_stream gen_stream_make(const gen_options *o);

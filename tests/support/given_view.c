@@ -14,7 +14,8 @@ static uint32_t n_copies(const gen_given *p)
     return p->copies ? p->copies : 1;
 }
 
-/* Checks the primitives at both ends of the segment and in its middle. */
+/* Checks the decoded primitives at both ends of the segment and in its
+ * middle. */
 static void assert_given(const given_view *v)
 {
     static const int32_t times[] = { 0, 32768, 65535 };
@@ -99,7 +100,7 @@ int given_sample(const given_view *v, int x, int y, int channel)
     return v->rgb[3 * (y * v->cam.width + x) + channel];
 }
 
-/* The file has one frame, so that the time t is t / 65536 frames. */
+/* The file has one frame, so that t is the number of 65536ths of a frame. */
 saga_verify_picture given_verify(const given_view *v, int stage)
 {
     const saga_verify_view view = { v->cam, (uint32_t)v->t, 65536, NULL,

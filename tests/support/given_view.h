@@ -31,15 +31,15 @@ void given_open(given_view *v, const gen_given *p, uint32_t n,
                 uint32_t tools);
 void given_close(given_view *v);
 
-/* Does the same for any stream with one segment, without given primitives: n is
- * 0. */
+/* Encodes and decodes any stream with one segment. There are no given
+ * primitives to compare with: n is 0. */
 void given_open_stream(given_view *v, gen_stream *g);
 
 /* Draws an 8-bit picture, which v->rgb holds until the next one. */
 void given_draw(given_view *v, const saga_camera *cam, int32_t t);
 
-/* Compares the last picture with one that is computed in double from a stage,
- * SAGA_VERIFY_*, on; earlier stages are the integers'. */
+/* Compares the last picture with one for which all stages from SAGA_VERIFY_* on
+ * are computed in double; the input of this stage is the integer decoder's. */
 saga_verify_picture given_verify(const given_view *v, int stage);
 
 /* Returns a channel of pixel (x, y) of the last picture. */

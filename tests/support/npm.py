@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Packages of npm, of a version that the caller names. Each is fetched once for
-a build folder, with nothing installed and nothing run."""
+"""Packages of npm, in versions that the caller names. Each is fetched once for
+a build folder; nothing is installed and no script of a package is run."""
 
 import os
 import shutil
@@ -15,7 +15,7 @@ def is_there():
 
 
 def fetch(name, version, wanted):
-    """{path: bytes} of these files of a package, or None where the registry
+    """Returns {path: bytes} of files of a package, or None if the registry
     cannot be reached."""
     path = os.path.join(FOLDER, "%s-%s.tgz" % (
         name.lstrip("@").replace("/", "-"), version))

@@ -14,7 +14,7 @@ typedef struct player {
     size_t n;
     saga_info info;
     saga_decoder *dec;
-    saga_segment seg;            /* the last one that was found */
+    saga_segment seg;            /* the last segment that was found */
     saga_report report;          /* of the last segment or view */
     saga_camera camera;          /* of the last view; at first rig:0 */
 } player;

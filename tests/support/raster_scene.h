@@ -69,14 +69,15 @@ static inline void hard_scene(scene *s, gen_rng *r, uint32_t n, int width,
         if (!saga_project(s->splats + n, &a, &s->cam, 0))
             continue;
         if (gen_int(r, 0, 3) == 0)
-            s->splats[n].depth &= 0xffff0000; /* many are equal */
+            s->splats[n].depth &= 0xffff0000; /* many depths are equal */
         gen_colour(s->splats[n].colour_q15, n);
         n++;
     }
     sort_scene(s);
 }
 
-/* Makes a scene like a usual picture: small splats everywhere. */
+/* Makes a scene with small splats spread over the whole picture, as most
+ * pictures have. */
 static inline void even_scene(scene *s, gen_rng *r, uint32_t n, int width,
                               int height)
 {
@@ -91,7 +92,7 @@ static inline void even_scene(scene *s, gen_rng *r, uint32_t n, int width,
 
 /* --- Pictures ------------------------------------------------------------ */
 
-/* Returns the bytes of a pixel. */
+/* Returns the number of bytes of a pixel. */
 static inline size_t pixel_of(int bits)
 {
     return bits == SAGA_DEPTH ? sizeof(saga_depth) : 3 * (size_t)(bits / 8);
@@ -139,7 +140,8 @@ static inline uint32_t value_at(const picture *p, int x, int y, int k)
     return v;
 }
 
-/* Returns the picture that a job at pixel (x, y) needs. */
+/* Returns the part of the picture from pixel (x, y) on, as a job there needs
+ * it. */
 static inline saga_picture part_at(const picture *p, int x, int y)
 {
     saga_picture part = p->pic;
@@ -174,7 +176,7 @@ enum { N_BITS = sizeof all_bits / sizeof *all_bits };
 typedef struct {
     int32_t tile;
     uint32_t capacity;
-    size_t more;            /* scratch beyond the smallest */
+    size_t more;            /* bytes of scratch beyond the minimum */
     uint32_t budget;
 } setting;
 

@@ -13,7 +13,8 @@
 #include "testing.h"
 
 typedef struct {
-    saga_scene s, d;             /* and its gradients */
+    saga_scene s, d;             /* the scene, and the gradients of all its
+                                  * values */
     saga_twin w;
     saga_rate r;
     saga_rate_options o;
@@ -123,7 +124,8 @@ static inline void rate_scene_make(rate_scene *f, const saga_model *m,
     rate_scene_fine(s, saga_rng_stream(5, 2));
     for (size_t i = 0; i < (size_t)n * m->features; i++)
         s->coarse_feature[i] = R(saga_rng_normal(r, i));
-    /* Parameters, biases too, are moved away from 0. */
+    /* Parameters, including biases, are moved away from 0, where gradients
+     * could vanish. */
     for (size_t i = 0; i < s->n_reals - (size_t)(s->params - s->reals); i++)
         s->params[i] = R(0.5) * s->params[i] +
                        R(0.05 * saga_rng_normal(r, 100000 + i));

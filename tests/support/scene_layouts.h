@@ -70,7 +70,8 @@ static inline void write_picture(folder *f, const char *name, int view,
                                &error));
 }
 
-/* Sets the name of the file of a view and a frame, both counted from 0. */
+/* A function that sets the file name for a view and a frame, both counted from
+ * 0. */
 typedef void name_fn(char name[80], int view, int frame);
 
 static inline void camera_and_number(char name[80], int view, int frame)
@@ -204,7 +205,7 @@ static inline void put_pose(bytes *b, int view)
     const double *const r = s->rotation, *const t = s->translation;
 
     put_text(b, "\"transform_matrix\": [");
-    /* Columns right, up, backwards, centre. */
+    /* The columns are right, up, backwards, centre. */
     for (int i = 0; i < 3; i++)
         put_text(b, "[%.17g, %.17g, %.17g, %.17g], ", r[i], -r[3 + i],
                  -r[6 + i], -(r[i] * t[0] + r[3 + i] * t[1] + r[6 + i] * t[2]));

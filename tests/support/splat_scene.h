@@ -21,7 +21,7 @@ static inline saga_splat_params scene_alloc(size_t n)
     return p;
 }
 
-/* Returns the number of reals in such a block. */
+/* Returns the number of reals in the block of scene_alloc. */
 static inline size_t scene_reals(size_t n)
 {
     return n * saga_attrs_width(SAGA_ATTRS_ALL);

@@ -6,7 +6,8 @@
 
 enum { MOST = 128 };
 
-static struct CMUnitTest tests[MOST]; /* unused ones have no function */
+/* Entries that are not used have no function. */
+static struct CMUnitTest tests[MOST];
 static size_t n_tests;
 static CMFixtureFunction group_enter, group_leave;
 

@@ -49,7 +49,7 @@ int testing_run(void);
     } \
     static void name(void **state __attribute__((unused)))
 
-/* Declares such a test, whose body gets its *state as `type *f`. */
+/* Declares a test like TEST_WITH, whose body gets its *state as `type *f`. */
 #define TEST_OF_WITH(type, name, enter, leave) \
     static void name##_of(type *f); \
     TEST_WITH(name, enter, leave) \
@@ -73,12 +73,14 @@ uint64_t testing_seed(uint64_t otherwise);
  * SAGA_TEST_LONG and `few` without. */
 uint32_t testing_count(uint32_t few, uint32_t many);
 bool testing_long(void);
-/* Returns whether SAGA_TEST_SANITIZED is set: tests of numbers are left out. */
+/* Returns whether SAGA_TEST_SANITIZED is set; then tests of numerical results
+ * are skipped. */
 bool testing_sanitized(void);
 
-/* Checks a call of the decoder. */
+/* Checks that a call of the decoder returns SAGA_OK. */
 #define assert_ok(call) assert_int_equal(call, SAGA_OK)
-/* Checks a call that gets `&error`, and prints its message if it fails. */
+/* Checks that a call with the argument `&error` succeeds; prints its message if
+ * not. */
 #define assert_done(call) \
     do { \
         saga_error error = { "" }; \

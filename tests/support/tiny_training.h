@@ -22,7 +22,7 @@ typedef struct tiny {
 void tiny_open(tiny *t, int n_frames);
 void tiny_close(tiny *t);
 
-/* Declares one capture for all tests of the program. */
+/* Declares a capture that all tests of the program share. */
 #define TINY_GROUP(name, n_frames) \
     static tiny name; \
     static int open_##name(void **state __attribute__((unused))) \
@@ -51,7 +51,7 @@ saga_train_options tiny_defaults(void);
 saga_train_options tiny_layered(void);
 
 typedef struct trained {
-    uint8_t *bytes;              /* free them */
+    uint8_t *bytes;              /* the caller frees them */
     size_t n;
     saga_train_report report;
 } trained;
@@ -62,19 +62,19 @@ saga_train *tiny_resume(const saga_capture *c, const saga_train_options *o);
 trained tiny_finish(saga_train *t);
 trained tiny_train(const saga_capture *c, const saga_train_options *o);
 
-/* Returns whether bytes and reported choice of sources are the same. */
+/* Returns whether bytes and reported choice of sources are equal. */
 bool tiny_same(const trained *a, const trained *b);
 
 /* Where a training stops: once, when the stage reaches an iteration (-1: any),
- * or after every `every` calls of the progress function. */
+ * or whenever the progress function has been called `every` times. */
 typedef struct tiny_stop {
     saga_train_stage stage;
     int iteration, every, calls;
 } tiny_stop;
 
-/* Sets options that stop there; `stop` must outlive the trainings. */
+/* Sets options with which a training stops at `stop`, which must outlive it. */
 void tiny_stop_at(saga_train_options *o, tiny_stop *stop);
-/* Returns a training that has stopped there and can be continued. */
+/* Returns a training that has stopped at `stop` and can be continued. */
 saga_train *tiny_train_until(const saga_capture *c, saga_train_options *o,
                              tiny_stop *stop);
 

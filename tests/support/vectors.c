@@ -158,7 +158,7 @@ static saga_status draw_frame(uint32_t *crc, const saga_decoder *dec,
     job.list_capacity = LIST;
     job.scratch = scratch;
     job.scratch_nbytes = sizeof scratch;
-    /* The picture does not depend on the budget. */
+    /* The picture does not depend on the budget of each call. */
     do
         s = saga_draw(dec, &job, &picture, 1u << 24);
     while (s == SAGA_AGAIN);
@@ -200,8 +200,7 @@ static saga_status run_stages(saga_stages *out, saga_decoder *dec,
         return s;
     if (seg.offset > n)
         return SAGA_ERR_TRUNCATED;
-    /* Decode the segment, make the view, then take the CRCs of each stage. A
-     * file that is cut short has fewer bytes than its index says. */
+    /* A file that was cut has fewer bytes than its index says. */
     left = n - (size_t)seg.offset;
     s = saga_decode(dec, &seg, bytes + seg.offset,
                     seg.nbytes < left ? seg.nbytes : left, NULL);
