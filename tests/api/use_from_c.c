@@ -17,7 +17,7 @@ static _Alignas(SAGA_WORK_ALIGN) uint8_t work[SAGA_WORK_MAX(1)];
 static uint8_t bytes[1 << 20], rgb[3 * SIDE * SIDE];
 static _Alignas(4) uint8_t scratch[SAGA_JOB_NBYTES(16, LIST)];
 
-/* The decoder with the first segment in it, ready to draw. */
+/* Opens the file and decodes its first segment, so that it can be drawn. */
 static saga_status prepare(saga_decoder **dec, saga_camera *camera, size_t n)
 {
     saga_info info;

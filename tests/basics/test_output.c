@@ -138,8 +138,8 @@ TEST_WITH(full_device_should_be_told, NULL, clear)
     assert_non_null(strstr(error.message, "free space"));
 }
 
-/* After a write has failed, stdio forgets it: closing the file reports no error
- * any more. */
+/* Once a write has failed, stdio forgets the error, and closing the file
+ * succeeds. The failure must be reported nevertheless. */
 TEST_WITH(write_of_before_should_be_told, NULL, clear)
 {
     const struct rlimit little = { 8192, RLIM_INFINITY };
@@ -196,7 +196,7 @@ TEST_WITH(permissions_should_be_those_of_umask, NULL, clear)
     assert_int_equal(kind_of("b") & 0777, 0664);
 }
 
-/* Opens the output and dies, like a run that is killed. */
+/* Opens an output in a process that then dies, like a run that is killed. */
 static void die_writing(const char *path)
 {
     const pid_t pid = fork();
@@ -228,7 +228,7 @@ TEST_WITH(parts_of_killed_runs_should_be_removed, NULL, clear)
     assert_holds("a", "whole");
 }
 
-/* Makes a folder with a file, and dies. */
+/* Makes a folder output with a file in a process that then dies. */
 static void die_filling(const char *path)
 {
     const pid_t pid = fork();
@@ -282,7 +282,7 @@ TEST_WITH(parts_should_go_when_abandoned, NULL, clear)
     assert_true(saga_output_close(&out[1], false, &error) || error.message[0]);
     assert_int_equal(count(), 69);
     error.message[0] = '\0';
-    saga_output_abandon(); /* 64 places, two of them empty */
+    saga_output_abandon(); /* there are 64 places, two of which are empty */
     assert_int_equal(count(), 7);
     for (int i = 2; i < 70; i++) {
         error.message[0] = '\0';

@@ -37,8 +37,9 @@ static int tear_down(void **state)
 
 typedef struct {
     atomic_int done[MANY];
-    atomic_int at_once[MOST];    /* parts that a thread's number works on */
-    atomic_size_t highest;       /* number */
+    atomic_int at_once[MOST];    /* parts that a thread works on at the same
+                                  * time */
+    atomic_size_t highest;       /* the highest thread number */
 } record;
 
 static void note(void *user, size_t part)
@@ -72,8 +73,8 @@ TEST(every_part_should_be_done_once)
     }
 }
 
-/* Threads that start late find other work than that for which they were called.
- */
+/* Threads that wake up late may find the work of a later call, which must be
+ * done exactly once, too. */
 TEST(short_work_should_follow_upon_short_work)
 {
     static record r;
@@ -107,8 +108,8 @@ static void note_owner(void *user, size_t part)
     ((size_t *)user)[part] = saga_thread_number();
 }
 
-/* A thread takes the first parts of its own share, and then the last parts of
- * others. */
+/* A thread must do the first parts of its own share first, and then the last
+ * parts of other shares. */
 TEST(threads_should_keep_to_their_shares)
 {
     enum { TEAM = 3, EACH = 40 };
@@ -166,8 +167,8 @@ TEST(little_work_should_be_done_by_one)
     saga_set_least_work(0);
 }
 
-/* Another thread is slow with a part. The caller does all other parts itself
- * and then waits for this one only. */
+/* Another thread is slow with a part. The caller must do all other parts itself
+ * and wait only for this one. */
 static void wait_for_other(void *user, size_t part)
 {
     atomic_int *const n = user;

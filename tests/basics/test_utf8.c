@@ -9,7 +9,8 @@
 #include "testing.h"
 #include "utf8.h"
 
-/* The ranges of the first two bytes; all further bytes are 80 to BF. */
+/* The ranges of the first and second byte, and the length of a character; all
+ * further bytes are 80 to BF. */
 static const struct { uint8_t lo, hi, second_lo, second_hi, n; } row[] = {
     { 0x00, 0x7f, 0, 0, 1 }, { 0xc2, 0xdf, 0x80, 0xbf, 2 },
     { 0xe0, 0xe0, 0xa0, 0xbf, 3 }, { 0xe1, 0xec, 0x80, 0xbf, 3 },
@@ -70,8 +71,8 @@ TEST(bytes_should_be_told_where_they_are_no_character)
     assert_false(saga_utf8_is("\303"));
 }
 
-/* A name of 63 bytes has 61 letters, and then the whole next character or
- * nothing of it. */
+/* If a name of at most 63 bytes has 61 letters, the next character must be kept
+ * whole or dropped. */
 TEST(names_should_end_behind_a_character)
 {
     static const char *const tail[] = {

@@ -52,8 +52,8 @@ static void to_real(double *to, const int16_t *from, uint32_t n)
         to[i] = from[i];
 }
 
-/* Returns the bound of the error of a length: half an LSB for each component,
- * and the bound that normalise() states. */
+/* Returns the bound of the error of a slot's length, in units of the last bit:
+ * half a unit for each component and the error that normalise() states. */
 static double norm_bound(uint32_t width)
 {
     return 0.5001 * sqrt(width);
@@ -78,7 +78,7 @@ static int16_t any16(gen_rng *r, int32_t size)
     return (int16_t)gen_int(r, -size, size);
 }
 
-/* Updates a single slot, in the middle of a bank. */
+/* Updates a single slot in the middle of a bank. */
 static void update(int16_t *slot, const int16_t *write, int32_t gate,
                    uint32_t width, int plain)
 {
@@ -114,7 +114,8 @@ static void random_slot(int16_t *slot, gen_rng *r, uint32_t width)
 static void check_start(uint32_t n_slots, uint32_t width)
 {
     FREED_BY(drop) saga_bank m = bank_of(n_slots, width);
-    /* sum over pairs of cos^2 is at least L^2/D (Welch), itself included. */
+    /* By Welch's bound, the sum of cos^2 over all pairs of slots is at least
+     * L^2 / D, including each slot with itself. */
     const double least = ((double)n_slots * n_slots / width - n_slots) /
                          ((double)n_slots * (n_slots - 1));
     double sum = 0;
@@ -148,14 +149,16 @@ TEST(slots_should_start_apart_and_of_unit_length)
             check_start(all_slots[i], width);
 }
 
-/* x^5 + x^2 + 1: powers 1, 2, 4, 8, 16, 5, 10, 20 of the generator. */
+/* A component of slot p is negative if p has an odd number of bits in common
+ * with the component's power of a generator. With x^5 + x^2 + 1, the powers are
+ * 1, 2, 4, 8, 16, 5, 10, 20. */
 TEST(first_slots_should_be_those_worked_out_by_hand)
 {
     static const int sign[4][8] = {
-        { 1, 1, 1, 1, 1, 1, 1, 1 },          /* 0: nothing in common */
-        { -1, 1, 1, 1, 1, -1, 1, 1 },        /* 1: in 1 and 5 */
-        { 1, -1, 1, 1, 1, 1, -1, 1 },        /* 2: in 2 and 10 */
-        { -1, -1, 1, 1, 1, -1, -1, 1 }       /* 3 */
+        { 1, 1, 1, 1, 1, 1, 1, 1 },          /* 0 has no bits */
+        { -1, 1, 1, 1, 1, -1, 1, 1 },        /* 1 is in 1 and 5 */
+        { 1, -1, 1, 1, 1, 1, -1, 1 },        /* 2 is in 2 and 10 */
+        { -1, -1, 1, 1, 1, -1, -1, 1 }       /* 1, 2, 5, 10 */
     };
     FREED_BY(drop) saga_bank m = bank_of(32, 8);
 
@@ -199,7 +202,8 @@ static double greatest(const saga_bank *m)
     return most;
 }
 
-/* Checks a read; returns the error divided by its bound. */
+/* Checks that a read is within its bound; returns the error divided by the
+ * bound. */
 static double check_read(const saga_bank *m, const int16_t *query)
 {
     double want[MAX_D], e, bound, worst = 0;
@@ -233,7 +237,8 @@ TEST(read_should_stay_within_bound_of_double)
             saga_bank_put(&m, p, slot);
         }
         for (uint32_t k = 0; k < 20; k++) {
-            /* From flat to one slot alone; past the width anything. */
+            /* Small queries weigh all slots equally, large ones select a single
+             * slot. Components past the width may have any value. */
             const int32_t size = 1 << gen_int(&r, 0, 15);
 
             for (uint32_t d = 0; d < MAX_D; d++)
@@ -263,7 +268,8 @@ TEST(zero_query_should_read_the_mean_of_all_slots)
     }
 }
 
-/* Its own row scores 8 * 4 * 2 = 64, every other one 16 or more below. */
+/* If the query is 16 times a slot, this slot scores 8 * 4 * 2 = 64 and all
+ * others at least 16 less. The result must be the slot itself. */
 TEST(query_along_a_slot_should_read_it_exactly)
 {
     FREED_BY(drop) saga_bank m = bank_of(64, 64);
@@ -289,7 +295,8 @@ TEST(extreme_queries_should_read_something_in_range)
 
             for (uint32_t d = 0; d < MAX_D; d++)
                 query[d] = gen_int(&r, 0, 1) ? 32767 : -32767;
-            if (k < all_slots[i])      /* the largest score there is */
+            if (k < all_slots[i])      /* the slot's own signs: the largest
+                                        * score */
                 for (uint32_t d = 0; d < MAX_D; d++)
                     query[d] = slot_of(&m, k)[d] < 0 ? -32767 : 32767;
             check_read(&m, query);
@@ -347,12 +354,11 @@ static double update_reference(double *out, const double *s, const double *v,
     return length;
 }
 
-/* Error of a component, LSB. The result's rounding is 1/2; what errs before
- * the normalisation is scaled by 4096/|u|:
- *   |s|^2 taken as 1:    g <v, s>/|s| 2 (|s| - 4096)/4096, along s
- *   <v, s> rounded:      g/2, along s
- *   v rounded:           g/2 per component
- *   u rounded to Q20:    2^-9 per component */
+/* Returns the bound of the error of a component, in units of the last bit.
+ * Rounding of the result gives 1/2. The other errors are multiplied by
+ * 4096/|u|: that of taking |s|^2 as 1, g <v, s>/|s| 2 (|s| - 4096)/4096 along
+ * s; rounding of <v, s>, g/2 along s; and for each component rounding of v,
+ * g/2, and of u to Q20, 2^-9. */
 static double update_bound(const double *s, const double *v, double gate,
                            double length, uint32_t width, int plain)
 {
@@ -407,8 +413,8 @@ TEST(update_should_stay_within_bound_of_double)
                   worst[0], worst[1]);
 }
 
-/* A slot that is only normalised anew loses the distance of its length from 1,
- * and a rounding. */
+/* Checks a slot that was only normalised again. It may change by the distance
+ * of its length from 1, and by rounding. */
 static void assert_same_but_rounding(const int16_t *got, const int16_t *slot,
                                      uint32_t width)
 {
@@ -438,8 +444,9 @@ TEST(nothing_written_should_leave_the_slot)
     }
 }
 
-/* v = c s: orthogonal, nothing is left of it but rounding; plain, c = -1 and
- * an open gate leave a sum of zero, other c only a length. */
+/* If the write is v = c s, its orthogonal part is only rounding, so that the
+ * slot must stay. With a plain write and c = -1, an open gate gives a sum of
+ * zero, which must leave the slot, too. */
 TEST(parallel_writes_should_leave_the_slot)
 {
     gen_rng r = gen_seeded(6);
@@ -499,9 +506,9 @@ static double angle(const int16_t *slot, const double *s, uint32_t width)
     return sqrt(d2) / 4096;
 }
 
-/* A thousand updates beside a slot in double: the length never leaves its
- * bound, and the direction does not run away, since each update pulls both
- * slots to the same write. */
+/* Updates a slot a thousand times, next to a copy in double. Its length must
+ * stay within its bound. Returns the largest angle between the two, which must
+ * stay small, because each update pulls both to the same write. */
 static double run_thousand(gen_rng *r, uint32_t width, int plain, int extreme)
 {
     int16_t slot[MAX_D] = { 0 }, write[MAX_D];

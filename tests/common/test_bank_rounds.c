@@ -29,7 +29,8 @@ typedef struct {
 } seen;
 
 typedef struct {
-    saga_coder coder;        /* first: its functions cast back */
+    saga_coder coder;        /* first, so that a pointer to it can be cast
+                              * back */
     saga_coder *inner;
     seen *coarse, *fine, *prim;
 } spy;
@@ -64,7 +65,7 @@ typedef struct {
     gen_stream g;
     uint8_t *bytes, *params;
     size_t n;
-    recorder_chunks at;      /* those to come */
+    recorder_chunks at;      /* the chunks that follow */
     saga_header h;
     saga_plan plan;
     saga_scaffold sc;
@@ -165,7 +166,7 @@ static input input_of(const watched *w, int net)
     return in;
 }
 
-/* Runs a network with sums of 64 bits. */
+/* Runs a network with sums in 64 bits. */
 static void run(int16_t *out, const watched *w, int net, const int16_t *x)
 {
     const saga_net_shape *const s = &w->plan.nets.shape[net];
@@ -201,8 +202,8 @@ typedef struct {
     uint32_t count;
 } place;
 
-/* Appends the side information: the embedding of the place, sizes, count, kind.
- */
+/* Appends the side information: the embedding of the position, the sizes, the
+ * number of children, and the kind. */
 static void put_side(input *in, const watched *w, const place *p, int kind)
 {
     for (int i = 0; i < 4; i++)
@@ -256,8 +257,8 @@ static void begin_bank(bank *k, const watched *w)
     }
 }
 
-/* Predicts the parameters of a block from its query, and compares them with
- * those that were used. */
+/* Predicts mu and scale of a block from its query, and compares them with those
+ * that the decoder used. */
 static void expect(bank *k, const watched *w, const place *p, int kind,
                    const int16_t *parent, int q, const seen *used)
 {
@@ -349,7 +350,8 @@ static void cell_of(place *p, const saga_coarse *c)
     p->count = c->n_fine;
 }
 
-/* Moves a place by o, in Q14 of the sizes, which are powers of two here. */
+/* Moves a place by o, in Q14 of its sizes, which are powers of two in these
+ * streams. */
 static void move(place *p, const int16_t o[4])
 {
     for (int i = 0; i < 4; i++) {
@@ -413,8 +415,8 @@ static void follow_fine(bank *k, const watched *w, uint32_t rank)
     keep(k, w, &p, SAGA_KIND_FINE, context, 14);
 }
 
-/* Follows the rounds of a tier: its groups one after another, each in the order
- * of ranks. */
+/* Predicts the rounds of a tier: group after group, each in the order of
+ * ranks. */
 static void follow_tier(bank *k, const watched *w, int tier)
 {
     const uint32_t n = tier == 0 ? w->sc.n.coarse : w->sc.n.fine;
@@ -479,7 +481,8 @@ static gen_options options_of(uint32_t i)
     o.level = (int)(i % 8 == 7 ? 3 : i & 1u);
     o.bank = 1 + (int)(i & 1u);
     o.bank_alone = 1;
-    /* Every second one ends its rounds by B, the others by groups too. */
+    /* In every second stream, rounds end after bank_blocks blocks; in the
+     * others also at the end of a group. */
     o.bank_blocks = i & 2u ? 1 + i % 5 : 0;
     return o;
 }

@@ -9,37 +9,45 @@
 
 #define PI 3.14159265358979323846
 
-/* LSB. Parabola 1.02e-9 * 2^31 = 2.2, slope rounded to Q39 and multiplied by
- * 511: 511/2 * 2^-8 = 1.0, table 1/2, result 1/2. Measured 3.85. */
+/* The bound in units of the last bit: parabola 1.02e-9 * 2^31 = 2.2; slope
+ * rounded to Q39 and multiplied by 511: 511/2 * 2^-8 = 1.0; table 1/2; result
+ * 1/2. The largest measured error is 3.85. */
 #define EXP2_FRAC_BOUND 4.2
 
-/* LSB. Result 1/2, chord 2^15 (ln 2 / 128)^2 / 8 = 0.1201. Measured 0.6185. */
+/* The bound in units of the last bit: result 1/2; chord 2^15 (ln 2 / 128)^2 / 8
+ * = 0.1201. The largest measured error is 0.6185. */
 #define EXP2_NEG_BOUND 0.6202
 
-/* LSB. With w = 1/8 and x = log2(1 + 2^-a): third difference left out,
- * w^3 max|x'''| 0.0080 = 0.76, fourth 3/128 w^4 max|x''''| = 0.25 (not at the
- * same place), result 1/2, Q24 roundings 0.1. Measured 1.303. */
+/* The bound in units of the last bit, for w = 1/8 and x = log2(1 + 2^-a): the
+ * omitted third difference, w^3 max|x'''| 0.0080 = 0.76; the fourth, 3/128 w^4
+ * max|x''''| = 0.25, which is largest elsewhere; result 1/2; roundings to Q24
+ * 0.1. The largest measured error is 1.303. */
 #define SOFTPLUS2_BOUND 1.31
 
-/* LSB. With w = 1/8: third difference left out, w^3 max|f'''| 0.0080 2^15 =
- * 0.064, fourth 3/128 w^4 max|f''''| = 0.024, neither where the other is;
- * result 1/2, Q24 roundings 0.003. Measured 0.5612. */
+/* The bound in units of the last bit, for w = 1/8: the omitted third
+ * difference, w^3 max|f'''| 0.0080 2^15 = 0.064; the fourth, 3/128 w^4
+ * max|f''''| = 0.024, which is largest elsewhere; result 1/2; roundings to Q24
+ * 0.003. The largest measured error is 0.5612. */
 #define SIGMOID_BOUND 0.57
 
-/* LSB. Result 1/2; c0 rounded 1/8, c1 rounded 1/4, z^2 rounded 0.16, never all
- * at once. Measured 0.8123 over all phases. */
+/* The bound in units of the last bit: result 1/2; rounding of c0 1/8, of c1
+ * 1/4, and of z^2 0.16, never all at once. The largest error over all phases is
+ * 0.8123. */
 #define SIN_BOUND 0.82
 
-/* LSB. Result 1/2, chord 2^16 / (4 * 128 * 129) = 0.993, bits dropped
- * 2^16 2^-22 = 0.016. Measured 1.504. */
+/* The bound in units of the last bit: result 1/2; chord 2^16 / (4 * 128 * 129)
+ * = 0.993; dropped bits 2^16 2^-22 = 0.016. The largest measured error is
+ * 1.504. */
 #define RECIP16_BOUND 1.51
 
-/* Relative. Near x = 1 the chord's 1.55e-5 squared, 2.4e-10, and half an LSB
- * of Q31, 2.3e-10; near 2 the half LSB alone is 4.7e-10. Measured 4.8e-10. */
+/* The bound of the relative error. Near x = 1 it is the chord's 1.55e-5
+ * squared, 2.4e-10, and half a unit of Q31, 2.3e-10; near 2 the half unit alone
+ * is 4.7e-10. The largest measured error is 4.8e-10. */
 #define RECIP32_BOUND 5.2e-10
 
-/* Relative. At x = 2: 3/2 of the chord's 2.34e-5 squared, 8.2e-10, half an LSB
- * of Q31 3.3e-10, y^2 rounded 1.2e-10. Measured 1.22e-9. */
+/* The bound of the relative error, at x = 2: 3/2 of the chord's 2.34e-5
+ * squared, 8.2e-10; half a unit of Q31 3.3e-10; rounding of y^2 1.2e-10. The
+ * largest measured error is 1.22e-9. */
 #define RSQRT_BOUND 1.28e-9
 
 static uint32_t random_bits(uint64_t *state)
@@ -400,7 +408,7 @@ TEST(rsqrt_should_be_exact_at_powers_of_four)
 
 /* ---- the norm ------------------------------------------------------- */
 
-/* FNV-1a over the four bytes of x, the low one first. */
+/* Adds the four bytes of x to a hash (FNV-1a), the lowest byte first. */
 static uint32_t hash(uint32_t h, uint32_t x)
 {
     for (int i = 0; i < 4; i++, x >>= 8)
@@ -472,9 +480,9 @@ static uint32_t hash_rsqrt(void)
     return h;
 }
 
-/* The functions are part of the format: a changed bit is a new format. The
- * hashes are those of a second implementation, in Python with 50-digit tables,
- * written from docs/arithmetic.md. */
+/* The functions are part of the format, so that no bit may change. The hashes
+ * are those of a second implementation, in Python with 50-digit tables, which
+ * was written from docs/arithmetic.md. */
 TEST(every_function_should_keep_its_bits)
 {
     assert_int_equal(hash_exp2(), 0x3f19aa13u);

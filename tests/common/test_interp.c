@@ -70,7 +70,7 @@ static void make_crowd(crowd *c, gen_rng *r)
                                  : (uint32_t)gen_int(r, 0, 8);
 }
 
-/* Q12. */
+/* Returns |a - b| / (la + lb) in Q12. */
 static int64_t ratio(int32_t a, int32_t b, int32_t la, int32_t lb)
 {
     const int64_t diff = a < b ? (int64_t)b - a : (int64_t)a - b;
@@ -117,8 +117,8 @@ static void sort(candidate *c, uint32_t n)
         }
 }
 
-/* Finds the neighbours in the definition's way; returns their number. `to` has
- * room for all candidates. */
+/* Finds the neighbours by the definition, with all distances sorted; returns
+ * their number. `to` has room for all candidates. */
 static uint32_t members(candidate *to, const crowd *c)
 {
     const saga_tier *const l = &c->model.tier[c->tier];

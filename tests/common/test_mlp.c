@@ -10,10 +10,10 @@
 
 #define CANARIES 16
 #define CANARY 0x5a5a
-#define POINTS 9             /* at a time, at most: two fours and a one */
+#define POINTS 9             /* at most at a time: two fours and a one */
 
-/* The same layer with int16 weights, and with int8 ones if they fit: by rows,
- * and placed where the layer wants them. */
+/* A layer with int16 weights, and with int8 weights if they fit: by rows, and
+ * in the order that the layer needs. */
 typedef struct {
     uint16_t n_in, n_out;
     int fits8;
@@ -24,7 +24,7 @@ typedef struct {
     uint8_t *shift;
     int16_t *x;              /* (POINTS, pad(n_in)) */
     int16_t *y;              /* (POINTS, pad(n_out)) and canaries */
-    int16_t *want[2];        /* (POINTS, n_out) without, with ReLU */
+    int16_t *want[2];        /* (POINTS, n_out); [1]: with ReLU */
 } net;
 
 static uint32_t random_bits(uint64_t *seed)
@@ -168,7 +168,8 @@ static void assert_untouched(const int16_t *y, uint32_t n)
         assert_int_equal(y[i], CANARY);
 }
 
-/* Checks that values after n_out, and points after the last, are left alone. */
+/* Runs a layer, which must give the expected outputs and must not change values
+ * after n_out, nor points after the last. */
 static void check_points(net *n, int int8, int relu, uint32_t points)
 {
     const uint32_t stride = saga_mlp_pad(n->n_out);
@@ -193,7 +194,7 @@ static void check_variant(net *n, int int8, int relu)
         check_points(n, int8, relu, points);
 }
 
-/* Runs the code for machines without vectors, which exists on every machine. */
+/* Checks the code for machines without SIMD, which exists on every machine. */
 static void check_pairs(const net *n, const void *rows, int int8)
 {
     saga_layer layer = net_layer(n, int8, 0);
@@ -260,7 +261,8 @@ static void fill_random(net *n, uint64_t *seed)
     }
 }
 
-/* Fills the inputs; after n_in they may have any value. */
+/* Fills the inputs with random values, also after n_in, where they must not
+ * count. */
 static void fill_x(net *n, uint64_t *seed, int32_t top)
 {
     for (uint32_t k = 0; k < POINTS * saga_mlp_pad(n->n_in); k++)
@@ -300,7 +302,7 @@ static const uint16_t sizes_out[] = { 0, 1, 2, 3, 4, 5, 7, 8, 15, 16, 17, 24,
 
 #define COUNT(a) (sizeof (a) / sizeof (a)[0])
 
-/* No two weights share a place, and no place is left over. */
+/* Each weight must have a place of its own, and all places must be used. */
 TEST(weights_should_have_a_place_each)
 {
     size_t at;

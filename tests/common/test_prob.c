@@ -31,8 +31,8 @@ enum { OP_INTERVAL, OP_ADAPTIVE, OP_RESIDUAL, OP_BITS };
 
 typedef struct {
     int kind;
-    uint32_t n_sym;          /* of the model; bits */
-    uint32_t value;          /* symbol; plain field */
+    uint32_t n_sym;          /* symbols of the model, or bits */
+    uint32_t value;          /* the symbol, or the plain field */
     int32_t q;
     uint8_t scale;
     saga_adaptive model;     /* of OP_INTERVAL: used once */
@@ -67,7 +67,7 @@ static void encode_op(saga_range_enc *e, const op *o, saga_adaptive *shared)
     }
 }
 
-/* Decodes an operation; returns whether it gives what was encoded. */
+/* Decodes an operation; returns whether the result is what was encoded. */
 static int decode_op(saga_range_dec *d, const op *o, saga_adaptive *shared)
 {
     saga_coder *const c = &d->coder;
@@ -94,7 +94,8 @@ static void init_shared(saga_adaptive shared[SAGA_MAX_ADAPTIVE + 1])
         saga_adaptive_init(shared + n, n);
 }
 
-/* Makes a model with random starts that leave every symbol a frequency. */
+/* Makes a model with random starts, in which every symbol has a frequency of at
+ * least 1. */
 static void random_model(saga_adaptive *m, uint32_t n_sym, uint64_t *r)
 {
     uint32_t at = 0;
@@ -264,8 +265,9 @@ static uint32_t add_pair(op *ops, uint32_t n, uint32_t scale, uint32_t m)
     return n;
 }
 
-/* Every |q| for the narrowest, the widest and the unit scale, and for all of
- * them around their table's edge and the ends of the escape's classes. */
+/* Returns whether |q| = m is tested: every m for the narrowest, the widest and
+ * the unit scale, and for all scales those at the edge of the table and at the
+ * ends of the escape's classes. */
 static int is_wanted(uint32_t scale, uint32_t m, uint32_t edge)
 {
     const uint32_t beyond = m > edge ? m - edge - 1 : 0;
@@ -296,7 +298,8 @@ TEST(every_residual_should_come_back_at_every_scale)
     printf("%" PRIu32 " residuals\n", total);
 }
 
-/* An escape can say more than 65535; that is an error, and no value. */
+/* An escape can code more than 65535. This must be an error, without a
+ * value. */
 TEST(residual_beyond_the_largest_should_be_refused)
 {
     uint8_t buffer[64];
@@ -326,7 +329,8 @@ TEST(residual_beyond_the_largest_should_be_refused)
     }
 }
 
-/* Whatever the bytes: values in range, no read past the end. */
+/* Random bytes must decode to values in range, without a read past their
+ * end. */
 TEST(noise_should_decode_to_values_in_range)
 {
     uint64_t r = testing_seed(1);
@@ -360,7 +364,8 @@ TEST(noise_should_decode_to_values_in_range)
 
 /* --- Carries ------------------------------------------------------------- */
 
-/* The interval [start, start + 1) as the middle one of three symbols. */
+/* Makes an operation that codes the interval [start, start + 1), which is the
+ * middle one of three symbols. */
 static void thin_op(op *o, uint32_t start)
 {
     memset(o, 0, sizeof *o);
@@ -371,9 +376,10 @@ static void thin_op(op *o, uint32_t start)
     o->model.start[1] = (uint16_t)(start + 1);
 }
 
-/* Narrows the interval around the point where low would carry: pending bytes
- * grow. After n of them a last interval lies above (or below) the point.
- * Returns how many pending bytes turned from 255 to 0. */
+/* Narrows the interval around the point at which low would carry, so that the
+ * number of pending bytes grows. After n operations a last interval is above
+ * the point (carries) or below it. Returns the number of pending bytes that
+ * turned from 255 to 0. */
 static uint32_t build_chain(op *ops, uint32_t n, int carries,
                             uint64_t *longest)
 {
@@ -387,7 +393,8 @@ static uint32_t build_chain(op *ops, uint32_t n, int carries,
     saga_range_enc_init(&e, buffer, sizeof buffer);
     for (uint32_t i = 0; i < n; i++) {
         const uint32_t step = e.range >> SAGA_PROB_BITS;
-        /* First around the middle of everything, a multiple of 2^24. */
+        /* The first point is the middle of the whole interval, a multiple of
+         * 2^24. */
         const uint64_t point = i ? ((uint64_t)1 << 32) - e.low
                                  : (uint64_t)1 << 31;
         uint32_t start = (uint32_t)(point / step);
@@ -427,7 +434,8 @@ TEST(carry_should_run_through_many_pending_bytes)
     assert_true(longest >= 4);
 }
 
-/* A tail follows, so that the symbols after the carry are checked, too. */
+/* Random operations follow, so that the symbols after the carry are checked,
+ * too. */
 TEST(symbols_after_a_carry_should_come_back)
 {
     FREED op *const ops = must(calloc(300, sizeof *ops));
@@ -504,8 +512,8 @@ TEST(chunk_with_more_bytes_should_be_refused)
     }
 }
 
-/* Halving an odd range loses its last value: here 0xffffffff becomes
- * 2 * 0x7fffffff, and the code stands behind that. */
+/* Halving an odd range loses its last value: 0xffffffff becomes 2 * 0x7fffffff.
+ * A code at the lost value must be refused. */
 TEST(code_outside_the_range_should_be_refused)
 {
     static const uint8_t begins[] = { 0xff, 0xff, 0xff, 0xff, 0 };
@@ -555,9 +563,9 @@ static uint32_t extreme_symbol(const saga_adaptive *m, uint32_t n_sym,
     return best;
 }
 
-/* Returns the next symbol of a pattern that could starve others: one alone, the
- * two ends alternating, always the rarest, always the most frequent, at random.
- */
+/* Returns the next symbol of a pattern that could starve others: one symbol
+ * only, the two ends alternating, always the rarest, always the most frequent,
+ * or random. */
 static uint32_t next_symbol(const saga_adaptive *m, uint32_t n_sym, uint32_t i,
                             uint32_t how, uint64_t *r)
 {
@@ -631,7 +639,7 @@ static double bits_of(uint32_t frequency)
 }
 
 /* Returns the bits of the code after an escape: a one for each class that is
- * passed, a zero if there are more classes, the rest, the sign. */
+ * skipped, a zero if there are more classes, the rest, and the sign. */
 static double escape_bits(uint32_t v)
 {
     uint32_t bits = SAGA_ESCAPE_ORDER;
@@ -642,7 +650,8 @@ static double escape_bits(uint32_t v)
     return n + (bits < 16) + bits;
 }
 
-/* Draws a residual with the table's own frequencies, and sets its bits. */
+/* Draws a residual with the frequencies of the table, and sets *bits to its
+ * code length by these frequencies. */
 static int32_t draw_residual(uint32_t scale, uint64_t *r, double *bits)
 {
     const saga_scale_row row = saga_prob_scale(scale);
@@ -666,7 +675,8 @@ static int32_t draw_residual(uint32_t scale, uint64_t *r, double *bits)
     return at & 1 ? (int32_t)m : -(int32_t)m;
 }
 
-/* The coder takes at most 0.15 % more than its integer frequencies say. */
+/* The coder must need at most 0.15 % more bits than its integer frequencies
+ * say. */
 TEST(length_should_be_that_of_the_frequencies)
 {
     static const uint32_t scales[] = { 15, 24, 38 };

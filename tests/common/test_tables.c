@@ -13,14 +13,14 @@
 #include "sqrt_up.h"
 #include "testing.h"
 
-/* Bits per symbol above the entropy. Frequencies of 15 bits cost little: the
- * most, 0.0009, is at the widest scale, where 60 symbols have f = 1 for want of
- * a smaller one. */
+/* The bound of the bits per symbol above the entropy. Frequencies of 15 bits
+ * cost at most 0.0009, at the widest scale, where 60 symbols have a frequency
+ * of 1 because there is no smaller one. */
 #define OVERHEAD_BOUND 0.001
 
-/* The same if sigma lies half an index off: with d = ln 2 / 14 and
- * sigma >> 1 the divergence is d^2 nats = 0.0035 bits, and escapes cost up to
- * 0.001 more. Measured 0.0046. */
+/* The bound if sigma is between two rows, half an index from each. With d = ln
+ * 2 / 14 and sigma >> 1 the divergence is d^2 nats = 0.0035 bits, and escapes
+ * cost up to 0.001 more. The largest measured value is 0.0046. */
 #define OVERHEAD_BETWEEN_BOUND 0.005
 
 #define TABLE_NBYTES_MAX 8192
@@ -39,8 +39,8 @@ static row get_row(int i)
     return r;
 }
 
-/* Returns the frequency of symbol 0, of each of +-m, or of escape at m = M + 1.
- */
+/* Returns the frequency of symbol 0, of each of +-m, or of the escape at m = M
+ * + 1. */
 static int frequency(row r, int m)
 {
     if (m == 0)
@@ -55,7 +55,7 @@ static double scale_sigma(int i)
     return exp2((i - SAGA_SCALE_UNIT) / (double)SAGA_SCALE_PER_OCTAVE);
 }
 
-/* Returns P(q = m) for m alone, without -m. */
+/* Returns the probability of the residual m, without that of -m. */
 static double mass(int m, double sigma)
 {
     const double unit = 1 / (sigma * sqrt(2.0));
@@ -65,7 +65,8 @@ static double mass(int m, double sigma)
     return 0.5 * (erfc((m - 0.5) * unit) - erfc((m + 0.5) * unit));
 }
 
-/* Returns the bits of the Exp-Golomb code of |q| - M - 1 and of the sign. */
+/* Returns the number of bits of the Exp-Golomb code of |q| - M - 1 and of the
+ * sign. */
 static double escape_bits(int beyond)
 {
     const int high = (beyond >> SAGA_ESCAPE_ORDER) + 1;
@@ -80,8 +81,9 @@ static double symbol_bits(row r, int m)
     return m > r.max ? bits + escape_bits(m - r.max - 1) : bits;
 }
 
-/* Expected length above the entropy of a normal variable of deviation sigma
- * coded with row r; beyond 12 sigma nothing is left. */
+/* Returns the expected bits above the entropy if a normal variable with
+ * deviation sigma is coded with row r. Values beyond 12 sigma are
+ * negligible. */
 static double overhead(row r, double sigma)
 {
     double sum = 0;
@@ -122,7 +124,7 @@ TEST(scale_rows_should_be_distributions)
     }
 }
 
-/* 2^-13 is 4 of 32768. */
+/* The escape must have a probability of at most 2^-13, which is 4 of 32768. */
 TEST(scales_should_leave_little_to_escape)
 {
     for (int i = 0; i < SAGA_N_SCALES; i++) {
@@ -173,7 +175,7 @@ static int binomial_frequency(int n, int k)
     return (k < n ? start[k] : 32768) - from;
 }
 
-/* The frequencies are right within one unit, and exactly if n < 16. */
+/* The frequencies must be right within one unit, and exact if n < 16. */
 TEST(binomial_rows_should_be_binomial)
 {
     assert_int_equal(sizeof saga_prob_binomial, 136 * sizeof(uint16_t));
@@ -218,8 +220,8 @@ static uint32_t crc_on(uint32_t crc, uint32_t x)
     return saga_crc32c(crc, b, 4);
 }
 
-/* Checks that the line of the page that begins with `line`, or its text from
- * there on, has the checksum before `end`. */
+/* Checks that the page has a checksum in the line that begins with `line`,
+ * before the text `end`. */
 static void check_page(const char *line, const char *end, uint32_t crc)
 {
     char digits[9];

@@ -21,8 +21,8 @@ static void near(double value, double wanted, double within)
 
 /* --- Harmonics ----------------------------------------------------------- */
 
-/* Gauss-Legendre would be finer: with 400 slices and 16 steps a polynomial of
- * degree 6 is integrated to 1e-4. */
+/* With 400 slices and 16 steps, a polynomial of degree 6 is integrated to 1e-4.
+ * Gauss-Legendre quadrature would need fewer points, but more code. */
 enum { SLICES = 400, STEPS = 16 };
 
 TEST(harmonics_should_be_orthonormal)
@@ -66,7 +66,7 @@ TEST(turned_harmonics_should_see_the_turned_direction)
 
 /* --- A film's cloud ------------------------------------------------------ */
 
-/* The covariance of a rotation, not of length 1, and deviations. */
+/* Sets c to the covariance for a quaternion of any length and deviations s. */
 static void covariance(double c[9], const double q[4], const double s[3])
 {
     const double n = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
@@ -86,8 +86,8 @@ static void covariance(double c[9], const double q[4], const double s[3])
         }
 }
 
-/* The area that min(1, P 2^-fall(s)) covers, by the midpoint rule over s,
- * which is proportional to r^2. */
+/* Returns the area that min(1, P 2^-fall(s)) covers, by the midpoint rule over
+ * s, which is proportional to r^2. */
 static double covered(double peak, bool is_steep)
 {
     const double step = 1e-3;
@@ -101,7 +101,8 @@ static double covered(double peak, bool is_steep)
 static void check_splat(const saga_cloud *cloud, size_t i,
                         const saga_film *film, const saga_animated *a)
 {
-    /* as much is covered by min(1, P) exp(-r^2 / (2 w^2)) */
+    /* The normal distribution min(1, P) exp(-r^2 / (2 w^2)) must cover the same
+     * area. */
     const saga_metric *const m = &film->metric;
     const bool is_steep = (film->info.tools & SAGA_TOOL_STEEP) != 0;
     const double peak = exp2(3 - a->q0_q20 / 1048576.0);

@@ -62,11 +62,11 @@ static bool read_bytes(saga_cloud *cloud, const uint8_t *bytes, size_t n)
 
 /* --- What comes back ----------------------------------------------------- */
 
-/* The tolerances of numbers; for the rotation, that of the three smaller
- * components of a quaternion. */
+/* The tolerances of a splat's numbers. That of the rotation is for the three
+ * smaller components of a quaternion. */
 typedef struct {
     double mean, log_scale, opacity, rotation;
-    double colour[4];        /* of harmonics of each degree */
+    double colour[4];        /* harmonics of each degree */
 } bounds;
 
 static double opacity_of(const saga_cloud *c, size_t i)
@@ -93,10 +93,10 @@ static void shape(double c[9], const float wxyz[4])
                            16 * r[3 * i + 2] * r[3 * j + 2];
 }
 
-/* If three components are off by d, the largest, which follows from them, is
- * off by 3 d at most: it is no smaller than they. The quaternion then is off by
- * sqrt(12) d, the angle by twice that, and a number of the covariance by the
- * angle times the difference of its eigenvalues, 15. */
+/* If three components are wrong by d, the largest, which is computed from them,
+ * is wrong by at most 3 d. Then the quaternion is wrong by sqrt(12) d, the
+ * angle by twice that, and a number of the covariance by the angle times 15,
+ * the difference of the eigenvalues. */
 static double shape_bound(double d)
 {
     return 15 * 2 * sqrt(12.0) * d + 1e-5;
@@ -131,8 +131,8 @@ static void check_splat(const saga_cloud *a, size_t i, const saga_cloud *b,
               most->colour[(int)sqrt((double)(k / 3))]);
 }
 
-/* The splat of b that is nearest to splat i of a: formats may change their
- * order. */
+/* Returns the splat of b that is nearest to splat i of a, because formats may
+ * change the order. */
 static size_t nearest(const saga_cloud *a, size_t i, const saga_cloud *b)
 {
     size_t best = 0;
@@ -161,26 +161,26 @@ static void check_cloud(const saga_cloud *a, const saga_cloud *b,
         check_splat(a, i, b, nearest(a, i, b), most);
 }
 
-/* Half a step of each number, and as much as floats round. SPZ as it is
- * written has 16 bits behind the point for means within 1, where others have 12
- * (cloud_spz.c); its harmonics are rounded to 1/128 and then to 8/128, above
+/* The bounds are half a step of each number, and the rounding of floats. SPZ is
+ * written with 16 fraction bits for means within 1, where other programs use 12
+ * (cloud_spz.c). Its harmonics are rounded to 1/128 and then to 8/128, above
  * degree 1 to 16/128. */
 #define FLOATS { 1e-6, 1e-5, 1e-6, 1e-6, { 1e-6, 1e-6, 1e-6, 1e-6 } }
 #define SPZ(bits) { 0.50001 / (1 << bits), 0.50001 / 16, 0.50001 / 255, \
     0.50001 * 0.70711 / 511, \
     { 0.50001 / 255 / 0.15, 4.50001 / 128, 8.50001 / 128, 8.50001 / 128 } }
 
-/* A chunk has one of 1023 steps of its extent on the second axis, 2047 on the
- * others; extents are at most those of the whole cloud: 2, logarithms of scales
- * 4, coefficients of colours 2, of which a byte has 255 steps. */
+/* Positions have 1023 steps of a chunk's extent on the second axis and 2047 on
+ * the others. Extents are at most those of the cloud: 2 for positions, 4 for
+ * logarithms of scales, 2 for coefficients of colours, which have 255 steps. */
 #define PACKED { 1.00001 / 1023, 2.00001 / 1023, 0.50001 / 255, \
     0.50001 * 1.41422 / 1023, \
     { 1.00001 / 255, 4.00001 / 256, 4.00001 / 256, 4.00001 / 256 } }
 
-/* A mean of x is off by 1 + |x| times half a step of log(1 + |x|), of which
- * there are 65535 over 2 log 2; lists have 255 steps of the same extents.
- * splat-transform rounds down, by a whole step where we round by half a step,
- * and its lists are clusters, which come to 0.02 here. */
+/* SOG stores log(1 + |x|) in 65535 steps over 2 log 2, so that a mean of x is
+ * wrong by 1 + |x| times half a step; its lists have 255 steps of the same
+ * extents. splat-transform rounds down, so that its errors are a whole step,
+ * and its lists are clusters, with errors of up to 0.02 here. */
 #define SOG(part, scale, colour) { (part) * 4.00001 * 0.693148 / 65535, scale, \
     (part) * 1.00001 / 255, (part) * 1.41422 / 255, \
     { colour, colour, colour, colour } }
@@ -241,7 +241,7 @@ TEST(files_of_another_program_should_be_read)
 
 /* --- SPZ ----------------------------------------------------------------- */
 
-/* Returns them as a gzip stream, of *n bytes. */
+/* Returns the bytes as a gzip stream, and sets *n to its length. */
 static uint8_t *gzipped(const uint8_t *bytes, size_t *n)
 {
     static uint8_t packed[1 << 16];
@@ -256,7 +256,7 @@ static uint8_t *gzipped(const uint8_t *bytes, size_t *n)
     return packed;
 }
 
-/* Returns what a gzip stream holds, of *n bytes. */
+/* Returns the contents of a gzip stream, and sets *n to their length. */
 static uint8_t *gunzipped(const uint8_t *bytes, size_t *n)
 {
     static uint8_t raw[1 << 16];
@@ -278,8 +278,8 @@ static bool read_gzipped(saga_cloud *cloud, const uint8_t *bytes, size_t n)
     return read_bytes(cloud, packed, n);
 }
 
-/* A header of n splats and one splat of degree 0: its mean is -1, 2, 0.5 with 8
- * bits behind the point, all else 0. Returns the bytes. */
+/* Writes an SPZ header of n splats, and one splat of degree 0 with mean -1, 2,
+ * 0.5 at 8 fraction bits. Returns the number of bytes. */
 static size_t one_splat(uint8_t *to, uint32_t version, uint32_t n,
                         uint32_t axes)
 {
@@ -296,10 +296,12 @@ static size_t one_splat(uint8_t *to, uint32_t version, uint32_t n,
     saga_put_le(&at, 128, 1);                    /* opacity 128/255 */
     saga_put_le(&at, 0xffffff, 3);               /* colour 1/2 above grey */
     saga_put_le(&at, 0xa0a0a0, 3);               /* scale e^0 */
-    /* 255 is 1, 127 is -1/255, and w what is left of 1: none. */
+    /* 255 means 1 and 127 means -1/255; w is what is missing to a length of 1,
+     * here 0. */
     saga_put_le(&at, version == 2 ? 0x7f7fff : 0, version == 2 ? 3 : 4);
     if (axes) {
-        saga_put_le(&at, 0x12345678, 4);         /* somebody's */
+        saga_put_le(&at, 0x12345678, 4);         /* an extension of another
+                                                  * program */
         saga_put_le(&at, 5, 4);
         saga_put_le(&at, 0, 4);
         saga_put_le(&at, 0, 1);
@@ -317,7 +319,7 @@ TEST(spz_of_version_2_should_have_three_bytes_of_rotation)
     const size_t n = one_splat(raw, 2, 1, 0);
 
     assert_true(read_gzipped(&c, raw, n));
-    /* Half a turn around x brings PLY's axes. */
+    /* Half a turn around x gives the axes of PLY. */
     check("x", -1, (double)c.mean[0], 0);
     check("y", -2, (double)c.mean[1], 0);
     check("z", -0.5, (double)c.mean[2], 0);
@@ -330,7 +332,7 @@ TEST(spz_of_version_2_should_have_three_bytes_of_rotation)
 
 TEST(spz_should_say_its_axes)
 {
-    /* Right up back; right down front; left up front. */
+    /* The axes are right up back, right down front, and left up front. */
     static const struct {
         uint32_t axes;
         double mean[3];
@@ -357,8 +359,9 @@ TEST(spz_should_not_be_believed)
     saga_cloud c;
 
     for (int k = 0; k < 3; k++) {
-        /* More splats than the file has; a version that is not known; a
-         * number of splats for which memory is not even requested. */
+        /* The file must be refused if it has fewer splats than its header says,
+         * an unknown version, or a number of splats for which no memory is even
+         * requested. */
         const size_t n = one_splat(raw, k == 1 ? 5 : 3,
                                    k == 0 ? 2 : k == 1 ? 1 : UINT32_MAX, 0);
 
@@ -374,7 +377,8 @@ static uint64_t next(uint64_t *r)
     return *r >> 33;
 }
 
-/* Changes up to four bytes, or cuts; returns the bytes that are left. */
+/* Changes up to four bytes, or cuts the file; returns the number of bytes
+ * left. */
 static size_t hurt(uint8_t *bytes, size_t n, uint64_t *r)
 {
     if (next(r) % 8 == 0)
@@ -385,8 +389,8 @@ static size_t hurt(uint8_t *bytes, size_t n, uint64_t *r)
     return n;
 }
 
-/* Damages a file count times, also what is gzipped in it; it may be taken or
- * refused. */
+/* Damages a file `count` times, and also its gzipped contents. The reader may
+ * accept or refuse it, but must not crash. */
 static void damage(const char *path, uint32_t count, uint64_t *r)
 {
     saga_bytes seed;
@@ -450,7 +454,7 @@ static void write_member(const char *name, const uint8_t *bytes, size_t n)
     write_bytes(path, bytes, n);
 }
 
-/* Writes a SOG's members into the folder, also into part[]. */
+/* Writes the members of a SOG into the folder, and sets part[] to them. */
 static void unzip(saga_bytes part[N_MEMBERS], saga_cloud *cloud)
 {
     saga_bytes file;
@@ -469,7 +473,8 @@ static void unzip(saga_bytes part[N_MEMBERS], saga_cloud *cloud)
     saga_bytes_free(&file);
 }
 
-/* Damage that no checksum of an archive covers. */
+/* In a folder, no checksum of an archive covers the files, so that damage
+ * reaches their readers. */
 TEST(sog_in_a_folder_should_be_read)
 {
     const uint32_t count = testing_count(300, 20000);
@@ -511,7 +516,8 @@ TEST(table_should_be_written_and_read)
     char known[SAGA_SUFFIXES_NBYTES];
     size_t n = 0;
 
-    /* Each format has its bounds above, and each name its format. */
+    /* Each format must have its bounds above, and each name must find its
+     * format. */
     while (saga_cloud_format_at((int)n)) {
         const saga_cloud_format *const f = saga_cloud_format_at((int)n);
 

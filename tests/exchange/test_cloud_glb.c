@@ -10,7 +10,8 @@
 
 #include <unistd.h>
 
-/* One splat: position, rotation (16 bits), scale, opacity (8 bits), colour. */
+/* The values of one splat, and a file that has them with a rotation of 16 bits
+ * and an opacity of 8 bits. */
 static const float mean[3] = { 1, 2, 3 }, scale[3] = { 1, 0.5f, 0.25f };
 static const float colour[3] = { 0.5f, 0, -0.5f };
 
@@ -49,7 +50,8 @@ static size_t put_bin(uint8_t *to)
     uint8_t *at = to;
 
     put_floats(&at, mean);
-    /* A sixth of a turn around x, minus: (-1/2, 0, 0, sqrt(3/4)). */
+    /* The quaternion of -60 degrees around x is (-1/2, 0, 0, sqrt(3/4)) in the
+     * order x, y, z, w, up to rounding. */
     saga_put_le(&at, (uint32_t)-16384, 2);
     saga_put_le(&at, 0, 4);
     saga_put_le(&at, 28377, 2);
@@ -108,7 +110,7 @@ TEST(integers_should_be_read_as_what_they_stand_for)
         fail_msg("%s", why.message);
     assert_int_equal(c.n, 1);
     assert_int_equal(c.degree, 0);
-    /* Half a turn around z brings PLY's axes. */
+    /* Half a turn around z gives the axes of PLY. */
     near(c.mean[0], -1);
     near(c.mean[1], -2);
     near(c.mean[2], 3);
@@ -145,12 +147,13 @@ TEST(packed_splats_should_be_read_as_the_file_alone)
     assert_int_equal(a.n, b.n);
     assert_memory_equal(a.mean, b.mean, a.n * 3 * sizeof(float));
     assert_memory_equal(a.colour, b.colour, a.n * 48 * sizeof(float));
-    /* It has no splats where the view does not hold it all. */
+    /* If the buffer view does not hold the whole SPZ, the file must be
+     * refused. */
     assert_false(read_glb(&none, text, spz.data, spz.nbytes - 1, &why));
     saga_bytes_free(&spz);
 }
 
-/* `whole` with a piece of it replaced. */
+/* Checks that `whole` with a piece of its text replaced is refused. */
 static void refused(const char *piece, const char *other, const char *says)
 {
     const char *const at = strstr(whole, piece);

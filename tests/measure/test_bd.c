@@ -40,9 +40,9 @@ TEST(bd_rate_should_be_a_factor_when_curves_differ_by_it)
     near(saga_bd_rate(&a, &a).overlap, 1.0, 1e-12);
 }
 
-/* Akima's spline is exact on parabolas, also on the parts that curves share.
- * log bytes = 9 + q^2 / 50 against 9 + q / 5: over [4, 10] the means are
- * 9 + 52 / 50 and 9 + 7 / 5. */
+/* Akima's spline is exact on parabolas, also on a part of a curve. log bytes =
+ * 9 + q^2 / 50 is compared with 9 + q / 5: over [4, 10] their means must be 9 +
+ * 52 / 50 and 9 + 7 / 5. */
 TEST(bd_rate_should_be_exact_on_a_parabola)
 {
     double q[6], nbytes[6], p[6], line[6];
@@ -62,13 +62,13 @@ TEST(bd_rate_should_be_exact_on_a_parabola)
     near(bd.lo, 4, 0);
     near(bd.hi, 10, 0);
     near(bd.akima, 100 * (exp(1.4 - 1.04) - 1), 1e-9);
-    /* Monotone cubics are not exact, but near. */
+    /* Monotone cubics are not exact on a parabola, but must be near. */
     near(bd.pchip, bd.akima, 0.5);
     assert_true(fabs(bd.pchip - bd.akima) > 1e-6);
 }
 
-/* The expected values come from lab/bd_rate.py, which was written
- * independently. */
+/* The expected values come from lab/bd_rate.py, an independent
+ * implementation. */
 TEST(bd_rate_should_be_that_of_the_laboratory)
 {
     static const double q[] = { 28.0, 30.5, 33.0, 36.4 };
@@ -107,7 +107,7 @@ TEST(bd_rate_should_be_refused_when_it_means_nothing)
     refused(&a, &b, "does not grow");
     for (int i = 0; i < 5; i++)
         b.point[i].quality = a.point[i].quality + 6.7;
-    refused(&a, &b, "too little"); /* 2.1 of 8.8 dB */
+    refused(&a, &b, "too little"); /* the curves share 2.1 of 8.8 dB */
     for (int i = 0; i < 5; i++)
         b.point[i].quality = a.point[i].quality + 6.5;
     assert_null(saga_bd_rate(&a, &b).refused);

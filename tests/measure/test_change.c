@@ -14,9 +14,9 @@ static void near(double value, double wanted, double error)
 
 /* --- By hand ------------------------------------------------------------- */
 
-/* Five frames of four pixels. The first stands still; the second's red moves
- * around 100; the third's green around 50: by 8 at most, but for once 9; the
- * fourth moves by 8 in all channels. */
+/* Five frames of four pixels. The first pixel stands still. The second has a
+ * red that changes around 100; the third a green that differs from 50 by at
+ * most 8, and once by 9; the fourth differs by 8 in all channels. */
 static const uint8_t film[5][12] = {
     { 10, 20, 30,   0, 7, 7,  5, 50, 5,  90, 90, 90 },
     { 10, 20, 30,   0, 7, 7,  5, 50, 5,  98, 82, 98 },
@@ -39,11 +39,13 @@ TEST(median_should_be_the_middle_value)
     assert_memory_equal(median, film_median, sizeof median);
     saga_median_picture(median, frame, 1, sizeof median, 1);
     assert_memory_equal(median, film[0], sizeof median);
-    /* Frames 0 to 3: red 0, 0, 100, 200; green 42, 50, 50, 58. */
+    /* The medians of frames 0 to 3, where red is 0, 0, 100, 200 and green 42,
+     * 50, 50, 58. */
     saga_median_picture(median, frame, 4, sizeof median, 1);
     assert_int_equal(median[3], 50);
     assert_int_equal(median[7], 50);
-    /* Frames 2 and 3: red 100, 200; green 58, 42; grey 90, 82. */
+    /* The medians of frames 2 and 3, where red is 100, 200, green 58, 42 and
+     * grey 90, 82. */
     saga_median_picture(median, frame + 2, 2, sizeof median, 1);
     assert_int_equal(median[3], 150);
     assert_int_equal(median[7], 50);
@@ -62,7 +64,8 @@ TEST(median_should_round_halves_up)
     assert_int_equal(median[2], 255);
 }
 
-/* The second pixel changes in frames 0, 1, 3 and 4, the third in frame 4. */
+/* The second pixel changes in frames 0, 1, 3 and 4, the third in frame 4. Only
+ * errors in these may count. */
 TEST(psnr_should_be_of_changing_pixels_only)
 {
     saga_change sum = { 0 }, all = { 0 };
@@ -71,15 +74,18 @@ TEST(psnr_should_be_of_changing_pixels_only)
         uint8_t picture[12];
 
         memcpy(picture, film[i], sizeof picture);
-        picture[0] = 255;                     /* stands still: free */
+        picture[0] = 255;                     /* this pixel stands still: no
+                                               * error */
         picture[9] = 0;
-        picture[3] = film[i][3] == 100 ? 0    /* the median's own: free */
+        /* Where it equals the median, the second pixel does not change: no
+         * error. */
+        picture[3] = film[i][3] == 100 ? 0
                    : film[i][3];
         if (i == 0)
-            picture[4] += 6;                  /* 36: another channel counts */
+            picture[4] += 6;                  /* 36: all channels count */
         if (i == 4) {
-            picture[7] -= 3;                  /* 9 */
-            picture[8] += 5;                  /* 25 */
+            picture[7] -= 3;                  /* an error of 9 */
+            picture[8] += 5;                  /* an error of 25 */
         }
         saga_change_add(&sum, film_median, film[i], picture, 4);
     }

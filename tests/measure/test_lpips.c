@@ -100,8 +100,9 @@ TEST(convolution_should_be_its_definition)
     }
 }
 
-/* Windows of 3, two apart, of a side: full ones, and with `ceil` as many as
- * begin inside and reach what the full ones do not. */
+/* Returns the number of windows of 3 samples, 2 apart, along a side: those that
+ * fit and, with `ceil`, one more that begins inside if these do not reach the
+ * end. */
 static int windows(int side, bool ceil)
 {
     const int full = (side - 3) / 2 + 1;
@@ -137,7 +138,7 @@ TEST(pooling_should_take_the_last_window_when_ceil)
 
 enum { SIDE = 64 };
 
-/* The distances in the data's README, from numpy. */
+/* The distances that the data's README gives, computed with numpy. */
 static const struct { const char *weights; double distance[2]; }
 references[] = {
     { "lpips_alex_v0.1.npz", { 0.721881, 0.137566 } },

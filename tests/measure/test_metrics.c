@@ -44,7 +44,7 @@ static void make_pair(uint8_t **a, uint8_t **b, int width, int height,
 
 /* --- Definitions --------------------------------------------------------- */
 
-/* Returns one channel of a picture as doubles in [0, 1]. */
+/* Returns one channel of a picture as reals in [0, 1]. */
 static double *plane_of(const uint8_t *rgb, int width, int height, int c)
 {
     const size_t n = (size_t)width * (size_t)height;
@@ -83,7 +83,7 @@ static void window(double out[2], const double *a, const double *b, int width)
              (m[0] * m[0] + m[1] * m[1] + 1e-4);
 }
 
-/* Computes the means over all windows that lie inside. */
+/* Computes the means over all windows that lie within the picture. */
 static void valid_means(double mean[2], const double *a, const double *b,
                         int width, int height)
 {
@@ -100,7 +100,8 @@ static void valid_means(double mean[2], const double *a, const double *b,
     }
 }
 
-/* Returns the 2x2 means; an odd side is extended by repeating its last line. */
+/* Returns the means of 2 x 2 pixels. An odd side is extended by repeating its
+ * last line. */
 static double *half_of(const double *v, int width, int height)
 {
     const int w = (width + 1) / 2, h = (height + 1) / 2;
@@ -167,7 +168,9 @@ TEST(psnr_should_have_known_values)
     assert_true(saga_mse(a, b, 0) == 0.0);
 }
 
-/* Each metric is 1 in one picture and 4 in the other, but PSNR 40 and 30. */
+/* All metrics are 1 in one picture and 4 in the other, except for a PSNR of 40
+ * and 30. Means over the pictures must be those of the values; only the PSNR of
+ * the mean error differs. */
 TEST(means_should_be_over_pictures)
 {
     const int psnr = saga_metric_called("psnr");
@@ -192,8 +195,9 @@ TEST(means_should_be_over_pictures)
     near(saga_score_told(&mean, saga_metric_called("ms_ssim")), 2.5, 1e-12);
 }
 
-/* One of two pixels does not count and is right; the other is 51 off in each
- * channel: 14 dB of 255, and 3 dB more where both count. */
+/* One of two pixels is wrong by 51 in each channel, the other is right. If only
+ * one pixel counts, which is the wrong one, the PSNR must be 20 log10(255 / 51)
+ * = 14 dB; if both count, 3 dB more. */
 TEST(masked_pixels_should_not_count)
 {
     const uint8_t a[6] = { 51, 51, 51, 9, 9, 9 }, b[6] = { 0, 0, 0, 9, 9, 9 };
@@ -216,7 +220,8 @@ TEST(masked_pixels_should_not_count)
     assert_true(isnan(half.value[saga_metric_called("lpips")]));
 }
 
-/* A metric in curves has a column and a direction, and a key of its own. */
+/* A metric that curves show must have a column, a direction and a key of its
+ * own. */
 TEST(metrics_should_have_all_that_tables_need)
 {
     const saga_metric_row *m;
@@ -271,10 +276,11 @@ TEST(ssim_should_have_known_values)
     assert_true(saga_ssim(&zero, &valid, &PAIR(a, a, SIDE, SIDE, 1), &error));
     near(zero, 1.0, 1e-15);
     near(valid, 1.0, 1e-15);
-    /* Flat pictures: only the luminance term C1 / (1 + C1) is left. */
+    /* The pictures are flat, so that only the luminance term C1 / (1 + C1) is
+     * left. */
     assert_true(saga_ssim(&zero, &valid, &PAIR(a, b, SIDE, SIDE, 1), &error));
     near(valid, 1e-4 / 1.0001, 1e-12);
-    /* At the borders, the zeros around b count as its structure. */
+    /* With zeros around the picture, its border counts as structure of b. */
     assert_true(zero < valid && zero > 0.0);
 }
 
@@ -356,7 +362,8 @@ TEST(ms_ssim_should_need_161_pixels)
     free(b);
 }
 
-/* A negative of a picture has a negative structure: worth 0, not NaN. */
+/* The negative of a picture has the opposite structure, which must give 0, not
+ * NaN. */
 TEST(ms_ssim_should_count_the_opposite_as_zero)
 {
     enum { SIDE = 161 };

@@ -10,12 +10,12 @@
 enum { WIDTH = 64, HEIGHT = 48, PIXELS = WIDTH * HEIGHT, FRAMES = 8,
        CAMERAS = 3 };
 
-/* A camera: how late its middle row is, and how much later its last row is than
- * its first. */
+/* A camera's delay at its middle row, and by how much its last row is later
+ * than its first, both in frames. */
 typedef struct { double late, readout; } camera;
 
-/* Four waves fill the width, of which 0.4 pass in a frame; noise: levels at
- * most. */
+/* Draws a pattern with four waves in the width, which move by 0.4 waves in 10
+ * frames, with noise of at most `noise` levels. */
 static void wave(uint8_t *rgb, double time, camera c, int noise)
 {
     for (int i = 0; i < PIXELS; i++) {
@@ -80,7 +80,8 @@ TEST(last_row_may_be_first)
     assert_false(found[1].shows || found[2].shows);
 }
 
-/* A readout that is the same in all cameras comes from the film itself. */
+/* A readout that all cameras share must be attributed to the film and not to a
+ * camera. */
 TEST(cameras_should_be_compared)
 {
     static const camera c[CAMERAS] = { { 0, 0.8 }, { 0, 0.8 }, { 0, 0.3 } };
@@ -91,7 +92,9 @@ TEST(cameras_should_be_compared)
     assert_true(fabs(found[2].readout + 0.5) < 0.02 && found[2].shows);
 }
 
-/* One camera's readout bends the film a little, and others the other way. */
+/* The film's own bending is estimated from all cameras. A camera with a large
+ * readout must be found, and a smaller one, which may come from this estimate,
+ * must not be reported. */
 TEST(bent_film_should_be_told_from_a_camera)
 {
     static const camera c[CAMERAS] = { { 0, 0.8 }, { 0, -0.35 }, { 0, 0 } };
@@ -101,7 +104,8 @@ TEST(bent_film_should_be_told_from_a_camera)
     assert_true(fabs(found[1].readout + 0.35) < 0.02 && !found[1].shows);
 }
 
-/* Errors of 60 levels are as large as what moves: their own size is told. */
+/* With random errors of 60 levels, as large as the pattern itself, no rolling
+ * shutter may be reported, and the spread must tell the size of the errors. */
 TEST(errors_should_be_told_as_spread)
 {
     static const camera c[CAMERAS] = { { 0, 0 }, { 0, 0 }, { 0, 0 } };

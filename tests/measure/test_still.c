@@ -8,8 +8,8 @@
 
 enum { PIXELS = 6, PART = 20, PARTS = 3, ALL = PART * PARTS };
 
-/* A part of a capture of two views: a pixel of the first has a value of its
- * own in each frame, the second has no picture. */
+/* A part of a capture with two views. A pixel of the first view has a different
+ * value in each frame; the second view has no picture. */
 typedef struct {
     saga_capture capture;
     saga_shot view[2];
@@ -38,7 +38,7 @@ static const saga_capture *make_part(part *p, int number)
     for (int f = 0; f < PART; f++) {
         memset(p->rgb[0][f], 90, sizeof p->rgb[0][f]);
         memset(p->rgb[0][f], value_at(number * PART + f), 3);
-        /* One pixel counts in the last part alone, one never. */
+        /* One pixel counts only in the last part, one never counts. */
         memset(p->mask[f], 1, PIXELS);
         p->mask[f][4] = number == PARTS - 1;
         p->mask[f][5] = 0;
@@ -61,7 +61,8 @@ static int compare(const void *a, const void *b)
     return *(const uint8_t *)a - *(const uint8_t *)b;
 }
 
-/* Fifteen of 60 frames: 2, 6, 10, ..., the middles of fifteenths. */
+/* The samples must be fifteen of the 60 frames: 2, 6, 10, ..., which are the
+ * middles of fifteenths. */
 TEST(still_should_be_the_median_over_all_parts)
 {
     FREED_BY(saga_capture_free) saga_capture c;
@@ -82,7 +83,7 @@ TEST(still_should_be_the_median_over_all_parts)
     }
 }
 
-/* Some of the fifteen pictures may differ. */
+/* A pixel must count as still although some of the fifteen pictures differ. */
 TEST(still_should_count_what_is_steady)
 {
     enum { N = SAGA_STILL_PICTURES };

@@ -7,7 +7,8 @@
 
 enum { PIXELS = 8, FRAMES = 3 };
 
-/* Three frames of 8 x 1 pixels: the last two are brighter in the last one. */
+/* Makes three frames of 8 x 1 pixels, which are equal except that the last two
+ * pixels are brighter in the last frame. */
 static void frames(uint8_t *rgb)
 {
     memset(rgb, 100, 3 * PIXELS * FRAMES);
@@ -32,7 +33,8 @@ TEST(verdict_should_part_what_moves)
     assert_done(median = saga_verdict_median(&c, 0, &error));
     for (int i = 0; i < 3 * PIXELS; i++)
         assert_int_equal(median[i], 100);
-    /* Off by 10 where it stands still, by 20 where it moves. */
+    /* The drawn picture is wrong by 10 where the film stands still, by 20 where
+     * it moves. */
     memset(made, 110, sizeof made);
     memset(made + sizeof made - 6, 140, 6);
     saga_verdict_add(&v, median, rgb + 2 * sizeof made, made, PIXELS);

@@ -85,8 +85,9 @@ TEST(camera_should_come_back_from_integers)
     }
 }
 
-/* The limit saga.h states, where the sum is largest, and rows that are too
- * long. */
+/* The conversion must give rows of length 1 and keep to the limit of saga.h for
+ * the sum of a row, also where this sum is largest and if the rows of the
+ * capture are too long. */
 TEST(rotation_should_keep_to_its_limit)
 {
     const saga_metric here = { 3e-7, { 0.0, 0.0, 0.0 } };
@@ -188,8 +189,8 @@ static void close_vector(opened *o)
     saga_bytes_free(&o->bytes);
 }
 
-/* CRC of the picture of frame 0 in camera 0: the last column of the line of
- * the vector's segment 0 at time 0. */
+/* Returns the CRC of the picture of frame 0 in camera 0, which is the last
+ * column of the line for segment 0 of the vector at time 0. */
 static uint32_t manifest_crc(void)
 {
     FILE *const f = must(fopen("vectors/MANIFEST", "r"));
@@ -243,7 +244,8 @@ TEST(what_a_file_lacks_should_be_told)
     assert_false(saga_film_draw(&o.film, &c, 9999, 1, rgb,
                                 &o.error));
     assert_non_null(strstr(o.error.message, "no frame 9999 among its"));
-    /* Cut in its last chunk: it opens, but the segment is not all there. */
+    /* If the file lacks its last byte, it must open, but its segment must be
+     * refused. */
     close_vector(&o);
     open_vector(&o, 1);
     o.film.nbytes -= 1;
@@ -284,8 +286,9 @@ TEST(hurried_film_should_say_how_to_wait)
 
 /* --- The path ------------------------------------------------------------ */
 
-/* Every camera of the orbit looks at the focus, has the path's up, and is as
- * far away as the rig and no further to the side than the rig. */
+/* Every camera of the orbit must look at the focus, have the up direction of
+ * the path, be as far away as the cameras of the rig, and no further to the
+ * side. */
 TEST(orbit_should_stay_where_the_rig_was)
 {
     saga_orbit p;
@@ -350,7 +353,8 @@ static void mismatch(const opened *o, const saga_capture *c, const char *says)
         fail_msg("no '%s' in: %s", says, error.message);
 }
 
-/* 43,000 frames and 100,000 pictures are more than 2^32 together. */
+/* 43,000 frames times 100,000 pictures is more than 2^32, which must not
+ * overflow. */
 TEST(orbit_should_go_through_the_longest_film)
 {
     static const uint32_t frames[] = { 24, 43000, 1 << 24, UINT32_MAX };
@@ -402,8 +406,8 @@ TEST(capture_should_be_refused_where_it_differs)
     mismatch(&o, &c, "focal length");
 }
 
-/* Fills a capture with every frame of every view as the file gives it; each
- * view's first frame has the grey `level`. */
+/* Fills a capture with each frame of each view as decoded from the file, except
+ * that each view's first frame has the grey `level`. */
 static void fill_capture(saga_capture *c, opened *o, const saga_eval *e,
                          int level)
 {
@@ -442,9 +446,9 @@ static void expect_change(const saga_score *got, const saga_change *want)
         1e-9);
 }
 
-/* The median's mean squared error and PSNR, and the changing pixels: sample by
- * sample from the definition. The file's own pictures are wrong in frame 0
- * alone. */
+/* Computes the expected scores sample by sample from their definitions: error
+ * and PSNR of the median picture, and the changing pixels. The pictures drawn
+ * from the file are wrong only in frame 0. */
 static void expect_score(wanted *want, opened *o, const saga_capture *c,
                          const saga_eval_view *v, int view)
 {
@@ -527,10 +531,10 @@ TEST(score_should_tell_medians_and_changes)
     expect_change(&e.held_out, &want[2].change);
 }
 
-/* All is 100 but frame 1 of the truth, which is 110; a mask empties frame 0 of
- * view 0, so n - 1 frames are judged. Their median is 100. The factor that
- * suits best is 1 + 0.1 / (n - 1): it leaves d = 10 / (n - 1) everywhere but in
- * frame 1, where it leaves 10 - d. */
+/* All samples are 100, except frame 1 of the truth, which is 110. Frame 0 of
+ * view 0 is masked, so that n - 1 frames count, whose median is 100. The best
+ * factor is 1 + 0.1 / (n - 1), which leaves an error of d = 10 / (n - 1) in all
+ * frames except frame 1, where it leaves 10 - d. */
 TEST(frames_that_a_mask_empties_should_be_in_no_mean)
 {
     const saga_eval_options options = { .pictures = NULL };
@@ -572,9 +576,9 @@ TEST(frames_that_a_mask_empties_should_be_in_no_mean)
     saga_capture_free(&made);
 }
 
-/* Another codec's pictures: all samples of one frame of view 1 are 10 off, so
- * that its squared error is 100 over the number of frames; the rest is right.
- */
+/* The pictures of another codec must be scored in the same way. One frame of
+ * view 1 is wrong by 10 in all samples, so that the view's squared error is 100
+ * divided by the number of frames; all others are right. */
 TEST(pictures_of_another_codec_should_be_judged_alike)
 {
     const saga_eval_options options = { .pictures = NULL };

@@ -22,7 +22,7 @@ static uint32_t next(uint32_t *state)
     return *state >> 8;
 }
 
-/* A smooth texture in which no two pixels near each other are alike. */
+/* Paints a smooth texture in which neighbouring pixels differ. */
 static void paint(uint8_t *rgb, int dx, int dy, int brighter)
 {
     for (int y = 0; y < H; y++)
@@ -85,7 +85,8 @@ TEST(psnr_should_be_of_each_plane)
     free(yb.y);
 }
 
-/* A mistake at the pole is worth little, at the equator more than the mean. */
+/* An error at a pole must count little, at the equator more than in the
+ * mean. */
 TEST(ws_psnr_should_weigh_latitudes)
 {
     static uint8_t a[3 * N], b[3 * N];
@@ -124,7 +125,9 @@ static int shift_of(const uint8_t *made, const uint8_t *truth)
     return sum > 2 ? 2 : sum < -2 ? -2 : (int)sum;
 }
 
-/* Finds each pixel of `from` (plus its shift) again in `to` (plus its own). */
+/* Compares each pixel of `from`, plus a shift of its values, with the most
+ * similar of the 25 pixels around its place in `to`. Returns the PSNR, with
+ * luma counted four times. */
 static double way(const saga_yuv *from, const int *from_shift,
                   const saga_yuv *to, const int *to_shift)
 {
@@ -203,7 +206,7 @@ TEST(iv_psnr_should_forgive_shifts_and_brightness)
     brighter = compare(b, a, false);
     near(shifted.psnr[0], far.psnr[0], 6.0);
     assert_true(shifted.iv_psnr > far.iv_psnr + 3.0);
-    /* A sum of squares of 0 counts as 1. */
+    /* If the sum of squares is 0, it must count as 1. */
     near(brighter.iv_psnr, saga_psnr(1.0 / N), 1e-9);
     near(compare(a, a, false).iv_psnr, saga_psnr(1.0 / N), 1e-9);
     paint(b, 0, 0, 15);

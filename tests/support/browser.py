@@ -28,7 +28,8 @@ def find_chromium():
 
 
 def stat_of(folder):
-    """Returns the fields that follow the name of a process or thread (proc(5))."""
+    """Returns the fields that follow the name of a process or thread in
+    proc(5)."""
     with open(folder + "/stat") as f:
         return f.read().rsplit(")", 1)[1].split()
 
@@ -123,7 +124,8 @@ class Browser:
             self.log.append(str([a.get("value") for a in params["args"]]))
 
     def run(self, script):
-        """Returns the value of a JavaScript expression. Promises are awaited."""
+        """Returns the value of a JavaScript expression. Promises are
+        awaited."""
         reply = self.call("Runtime.evaluate", expression=script,
                           awaitPromise=True, returnByValue=True)
         if "exceptionDetails" in reply:
