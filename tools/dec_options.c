@@ -11,27 +11,28 @@ const char dec_usage[] =
     "       saga-dec FILE --info\n"
     "       saga-dec --version\n"
     "\n"
-    "Draws one picture of a .saga file, the same bits on every machine.\n"
+    "Draws one picture of a .saga file, with the same bits on every machine.\n"
     "\n"
-    "  --camera rig:N   camera N of the rig stored in the file (--info lists\n"
-    "                   how many there are)\n"
-    "  --camera FILE    a text file of 22 integers in saga_camera's order\n"
-    "                   (decoder/saga.h): rotation 9, centre 3, focal 2,\n"
-    "                   principal 2, near plane, width, height, background 3;\n"
-    "                   # begins a comment\n"
-    "  --time N/D       the time in frames, a fraction (default 0/1; 15/2\n"
-    "                   lies half-way between frames 7 and 8)\n"
-    "  -o OUT.ppm       write the picture (8 bits, binary PPM); a device or a\n"
-    "                   pipe is written directly\n"
-    "  --seconds S      give up when decoding takes longer (default: never;\n"
-    "                   the longest file of level 2 takes some seconds)\n"
-    "  --crc            print the CRC-32C of its pixels instead\n"
-    "  --info           print what the header says and stop\n"
-    "  --version        print the program's version and the level of its\n"
-    "                   memory\n"
+    "  --camera rig:N   camera N of those stored in the file (--info prints\n"
+    "                   their number)\n"
+    "  --camera FILE    a camera described by 22 integers in a text file, in\n"
+    "                   the order of saga_camera (decoder/saga.h): 9 of the\n"
+    "                   rotation, 3 of the centre, 2 focal lengths, 2 of the\n"
+    "                   principal point, near plane, width, height, 3 of the\n"
+    "                   background; # begins a comment\n"
+    "  --time N/D       time in frames, as a fraction (default 0/1; 15/2 is\n"
+    "                   half-way between frames 7 and 8)\n"
+    "  -o OUT.ppm       write the picture (8 bits, binary PPM) to a file, a\n"
+    "                   device or a pipe\n"
+    "  --seconds S      give up if decoding takes longer (default: never; the\n"
+    "                   longest file of level 2 takes a few seconds)\n"
+    "  --crc            print the CRC-32C of the pixels instead\n"
+    "  --info           print what the header says, and stop\n"
+    "  --version        print the version, and the level whose memory the\n"
+    "                   program has\n"
     "\n"
-    "Exit status: 0 done, 1 the stream or the camera is refused, 2 a file or\n"
-    "the command line.\n";
+    "Exit status: 0 done, 1 the file's contents or the camera are refused,\n"
+    "2 a mistake in the command line, or a file cannot be read or written.\n";
 
 int dec_parse_u32(uint32_t *v, const char *text, char end)
 {
@@ -89,8 +90,9 @@ int dec_parse_options(dec_options *o, int argc, char **argv)
         else if (argv[i][0] != '-' && !o->file)
             o->file = argv[i];
         else {
-            fprintf(stderr, "saga-dec: cannot use '%s'%s%s; --help explains\n",
-                    argv[i], value ? " with " : "", value ? value : "");
+            fprintf(stderr, "saga-dec: unknown or wrong option '%s'%s%s; see "
+                    "saga-dec --help\n",
+                    argv[i], value ? " " : "", value ? value : "");
             return 0;
         }
     }

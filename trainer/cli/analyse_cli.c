@@ -131,27 +131,30 @@ static int run(int argc, char **argv)
 }
 
 static const saga_cli_option option_list[] = {
-    { "--mask", "PERCENT", "so much of a level is masked (default: 10, 30, 50,"
-      " 70 and\n90, one after the other)", saga_cli_int,
+    { "--mask", "PERCENT",
+      "percentage of the anchors of a tier to hide (default: 10,\n"
+      "30, 50, 70 and 90, one after the other)", saga_cli_int,
       offsetof(options, percent), 1, 99 },
     SAGA_CLI_PICTURE(options, picture),
-    { "--json", NULL, "the same as JSON", saga_cli_flag,
+    { "--json", NULL, "print the report as JSON", saga_cli_flag,
       offsetof(options, json), 0, 0 },
     SAGA_CLI_QUIET(options, quiet)
 };
 
 const saga_command saga_command_analyse = {
     "analyse", "FILE", 1,
-    "how much the anchors of a file have in common",
-    "Masks the features of a share of the coarse anchors, then of the fine\n"
-    "ones, and recovers them from those left: by the file's own interpolation\n"
-    "between neighbours in space and time, by the same weights on anchors\n"
-    "taken at random, and by the mean. Places stay known and nothing is\n"
-    "learned anew. Tells of each the relative error (rms of what is wrong\n"
-    "over rms of the features), the mean cosine between features and what\n"
-    "was recovered, and the PSNR of one picture against the file's with\n"
-    "nothing masked, both in double. Anchors without a neighbour that is\n"
-    "known are `alone` and take the mean. The mask is the same each time.\n"
+    "measures how predictable the anchors of a file are",
+    "Measures how well features of anchors can be predicted from those of\n"
+    "other anchors. It hides the features of a part of the coarse anchors,\n"
+    "then of the fine ones, and recovers them from the rest in three ways: by\n"
+    "the file's own interpolation between neighbours in space and time, with\n"
+    "the same weights but anchors taken at random, and by the mean. Positions\n"
+    "stay known, and nothing is trained. For each way it reports the relative\n"
+    "error (rms of the error over rms of the features), the mean cosine\n"
+    "between true and recovered features, and the PSNR of a picture drawn\n"
+    "with the recovered features against the one with the true features.\n"
+    "Anchors without any known neighbour are counted as `alone` and get the\n"
+    "mean. The choice of anchors is the same in each run.\n"
     "\n"
     "  saga analyse scene.saga --mask 50 --camera 2 --frame 15\n",
     option_list, (int)(sizeof option_list / sizeof option_list[0]), run, NULL

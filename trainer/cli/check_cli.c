@@ -224,12 +224,14 @@ static int run(int argc, char **argv)
 }
 
 static const saga_cli_option option_list[] = {
-    { "--html", "FILE", "the same as a page, with thumbnails and a plan",
-      saga_cli_text, offsetof(options, html), 0, 0 },
-    { "--fix", "FILE", "write a transforms.json without what was found",
-      saga_cli_text, offsetof(options, fix), 0, 0 },
-    { "--json", NULL, "the same as JSON; null for what is unknown",
-      saga_cli_flag, offsetof(options, json), 0, 0 },
+    { "--html", "FILE",
+      "write the report as a page, with thumbnails and a plan of\n"
+      "the cameras", saga_cli_text, offsetof(options, html), 0, 0 },
+    { "--fix", "FILE",
+      "write a transforms.json in which the mistakes that were\n"
+      "found are corrected", saga_cli_text, offsetof(options, fix), 0, 0 },
+    { "--json", NULL, "print the report as JSON; null stands for an unknown\n"
+      "value", saga_cli_flag, offsetof(options, json), 0, 0 },
     SAGA_CLI_QUIET(options, quiet),
     SAGA_CAPTURE_OPTIONS(options, capture)
 };
@@ -242,22 +244,25 @@ static void print_layouts(void)
 
 const saga_command saga_command_check = {
     "check", "CAPTURE", 1,
-    "what is wrong with a capture, before training",
-    "Loads a capture as encode does and tells of each camera how far the next\n"
-    "one is, how much they share, how well COLMAP's features and the colours\n"
-    "of the points agree, whether its exposure differs and whether it runs\n"
-    "late; what to mind, in words; and what encoding will take. Features of\n"
-    "every two cameras are matched; where they are not where poses say,\n"
-    "the usual mistakes are tried (axes, inverse, focal length, exchanged\n"
-    "files), and --fix undoes the one that explains the pictures. Small\n"
-    "errors of poses and lenses are found by adjusting all cameras to the\n"
-    "matches (bundle adjustment); where matches kept apart then fit better,\n"
-    "--fix writes the refined cameras.\n"
+    "finds mistakes in a capture, before training",
+    "Loads a capture as `saga encode` does, and reports about each camera the\n"
+    "distance to the nearest camera, how much both see of the same, how well\n"
+    "its pose agrees with the pictures and with COLMAP's points, and whether\n"
+    "its colours, its exposure or its clock differ from the others'. Then it\n"
+    "lists what needs attention, and estimates time and size of the encoding.\n"
     "\n"
-    "masks/ beside images/ has pictures of the same names: what is not white\n"
-    "does not count; masks/CAMERA.png is for all of a camera. Lenses of\n"
-    "OPENCV, also of OPENCV_FISHEYE, are straightened. Paths in a capture's\n"
-    "files lead into its folder, or --follow-paths is given.\n"
+    "Poses are tested by matching features between every two cameras. If the\n"
+    "matches contradict the poses, the usual mistakes are tried (other axes,\n"
+    "inverted poses, wrong focal length, exchanged files), and --fix corrects\n"
+    "the one that explains the pictures. Small errors of poses and lenses are\n"
+    "found by bundle adjustment. If that also improves matches that it did\n"
+    "not use, --fix writes the refined cameras.\n"
+    "\n"
+    "Masks: a folder masks/ beside images/ holds pictures with the names of\n"
+    "the images, or one masks/CAMERA.png for all pictures of a camera. Pixels\n"
+    "that are not white are ignored. Pictures through lenses of COLMAP's\n"
+    "models OPENCV and OPENCV_FISHEYE are straightened. Paths in a capture's\n"
+    "files must lead into its folder, unless --follow-paths is given.\n"
     "\n"
     "A capture is a folder in one of these layouts, with pictures in PNG,\n"
     "JPEG, WebP, TIFF or EXR:\n",

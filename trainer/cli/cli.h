@@ -150,7 +150,7 @@ void saga_meter_end(saga_meter *m);
 
 /* The option of every command that has a meter, and the bool that it sets. */
 #define SAGA_CLI_QUIET(type, field) \
-    { "--quiet", NULL, "shows no progress; messages remain", saga_cli_flag, \
-      offsetof(type, field), 0, 0 }
+    { "--quiet", NULL, "show no progress; messages are still printed", \
+      saga_cli_flag, offsetof(type, field), 0, 0 }
 
 #endif

@@ -160,19 +160,21 @@ static int run(int argc, char **argv)
 }
 
 static const saga_cli_option option_list[] = {
-    { "--json", NULL, "the same as JSON", saga_cli_flag,
+    { "--json", NULL, "print the comparison as JSON", saga_cli_flag,
       offsetof(options, json), 0, 0 }
 };
 
 const saga_command saga_command_compare = {
-    "compare", "A.json B.json", 2, "how two results differ, or two curves",
-    "Reads what `saga eval --json` wrote. Of two results it tells the\n"
-    "difference of each metric. A file may hold several, of one capture at\n"
-    "several rates (`saga eval ... --json >>curve.json`): then it tells\n"
-    "Bjontegaard's delta, how many per cent more bytes B takes than A at\n"
-    "equal quality, by monotone cubics (PCHIP) and by Akima's spline. That\n"
-    "needs four points on each curve, quality that grows with the bytes, and\n"
-    "a quarter of the wider range in common. Results of other frames, cameras\n"
-    "or scales are refused.\n",
+    "compare", "A.json B.json", 2,
+    "compares two results of eval, or two curves",
+    "Reads two results of `saga eval --json` and prints the difference of\n"
+    "each metric. If each file holds several results of one capture at\n"
+    "several rates (`saga eval ... --json >>curve.json`), it prints the\n"
+    "Bjontegaard delta rate: how many per cent more bytes B takes than A at\n"
+    "equal quality. The curves are interpolated by monotone cubics (PCHIP)\n"
+    "and by Akima's spline. This needs at least four points on each curve, a\n"
+    "quality that grows with the bytes, and an overlap of at least a quarter\n"
+    "of the wider range. Results of different frames, cameras or scales are\n"
+    "refused.\n",
     option_list, (int)(sizeof option_list / sizeof option_list[0]), run, NULL
 };

@@ -174,111 +174,135 @@ static int encode_command(int argc, char **argv)
 #define AT(member) offsetof(saga_encode_options, member)
 
 static const saga_cli_option option_list[] = {
-    { "-o", "FILE.saga", "the file to write, or the folder of --sweep; needed",
+    { "-o", "FILE.saga",
+      "the file to write, or with --sweep the folder; required",
       saga_cli_text, AT(output), 0, 0 },
-    { "--segment", "FRAMES", "frames of a segment, about, each of which plays "
-      "without\nthe others (default: ten seconds, but 24 at least, or\n"
-      "what half of --memory holds; of a camera that moves,\nall of them); "
-      "--primitives and --iterations are of each", saga_cli_int,
+    { "--segment", "FRAMES",
+      "approximate length of a segment in frames. Each segment\n"
+      "plays without the others, and --primitives and\n"
+      "--iterations count for each of them. Default: ten seconds\n"
+      "and at least 24 frames, or what fits in half of --memory;\n"
+      "a capture by one moving camera is one segment", saga_cli_int,
       AT(segment), 2, SAGA_PLAN_MOST_FRAMES },
-    { "--networks-only", NULL, "train the segment that makes the networks and "
-      "write them,\nfor others to be trained elsewhere: docs/scale.md",
-      saga_cli_flag, AT(networks_only), 0, 0 },
-    { "--only", "N", "train segment N alone, 0 the first, with "
-      "--networks;\n`saga join` puts the files of all together: the bytes\n"
-      "that one encode of all gives", saga_cli_int, AT(only), 0,
-      SAGA_MAX_SEGMENTS - 1 },
-    { "--networks", "FILE", "what --networks-only wrote of the same capture, "
-      "with the\nsame options", saga_cli_text, AT(networks), 0,
-      0 },
-    { "--preset", "fast|balanced|best", "how long to work on it (default "
-      "balanced);\n`saga help presets` has what each decides", saga_cli_text,
+    { "--networks-only", NULL,
+      "train only the segment that makes the networks, and write\n"
+      "the networks, so that other machines can train the other\n"
+      "segments (docs/scale.md)", saga_cli_flag, AT(networks_only), 0, 0 },
+    { "--only", "N",
+      "train only segment N (the first is 0) with the networks\n"
+      "of --networks. `saga join` makes one file of all\n"
+      "segments, with the same bytes as a single encode", saga_cli_int,
+      AT(only), 0, SAGA_MAX_SEGMENTS - 1 },
+    { "--networks", "FILE",
+      "networks that --networks-only wrote for this capture with\n"
+      "the same options", saga_cli_text, AT(networks), 0, 0 },
+    { "--preset", "fast|balanced|best",
+      "how much work to spend (default balanced);\n"
+      "`saga help presets` lists what each one means", saga_cli_text,
       AT(preset), 0, 0 },
-    { "--size", "BYTES", "of the file, within 5 %: 150k, 1.2M",
+    { "--size", "BYTES", "size of the file, met within 5 %: 150k, 1.2M",
       saga_cli_nbytes, AT(size), 0, 0 },
-    { "--bitrate", "BITS", "the same in bits a second: 500k",
+    { "--bitrate", "BITS", "size of the file in bits per second: 500k",
       saga_cli_nbytes, AT(bitrate), 0, 0 },
-    { "--sweep", NULL, "a curve instead: five files, 1.saga to 5.saga, and "
-      "what\nthey are worth; --primitives are those of 4.saga", saga_cli_flag,
+    { "--sweep", NULL,
+      "make five files of different sizes, 1.saga to 5.saga, and\n"
+      "measure them; --primitives then counts for 4.saga", saga_cli_flag,
       AT(sweep), 0, 0 },
-    { "--primitives", "N", "Gaussians to draw with (default: by the size, or "
-      "by the\ncapture's pixels, motion and --preset)",
-      saga_cli_int, AT(primitives), 1, 1 << 22 },
-    { "--iterations", "N", "of all stages together (default: by --preset); "
-      "time grows\nwith it", saga_cli_int, AT(iterations), 3,
+    { "--primitives", "N",
+      "number of Gaussians (default: chosen from --size, or from\n"
+      "--preset and the pixels and motion of the capture)", saga_cli_int,
+      AT(primitives), 1, 1 << 22 },
+    { "--iterations", "N",
+      "training steps of all stages together (default: chosen by\n"
+      "--preset); the time grows with them", saga_cli_int, AT(iterations), 3,
       10000000 },
-    { "--time", "MINUTES", "instead of --iterations: as many as this machine "
-      "does in\nthat time, by a trial of two seconds",
+    { "--time", "MINUTES",
+      "instead of --iterations: train for about this long; a\n"
+      "trial of two seconds measures the speed of this machine",
       saga_cli_real, AT(minutes), 0, 0 },
-    { "--lambda", "X", "what bits cost: X times the bits for each pixel "
-      "trained\non weigh as much as the mean squared error in\n8-bit levels; "
-      "higher: a smaller file, and without\n--primitives fewer of them "
-      "(default: what balances\n--primitives and the bits of each, by the "
-      "error after\nthe warm-up)",
-      saga_cli_real, AT(lambda), 0, 0 },
-    { "--level", "0|1|2|3", "memory its decoder may need: 0 256 KiB, "
-      "1 4 MiB,\n2 32 MiB, 3 1 GiB (default 2); obeyed", saga_cli_int,
-      AT(level), 0, 3 },
-    { "--layers", "N", "behind each of which the file may be cut (`saga cut\n"
-      "--layers`): fewer bytes, a coarser picture (default 1)", saga_cli_int,
-      AT(layers), 1, SAGA_MAX_LAYERS },
+    { "--lambda", "X", "price of a bit. Training minimises the mean squared\n"
+      "error, in 8-bit levels, plus X times the bits per\n"
+      "training pixel. A higher price makes a smaller file, and\n"
+      "without --primitives also fewer of them. Default: chosen\n"
+      "from the error after the warm-up", saga_cli_real, AT(lambda), 0, 0 },
+    { "--level", "0|1|2|3",
+      "limit on the memory of the decoder: 0 for 256 KiB, 1 for\n"
+      "4 MiB, 2 for 32 MiB, 3 for 1 GiB (default 2)", saga_cli_int, AT(level),
+      0, 3 },
+    { "--layers", "N",
+      "number of layers of each segment. `saga cut --layers` can\n"
+      "drop the last ones, which saves bytes and makes the\n"
+      "picture coarser (default 1)", saga_cli_int, AT(layers), 1,
+      SAGA_MAX_LAYERS },
     SAGA_CAPTURE_OPTIONS(saga_encode_options, capture),
-    { "--metres", "X", "in the capture's unit of length; the file tells it\n"
-      "(default: what the capture says)", saga_cli_real,
-      AT(metres), 0, 0 },
-    { "--still", NULL, "no temporal tools, whatever moves", saga_cli_flag,
-      AT(still), 0, 0 },
-    { "--moving", NULL, "temporal tools even if nothing seems to move",
+    { "--metres", "X",
+      "length in metres of one unit of the capture, stored in\n"
+      "the file (default: what the capture says)", saga_cli_real, AT(metres),
+      0, 0 },
+    { "--still", NULL, "treat the scene as still, whatever moves",
+      saga_cli_flag, AT(still), 0, 0 },
+    { "--moving", NULL,
+      "treat the scene as moving, even if nothing seems to move",
       saga_cli_flag, AT(moving), 0, 0 },
-    { "--seed", "N", "of all random numbers (default 1)", saga_cli_int,
+    { "--seed", "N", "seed of all random numbers (default 1)", saga_cli_int,
       AT(seed), 0, INT32_MAX },
     { "--checkpoint-every", "S", "seconds between checkpoints (default 300)",
       saga_cli_int, AT(every), 0, 1000000 },
-    { "--resume", NULL, "go on from FILE.saga.ckpt, with the other options as\n"
-      "they were; the result is that of an unstopped run; a file\n"
-      "that is finished is left as it is", saga_cli_flag,
-      AT(resume), 0, 0 },
-    { "--log", "FILE", "keep how it went: a line for every tenth iteration,\n"
-      "as CSV in FILE.csv or as JSON lines in FILE.jsonl;\nlab/log.gp draws "
-      "it", saga_cli_text, AT(log), 0, 0 },
-    { "--json", NULL, "the report as JSON", saga_cli_flag,
-      AT(json), 0, 0 },
+    { "--resume", NULL,
+      "continue from FILE.saga.ckpt; give the other options as\n"
+      "before. The result is the same as without the break. A\n"
+      "file that is finished is left as it is", saga_cli_flag, AT(resume), 0,
+      0 },
+    { "--log", "FILE",
+      "record the training: a line for every tenth iteration, as\n"
+      "CSV in FILE.csv or as JSON lines in FILE.jsonl;\n"
+      "lab/log.gp plots it", saga_cli_text, AT(log), 0, 0 },
+    { "--json", NULL, "print the report as JSON", saga_cli_flag, AT(json), 0,
+      0 },
     SAGA_CLI_QUIET(saga_encode_options, quiet),
-    { "--ablate", "LIST", "leave parts of the entropy model out, to learn what "
-      "they\nare worth; words with commas between:"
-      SAGA_ABLATION_WORDS(SAGA_ABLATION_HELP),
-      saga_cli_text, AT(ablate), 0, 0 }
+    { "--ablate", "LIST",
+      "for research: leave out parts of the entropy model or of\n"
+      "the training, to measure what they save. LIST has words\n"
+      "separated by commas:"
+      SAGA_ABLATION_WORDS(SAGA_ABLATION_HELP), saga_cli_text, AT(ablate), 0,
+      0 }
 };
 
 const saga_command saga_command_encode = {
     "encode", "CAPTURE", 1,
     "trains on a capture and writes a .saga file",
-    "Learns a scene from a capture (a folder; `saga help check` lists the\n"
-    "layouts) and writes it as one .saga file.\n"
+    "Learns a scene from a capture, a folder of pictures or videos from\n"
+    "calibrated cameras, and writes it as one .saga file. `saga help check`\n"
+    "lists the layouts of a capture.\n"
     "\n"
     "  saga synth demo && saga encode demo -o demo.saga\n"
-    "      the built-in scene, some minutes; `saga eval demo.saga demo` then\n"
-    "      tells how good it is\n"
+    "      the built-in scene, in a few minutes; `saga eval demo.saga demo`\n"
+    "      then measures how good the file is\n"
     "  saga encode studio -o studio.saga --frames 0:50 --scale 1/4 \\\n"
     "      --hold-out cam00 --size 200k --preset best\n"
-    "      two seconds of a real capture, small, one view kept for judging\n"
+    "      two seconds of a real capture with smaller pictures; one camera is\n"
+    "      kept from training, to judge the file by\n"
     "  saga encode studio -o curve --sweep && saga report curve/curve.json \\\n"
     "      -o curve.html\n"
-    "      five files of 0.2 to 1.7 times the primitives of one, the price of\n"
-    "      bits with them; goes on with --resume\n"
+    "      five files of different sizes, and a page with their curve; after\n"
+    "      an interruption --resume continues\n"
     "\n"
     "A long capture is trained in segments of about ten seconds, or of as\n"
-    "many frames as take half of --memory, with only that one's pictures in\n"
-    "memory; the first to be trained makes the networks. Where enough stands\n"
-    "still for enough segments, that is sent once, as the base, and they are\n"
-    "trained on top of it; which is told, with its numbers.\n"
-    "Stages: warm-up (flat primitives), rendering (the coded hierarchy),\n"
-    "packing. A line on stderr tells stage, iteration, the PSNR of the\n"
-    "pictures trained on, the bits of the residuals and the time left.\n"
-    "Ctrl-C keeps FILE.saga.ckpt for --resume.\n"
-    "At the end a verdict says what is well represented and what is not, and\n"
-    "which cameras have a rolling shutter that the others do not have.\n"
-    "The same options give the same bytes, for any number of threads.\n",
+    "many frames as fit in half of --memory. Only the pictures of one segment\n"
+    "are in memory. The first segment that is trained makes the networks,\n"
+    "which all segments share. If enough of the scene stands still through\n"
+    "enough segments, that part is stored once, as the base, and the segments\n"
+    "are trained on top of it; a message says whether this was done, and why.\n"
+    "\n"
+    "Training has three stages: the warm-up fits Gaussians to the pictures,\n"
+    "rendering trains anchors and networks, and packing writes the file.\n"
+    "Meanwhile a line shows the stage, the iteration, the PSNR of the\n"
+    "training pictures, an estimate of the bits, and the time left. Ctrl-C\n"
+    "saves FILE.saga.ckpt, from which --resume continues.\n"
+    "\n"
+    "At the end the program reports which views and objects came out well or\n"
+    "badly, and which cameras have a rolling shutter unlike the others'. The\n"
+    "same options give the same bytes, for any number of threads.\n",
     option_list, (int)(sizeof option_list / sizeof option_list[0]),
     encode_command, NULL
 };

@@ -515,38 +515,47 @@ static int run(int argc, char **argv)
 }
 
 static const saga_cli_option option_list[] = {
-    { "--json", NULL, "the same as JSON; null for infinite or undefined",
-      saga_cli_flag, offsetof(options, json), 0, 0 },
+    { "--json", NULL,
+      "print the report as JSON; null stands for an infinite or\n"
+      "undefined value", saga_cli_flag, offsetof(options, json), 0, 0 },
     SAGA_CLI_QUIET(options, quiet),
-    { "--only", "A:B", "compare frames A to B - 1 of the file, no others",
+    { "--only", "A:B", "compare only frames A to B - 1 of the file",
       saga_cli_range, offsetof(options, only), 0, SAGA_MAX_FRAMES },
-    { "--pictures", "DIR", "write each view's middle frame there: truth, "
-      "decode\nand 4 x difference side by side", saga_cli_text,
+    { "--pictures", "DIR",
+      "write the middle frame of each view to DIR: filmed,\n"
+      "decoded, and 4 times the difference, side by side", saga_cli_text,
       offsetof(options, pictures), 0, 0 },
-    { "--no-ssim", NULL, "leave out SSIM, MS-SSIM and IV-PSNR, which take "
-      "most of\nthe time", saga_cli_flag, offsetof(options, no_ssim), 0, 0 },
-    { "--lpips", "FILE.npz", "LPIPS, too, with the weights of this file;\n"
-      "docs/metrics.md says where there are some", saga_cli_text,
+    { "--no-ssim", NULL,
+      "leave out SSIM, MS-SSIM and IV-PSNR, which take most of\n"
+      "the time", saga_cli_flag, offsetof(options, no_ssim), 0, 0 },
+    { "--lpips", "FILE.npz",
+      "measure LPIPS too, with the weights in this file;\n"
+      "docs/metrics.md says where to get them", saga_cli_text,
       offsetof(options, weights), 0, 0 },
-    { "--equirect", NULL, "the pictures are equirectangular: WS-PSNR, too, "
-      "and\nIV-PSNR with its weights", saga_cli_flag,
-      offsetof(options, equirect), 0, 0 },
+    { "--equirect", NULL,
+      "the pictures are equirectangular: measure WS-PSNR too,\n"
+      "and weight IV-PSNR accordingly", saga_cli_flag, offsetof(options,
+      equirect), 0, 0 },
     SAGA_CAPTURE_OPTIONS(options, capture)
 };
 
 const saga_command saga_command_eval = {
     "eval", "FILE CAPTURE", 2,
-    "how good a file is: PSNR, SSIM, bytes, time",
-    "Decodes every frame of a .saga file in every view of the capture it was\n"
-    "made from, with the integer decoder, and compares. Tells PSNR (RGB and\n"
-    "YUV, of the pictures and of what changes between them), SSIM, MS-SSIM,\n"
-    "IV-PSNR per view and their means, training and held-out views apart;\n"
-    "bytes by component; decoding time by stage; and the protocol, without\n"
-    "which such numbers cannot be compared. Two more columns tell what motion\n"
-    "is worth: the PSNR of a still picture, each view's temporal median, and\n"
-    "the file's PSNR where pixels are more than 8/255 off that median.\n"
-    "A capture whose cameras, frames or frame rate are not the file's is\n"
-    "refused. FILE may be a folder: a capture of the same views whose\n"
-    "pictures another codec decoded, to be judged by the same measures.\n",
+    "measures a file: PSNR, SSIM, bytes, time",
+    "Decodes every frame of a .saga file for every camera of the capture from\n"
+    "which it was made, with the integer decoder, and compares the pictures\n"
+    "with the filmed ones. It reports for each camera, and as means over the\n"
+    "training and over the held-out cameras, PSNR in RGB and YUV, the PSNR of\n"
+    "changes from frame to frame, SSIM, MS-SSIM and IV-PSNR; the bytes of\n"
+    "each part of the file; the time of each stage of decoding; and the\n"
+    "protocol, without which such numbers cannot be compared.\n"
+    "\n"
+    "Two more columns judge motion. One is the PSNR of a still picture, the\n"
+    "median of each pixel over time. The other is the file's PSNR over pixels\n"
+    "that differ from this median by more than 8/255.\n"
+    "\n"
+    "A capture with other cameras, another number of frames or another frame\n"
+    "rate than the file is refused. FILE may also be a folder: a capture of\n"
+    "the same cameras whose pictures another codec decoded.\n",
     option_list, (int)(sizeof option_list / sizeof option_list[0]), run, NULL
 };

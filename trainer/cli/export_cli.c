@@ -272,40 +272,44 @@ static int run(int argc, char **argv)
 }
 
 static const saga_cli_option option_list[] = {
-    { "-o", "OUT", "the file, whose name ends as its format does; with "
-      "%d\nor %04d in the name a file for each frame, in a folder",
-      saga_cli_text, offsetof(options, out), 0, 0 },
+    { "-o", "OUT", "the file; its ending chooses the format. With %d or %04d\n"
+      "in the name, a file for each frame", saga_cli_text, offsetof(options,
+      out), 0, 0 },
     { "--frame", "N", "which frame (default 0)", saga_cli_int,
       offsetof(options, frame), 0, INT32_MAX },
-    { "--frames", "A:B", "of a sequence frames A to B - 1 alone",
+    { "--frames", "A:B", "write only frames A to B - 1 of a sequence",
       saga_cli_range, offsetof(options, frames), 0, INT32_MAX },
-    { "--sh", "0|1|2|3", "colours that depend on the view: spherical "
-      "harmonics of\nthis degree, fitted to what the decoder shows the rig\n"
-      "(default 1)",
-      saga_cli_int, offsetof(options, degree), 0, SAGA_MAX_DEGREE },
-    { "--camera", "N", "... or as camera N of the rig sees them",
-      saga_cli_int, offsetof(options, camera), 0, 65535 },
+    { "--sh", "0|1|2|3",
+      "degree of the spherical harmonics that describe how\n"
+      "colours depend on the view (default 1). They are fitted\n"
+      "to what the decoder shows to the cameras of the file", saga_cli_int,
+      offsetof(options, degree), 0, SAGA_MAX_DEGREE },
+    { "--camera", "N",
+      "take the colours that camera N of the file sees, instead\n"
+      "of fitting them", saga_cli_int, offsetof(options, camera), 0, 65535 },
     SAGA_CLI_QUIET(options, quiet)
 };
 
 const saga_command saga_command_export = {
     "export", "FILE", 1,
-    "its splats for other programs: PLY, SPZ, glTF, SOG",
-    "Writes the splats that frames of a .saga file show, for viewers and\n"
-    "editors of Gaussian splatting. Positions are in the capture's own units.\n"
-    "PLY and SOG have its axes, which viewers take as x right, y down, z\n"
-    "forward; SPZ has half a turn around x, glTF around z, since y is up\n"
-    "there. Opacity is what the moment leaves of it; splats below the\n"
-    "decoder's cut of 1/256 are left out.\n"
+    "writes the splats as PLY, SPZ, glTF or SOG",
+    "Writes the splats of one or several frames of a .saga file, for viewers\n"
+    "and editors of Gaussian splatting. Lengths are in the capture's units.\n"
+    "PLY and SOG keep the capture's axes, which viewers take as x right, y\n"
+    "down, z forward. In SPZ and glTF, y points up: SPZ is turned by half a\n"
+    "turn around x, glTF around z. A splat has the opacity that it has at the\n"
+    "frame's time; splats below 1/256, which the decoder does not draw, are\n"
+    "left out.\n"
     "\n"
     "  saga export scene.saga -o scene.glb --frame 12\n"
     "  saga export scene.saga -o frames/scene_%04d.spz\n"
     "\n"
-    "A viewer's pictures differ from `saga render`: colours that depend on\n"
-    "the view are fitted; an opacity above 1, which makes a flat top,\n"
-    "becomes a wider splat; most viewers widen splats by 0.3 square pixels,\n"
-    "ours by 0.1; they round in float. docs/results/export.md tells what each\n"
-    "does, and how near it comes, and how much each format rounds.\n",
+    "The pictures of a viewer differ from those of `saga render`: colours\n"
+    "that depend on the view are approximated; an opacity above 1, which\n"
+    "makes a flat top, becomes a wider splat; most viewers widen splats by\n"
+    "0.3 square pixels, saga by 0.1; and viewers compute with floats.\n"
+    "docs/results/export.md has the size of each effect, and how much each\n"
+    "format rounds.\n",
     option_list, (int)(sizeof option_list / sizeof option_list[0]), run,
     print_formats
 };

@@ -436,45 +436,51 @@ static int run(int argc, char **argv)
 }
 
 static const saga_cli_option option_list[] = {
-    { "-o", "OUT", "the .saga file to be written", saga_cli_text,
-      offsetof(options, out), 0, 0 },
-    { "--cameras", "FILE", "where it is looked at from: the rig of a .saga "
-      "file, or a\npath as `saga render --path` has it; default: 24\n"
-      "cameras around, which look in", saga_cli_text,
-      offsetof(options, cameras), 0, 0 },
-    { "--size", "WxH", "pixels of their pictures (default 400x400, or what "
-      "FILE\nsays)", saga_cli_size, offsetof(options, size), 8,
-      SAGA_MAX_SIDE },
-    { "--primitives", "N", "of a sequence (default 5000); a still keeps its "
-      "own", saga_cli_int, offsetof(options, primitives), 1, 1 << 22 },
-    { "--iterations", "N", "of training (default 6000, of a still 1500)",
-      saga_cli_int, offsetof(options, iterations), 2, 10000000 },
-    { "--lambda", "L", "price of bits, as `saga encode` has it",
-      saga_cli_real, offsetof(options, lambda), 0, 0 },
-    { "--level", "0|1|2|3", "what a decoder must have (default 2)",
-      saga_cli_int, offsetof(options, level), 0, 3 },
-    { "--fps", "F", "frames per second (default 30)", saga_cli_real,
-      offsetof(options, fps), 0, 0 },
-    { "--seed", "N", "of all random numbers (default 1)", saga_cli_int,
+    { "-o", "OUT", "the .saga file to write", saga_cli_text, offsetof(options,
+      out), 0, 0 },
+    { "--cameras", "FILE",
+      "cameras to judge the result by: those of a .saga file, or\n"
+      "a path as for `saga render --path` (default: 24 cameras\n"
+      "all round that look inwards)", saga_cli_text, offsetof(options,
+      cameras), 0, 0 },
+    { "--size", "WxH",
+      "size of their pictures (default 400x400, or the size in\n"
+      "FILE)", saga_cli_size, offsetof(options, size), 8, SAGA_MAX_SIDE },
+    { "--primitives", "N",
+      "number of primitives of a sequence (default 5000); a\n"
+      "single file keeps its own number", saga_cli_int, offsetof(options,
+      primitives), 1, 1 << 22 },
+    { "--iterations", "N",
+      "training steps (default 6000, for a single file 1500)", saga_cli_int,
+      offsetof(options, iterations), 2, 10000000 },
+    { "--lambda", "L", "price of a bit, as for `saga encode`", saga_cli_real,
+      offsetof(options, lambda), 0, 0 },
+    { "--level", "0|1|2|3",
+      "limit on the memory of the decoder, as for `saga encode`\n"
+      "(default 2)", saga_cli_int, offsetof(options, level), 0, 3 },
+    { "--fps", "F", "frames per second of a sequence (default 30)",
+      saga_cli_real, offsetof(options, fps), 0, 0 },
+    { "--seed", "N", "seed of all random numbers (default 1)", saga_cli_int,
       offsetof(options, seed), 0, INT32_MAX },
-    { "--threads", "N", "threads (default: all cores); no effect on the file",
-      saga_cli_int, offsetof(options, threads), 1, 1024 },
+    { "--threads", "N",
+      "number of threads (default: all cores); the file does not\n"
+      "depend on it", saga_cli_int, offsetof(options, threads), 1, 1024 },
     SAGA_CLI_QUIET(options, quiet)
 };
 
 const saga_command saga_command_import = {
     "import", "SPLATS", 1,
-    "a .saga file of splats from any trainer (PLY, ...)",
-    "Codes splats that another program trained, without pictures. SPLATS is\n"
-    "a file, or a folder of files, a frame each in the order of their names,\n"
-    "in one of the formats that `saga help export` lists. A still keeps its\n"
-    "splats: networks are fitted to them, and then improved. A sequence is\n"
-    "learned anew, as one segment: which splat of a frame is which of the\n"
-    "next is not asked.\n"
+    "makes a file of splats from any trainer (PLY, ...)",
+    "Codes splats that another program trained; no pictures are needed.\n"
+    "SPLATS is a file, or a folder with a file for each frame in the order of\n"
+    "the names, in one of the formats that `saga help export` lists. A single\n"
+    "file keeps its splats: networks are fitted to them and then improved. A\n"
+    "sequence is trained anew, as one segment, because its files do not say\n"
+    "which splats of two frames belong together.\n"
     "\n"
-    "Both are judged by pictures that are drawn from the files, from cameras\n"
-    "all round unless there are others (--cameras): what none of them sees\n"
-    "comes out badly. So for a room give cameras inside.\n"
+    "The training compares pictures that are drawn from the splats, for\n"
+    "cameras all round the scene. What none of these cameras sees comes out\n"
+    "badly, so give cameras inside a room with --cameras.\n"
     "\n"
     "  saga import chair.spz -o chair.saga\n"
     "  saga import frames -o scene.saga --cameras old.saga\n",

@@ -518,20 +518,22 @@ static int run(int argc, char **argv)
 }
 
 static const saga_cli_option option_list[] = {
-    { "--json", NULL, "the same, and each camera's rotation, as JSON",
-      saga_cli_flag, offsetof(options, json), 0, 0 }
+    { "--json", NULL, "print the report as JSON, with the rotation of each\n"
+      "camera", saga_cli_flag, offsetof(options, json), 0, 0 }
 };
 
 const saga_command saga_command_info = {
     "info", "FILE", 1,
-    "what a file holds and where its bytes are",
-    "Tells what the header of a .saga file says (time, tools, networks,\n"
-    "memory and work of decoding, cube), where the bytes are, and each\n"
-    "segment and each camera of the rig. Checks the CRC of every chunk; a\n"
-    "damaged file gives exit status 1. Decodes nothing: a file of an earlier\n"
-    "pre-release passes, though `saga eval` and `saga render` refuse it.\n"
+    "prints what a file holds, and where its bytes are",
+    "Prints what the header of a .saga file says (duration, tools, networks,\n"
+    "memory and work of decoding, the region of space), how many bytes each\n"
+    "part takes, and all segments and cameras. Every part's checksum is\n"
+    "verified; if a file is damaged, the exit status is 1. Nothing is\n"
+    "decoded. So a file of an earlier pre-release passes, although `saga\n"
+    "eval` and `saga render` refuse it.\n"
     "\n"
-    "Lengths called metres are in the capture's unit of length, which is a\n"
-    "metre only where it has one; metres_in_capture_unit tells, if known.\n",
+    "Lengths that are called metres are in the capture's unit of length,\n"
+    "which need not be a metre. metres_in_capture_unit is the length of that\n"
+    "unit in metres, if it is known.\n",
     option_list, 1, run, NULL
 };

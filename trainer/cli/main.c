@@ -37,9 +37,9 @@ static const saga_command *const commands[] = {
 enum { N_COMMANDS = (int)(sizeof commands / sizeof commands[0]) };
 
 static const char first_steps[] =
-    "saga turns a multi-view video of a moving scene into one small file,\n"
-    "and that file back into any view of the scene at any time, with the same\n"
-    "bits on every machine.\n"
+    "saga turns a multi-view video of a moving scene into one small file.\n"
+    "From that file it draws any view at any time, with the same bits on\n"
+    "every machine.\n"
     "\n"
     "usage: saga COMMAND [ARGUMENTS] [OPTIONS]\n"
     "\n";
@@ -47,23 +47,23 @@ static const char first_steps[] =
 static const char last_words[] =
     "\n"
     "  saga help COMMAND   explains a command and its options\n"
-    "  saga help presets   what encode --preset decides\n"
-    "  saga --version      versions of the program and of its files\n"
+    "  saga help presets   lists the presets of encode\n"
+    "  saga --version      prints the versions of program and file format\n"
     "\n"
     "First steps:\n"
     "\n"
-    "  saga synth demo                  the built-in scene, as a capture\n"
-    "  saga encode demo -o demo.saga    trains on it; takes minutes\n"
-    "  saga info demo.saga              what the file holds\n"
-    "  saga eval demo.saga demo         how good it is\n"
+    "  saga synth demo                  makes a capture of a built-in scene\n"
+    "  saga encode demo -o demo.saga    trains on it, for some minutes\n"
+    "  saga info demo.saga              prints what the file holds\n"
+    "  saga eval demo.saga demo         measures how good it is\n"
     "  saga view demo.saga              shows it in the browser\n"
     "  saga render demo.saga -o tour_%02d.png --orbit 60\n"
     "\n"
-    "On small devices, saga-dec shows what the decoder alone can do\n"
+    "On small devices, saga-dec draws pictures with the decoder alone\n"
     "(saga-dec --help).\n"
     "\n"
-    "Exit status: 0 done, 1 what a file holds is refused, 2 the command line,\n"
-    "or a file that cannot be read or written.\n";
+    "Exit status: 0 done, 1 the contents of a file are invalid, 2 a mistake\n"
+    "in the command line, or a file cannot be read or written.\n";
 
 static void print_help(void)
 {
@@ -129,8 +129,8 @@ static int run(int argc, char **argv)
     const saga_command *c;
 
     if (!name) {
-        saga_cli_error(SAGA_EXIT_USAGE, "which command? `saga --help` lists "
-                       "them");
+        saga_cli_error(SAGA_EXIT_USAGE, "no command is given; `saga --help` "
+                       "lists the commands");
         return SAGA_EXIT_USAGE;
     }
     if (!strcmp(name, "--help") || !strcmp(name, "-h") ||

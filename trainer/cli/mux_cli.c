@@ -149,26 +149,28 @@ static int run(int argc, char **argv)
 }
 
 static const saga_cli_option option_list[] = {
-    { "--audio", "FILE|none", "its sound: Ogg Opus is taken as it is, the "
-      "sound of\nanything else, also of a video, is coded by ffmpeg;\n"
-      "none: silence", saga_cli_text, offsetof(options, audio), 0, 0 },
-    { "--start", "SECONDS", "when in the film it begins (default 0); below 0, "
-      "it began\nbefore the film", saga_cli_real, offsetof(options, start), 0,
-      0 },
-    { "-o", "OUT", "the file to be written", saga_cli_text,
-      offsetof(options, out), 0, 0 }
+    { "--audio", "FILE|none",
+      "where the sound comes from: Ogg Opus is copied, anything\n"
+      "else, also the sound of a video, is coded by ffmpeg; none\n"
+      "removes the sound", saga_cli_text, offsetof(options, audio), 0, 0 },
+    { "--start", "SECONDS",
+      "when in the film the sound begins (default 0); below 0,\n"
+      "it has begun before the film", saga_cli_real, offsetof(options, start),
+      0, 0 },
+    { "-o", "OUT", "the file to write", saga_cli_text, offsetof(options, out),
+      0, 0 }
 };
 
 const saga_command saga_command_mux = {
     "mux", "FILE", 1,
-    "a file with sound, or without",
-    "Writes FILE with the sound of another file in the place of any that it\n"
-    "had, or with none. Pictures and segments keep their bytes.\n"
+    "adds sound to a file, or removes it",
+    "Writes FILE with the sound of another file instead of its own, or with\n"
+    "no sound. Pictures and segments keep their bytes.\n"
     "\n"
     "  saga mux scene.saga --audio take.opus -o film.saga\n"
     "  saga mux scene.saga --audio cam01.mp4 --start -0.2 -o film.saga\n"
     "  saga mux film.saga --audio none -o silent.saga\n"
     "\n"
-    "Players that know nothing of sound show such a file as before.\n",
+    "Players that do not support sound show the pictures of such a file.\n",
     option_list, (int)(sizeof option_list / sizeof option_list[0]), run, NULL
 };

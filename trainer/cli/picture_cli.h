@@ -20,14 +20,15 @@ typedef struct saga_cli_picture {
 /* Entries for a command's list of options, whose structure `type` holds them in
  * `member`. */
 #define SAGA_CLI_PICTURE(type, member) \
-    { "--camera", "N", "camera N of the file's rig (default 0); `saga info` " \
-      "lists\nthem", saga_cli_int, offsetof(type, member.camera), 0, 65535 }, \
-    { "--frame", "N[/D]", "when, in frames: 15/2 is half-way from 7 to 8 " \
-      "(default 0)", saga_cli_fraction, offsetof(type, member.frame), 0, \
-      INT32_MAX }, \
-    { "--size", "WxH", "size of the picture (default: the camera's); all " \
-      "that the\ncamera sees stays in it", saga_cli_size, \
-      offsetof(type, member.size), 1, SAGA_MAX_SIDE }
+    { "--camera", "N", "number of a camera of the file (default 0); `saga " \
+      "info`\nlists them", saga_cli_int, offsetof(type, member.camera), 0, \
+      65535 }, \
+    { "--frame", "N[/D]", "time of the picture in frames (default 0): 15/2 " \
+      "is\nhalf-way between frames 7 and 8", saga_cli_fraction, \
+      offsetof(type, member.frame), 0, INT32_MAX }, \
+    { "--size", "WxH", "size of the picture (default: the camera's). " \
+      "Everything\nthat the camera sees stays in the picture", \
+      saga_cli_size, offsetof(type, member.size), 1, SAGA_MAX_SIDE }
 
 /* Sets camera and time of a picture, and the number that the capture gave the
  * camera. Returns false if the film has no such picture. */

@@ -10,20 +10,21 @@
 #include <stdio.h>
 
 static const char head[] =
-    "How much work `saga encode --preset` puts into a file. Each of\n"
-    "--size, --primitives, --iterations, --time and --scale overrides it.\n"
+    "How much work `saga encode --preset` spends on a file. The options\n"
+    "--size, --primitives, --iterations, --time and --scale override it.\n"
     "\n"
     "preset    primitives  iterations  visits  still: visits  CPU minutes\n";
 
 static const char tail[] =
     "\n"
-    "primitives: a factor on the number that the rule gives, which follows\n"
-    "pixels and motion.\n"
-    "iterations: for all stages of a segment, but at least `visits` to each\n"
-    "picture. A still capture has its own number of visits, and no more than\n"
-    "fit into its CPU minutes where these are given. `saga check CAPTURE`\n"
-    "prints what this comes to. All presets choose tools in the same way, by\n"
-    "what these save.\n";
+    "primitives: a factor. It multiplies the number of primitives that saga\n"
+    "chooses from the pixels and the motion of the capture.\n"
+    "iterations: of all stages of a segment together. There are more if that\n"
+    "is needed to train on each picture `visits` times.\n"
+    "still: a capture of a still scene has a number of visits of its own, and\n"
+    "no more of them than fit into the CPU minutes, if these are given.\n"
+    "`saga check CAPTURE` prints the numbers for a capture. All presets use a\n"
+    "tool of the format if it saves bytes.\n";
 
 void saga_presets_help(void)
 {

@@ -496,56 +496,67 @@ static bool read_time(void *to, const char *text,
 
 static const saga_cli_option option_list[] = {
     { "-o", "OUT", "the picture: .png (8 bits) or .exr (the same 8 bits as\n"
-      "linear light); for several, with %d or %04d in the name;\n"
-      "or all as a film: .mp4, by ffmpeg",
-      saga_cli_text, offsetof(options, out), 0, 0 },
-    { "--camera", "NAME", "a camera of the file's rig, by name or by number "
-      "(default\n0); `saga info` lists them", saga_cli_text,
-      offsetof(options, camera), 0, 0 },
-    { "--orbit", "K", "K pictures on a closed path through the angles the rig\n"
-      "filmed from, and once through the file's time", saga_cli_int,
-      offsetof(options, orbit), 1, MAX_ORBIT },
-    { "--path", "FILE", "pictures along a path: key cameras as `saga view` "
-      "saves\nthem (JSON), nerfstudio's camera path (JSON), or COLMAP's\n"
-      "images.txt or images.bin, a picture for each image in the\norder of "
-      "their names; in the capture's units",
-      saga_cli_text, offsetof(options, path), 0, 0 },
-    { "--look-at", "X,Y,Z", "the camera turned to a point, in the capture's "
-      "units", read_point, offsetof(options, look_at), 0, 0 },
-    { "--eye", "X,Y,Z", "... from there", read_point, offsetof(options, eye),
-      0, 0 },
-    { "--time", "SECONDS", "when (default 0)", read_time,
+      "linear light). For several pictures put %d or %04d into\n"
+      "the name, or write a film, .mp4, for which ffmpeg is\n"
+      "needed", saga_cli_text, offsetof(options, out), 0, 0 },
+    { "--camera", "NAME",
+      "a camera of the file, by name or by number (default 0);\n"
+      "`saga info` lists them", saga_cli_text, offsetof(options, camera), 0,
+      0 },
+    { "--orbit", "K", "K pictures along a closed path within the angles from\n"
+      "which the cameras filmed, over the whole time of the file",
+      saga_cli_int, offsetof(options, orbit), 1, MAX_ORBIT },
+    { "--path", "FILE",
+      "pictures along the path in FILE, in the capture's units:\n"
+      "JSON as `saga view` saves it, a camera path of nerfstudio\n"
+      "(JSON), or COLMAP's images.txt or images.bin, with one\n"
+      "picture for each image in the order of the names", saga_cli_text,
+      offsetof(options, path), 0, 0 },
+    { "--look-at", "X,Y,Z",
+      "turn the camera to this point, in the capture's units", read_point,
+      offsetof(options, look_at), 0, 0 },
+    { "--eye", "X,Y,Z", "put the camera at this point, in the capture's units",
+      read_point, offsetof(options, eye), 0, 0 },
+    { "--time", "SECONDS", "time of the picture (default 0)", read_time,
       offsetof(options, time), 0, 0 },
-    { "--frame", "N[/D]", "when, in frames: 15/2 is half-way from 7 to 8",
-      saga_cli_fraction, offsetof(options, frame), 0, INT32_MAX },
-    { "--frames", "A:B", "one picture for each frame A to B - 1, numbered so",
+    { "--frame", "N[/D]",
+      "time of the picture in frames: 15/2 is half-way between\n"
+      "frames 7 and 8", saga_cli_fraction, offsetof(options, frame), 0,
+      INT32_MAX },
+    { "--frames", "A:B",
+      "one picture for each frame A to B - 1, numbered by frame",
       saga_cli_range, offsetof(options, frames), 0, SAGA_MAX_FRAMES },
-    { "--size", "WxH", "size of the picture (default: the camera's); all that "
-      "the\ncamera sees stays in it", saga_cli_size, offsetof(options, size),
-      1, SAGA_MAX_SIDE },
-    { "--stereo", "METRES", "two eyes that far apart, or in the capture's "
-      "units where\nthe file does not know metres: side by side, the left one\n"
-      "first, each of full width",
-      saga_cli_real, offsetof(options, stereo), 0, 0 },
-    { "--depth", NULL, "how far away instead of colours, along the camera's "
-      "axis,\nin the capture's units: the mean of what a pixel shows,\n"
-      "weighted as its colours are; 0 where nothing is. .exr:\n"
-      "floats (Z); .png: thousandths in 16 bits, at most 65535",
-      saga_cli_flag, offsetof(options, depth), 0, 0 },
-    { "--alpha", NULL, "opacity instead of colours: 1 less what of the "
-      "background\nshows. .exr: floats (A); .png: 16 bits, 65535 is 1",
-      saga_cli_flag, offsetof(options, alpha), 0, 0 },
-    { "--threads", "N", "threads (default: all cores); no effect on pixels",
-      saga_cli_int, offsetof(options, threads), 1, 1024 },
+    { "--size", "WxH",
+      "size of the picture (default: the camera's). Everything\n"
+      "that the camera sees stays in the picture", saga_cli_size,
+      offsetof(options, size), 1, SAGA_MAX_SIDE },
+    { "--stereo", "METRES",
+      "pictures for two eyes at this distance, side by side with\n"
+      "the left one first, each at full width. The distance is\n"
+      "in the capture's units if the file does not know the\n"
+      "length of a metre", saga_cli_real, offsetof(options, stereo), 0, 0 },
+    { "--depth", NULL,
+      "draw distance instead of colour: along the camera's axis,\n"
+      "in the capture's units, as the mean over what a pixel\n"
+      "shows, weighted like its colours; 0 where nothing is.\n"
+      ".exr has floats (Z), .png thousandths in 16 bits, at most\n"
+      "65535", saga_cli_flag, offsetof(options, depth), 0, 0 },
+    { "--alpha", NULL,
+      "draw opacity instead of colour: 1 where nothing of the\n"
+      "background shows. .exr has floats (A), .png 16 bits, in\n"
+      "which 65535 is 1", saga_cli_flag, offsetof(options, alpha), 0, 0 },
+    { "--threads", "N",
+      "number of threads (default: all cores); the pixels do not\n"
+      "depend on it", saga_cli_int, offsetof(options, threads), 1, 1024 },
     SAGA_CLI_QUIET(options, quiet)
 };
 
 const saga_command saga_command_render = {
     "render", "FILE", 1,
-    "pictures of a file, from any view at any time",
-    "Draws a .saga file with the integer decoder: the same pixels on every\n"
-    "machine. From a camera of its rig, on a path between them, or on one of\n"
-    "your own.\n"
+    "draws pictures, of any view at any time",
+    "Draws a .saga file with the integer decoder, with the same pixels on\n"
+    "every machine. The view is that of a camera that filmed, or one on a\n"
+    "path between these cameras, or one of your own.\n"
     "\n"
     "  saga render scene.saga -o front.png --camera 0 --time 1.5\n"
     "  saga render scene.saga -o tour_%03d.png --orbit 90 --size 640x360\n"
@@ -554,14 +565,18 @@ const saga_command saga_command_render = {
     "  saga render scene.saga -o tour_SBS.mp4 --orbit 90 --stereo 0.063\n"
     "  saga render scene.saga -o depth.exr --depth\n"
     "\n"
-    "A path: { \"format\": \"saga camera path 1\", \"fps\": 30, \"size\": "
-    "[480, 270],\n\"keys\": [{ \"seconds\": 0, \"frame\": 0, \"eye\": "
-    "[0, -1, 3], \"target\":\n[0, 0, 0], \"up\": [0, -1, 0], \"fov\": 45 "
-    "}, ...] }: fov is vertical, in degrees.\n"
+    "A path, where fov is the vertical field of view in degrees:\n"
     "\n"
-    "Images of COLMAP have sizes and lenses of their own, from the cameras\n"
-    "beside them; a film takes the first one's size. Of a lens that distorts\n"
-    "it is the pinhole of `saga encode`. They say nothing of time: together\n"
-    "they go once through the file, unless --time or --frame says when.\n",
+    "  { \"format\": \"saga camera path 1\", \"fps\": 30, \"size\": "
+    "[480, 270],\n"
+    "    \"keys\": [{ \"seconds\": 0, \"frame\": 0, \"fov\": 45, "
+    "\"eye\": [0, -1, 3],\n"
+    "               \"target\": [0, 0, 0], \"up\": [0, -1, 0] }, ...] }\n"
+    "\n"
+    "Images of a COLMAP model have the sizes and lenses of its cameras file.\n"
+    "All pictures of a film have the size of the first one. A lens with\n"
+    "distortion is drawn as the pinhole camera that `saga encode` makes of\n"
+    "it. A COLMAP model has no times, so the pictures are spread over the\n"
+    "whole file, unless --time or --frame gives one moment for all.\n",
     option_list, (int)(sizeof option_list / sizeof option_list[0]), run, NULL
 };

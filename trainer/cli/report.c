@@ -272,19 +272,20 @@ static int run(int argc, char **argv)
 }
 
 static const saga_cli_option option_list[] = {
-    { "-o", "FILE.html", "the page to be written", saga_cli_text,
-      offsetof(options, output), 0, 0 }
+    { "-o", "FILE.html", "the page to write", saga_cli_text, offsetof(options,
+      output), 0, 0 }
 };
 
 const saga_command saga_command_report = {
-    "report", "A.json ...", 1, "a page of results: curves, bytes, pictures",
-    "Reads what `saga eval --json` wrote, a series of results in each file as\n"
-    "for `saga compare`, and writes one page that loads nothing else: quality\n"
-    "over bytes by every metric, of all views and of each, BD-rates against\n"
-    "the first file, bytes by component, time by stage, the protocol, and\n"
-    "truth, decode and difference side by side where `saga eval --pictures\n"
-    "DIR` left pictures: PNG or JPEG, in the folder of the results' file or\n"
-    "below it.\n"
+    "report", "A.json ...", 1,
+    "makes a page of results: curves, bytes, pictures",
+    "Reads results of `saga eval --json`, one or several in each file as for\n"
+    "`saga compare`, and writes one page that needs no other file. It shows\n"
+    "each metric over the bytes, for all views and for each; BD-rates against\n"
+    "the first file; the bytes of each part; the time of each stage; and the\n"
+    "protocol. If `saga eval --pictures DIR` wrote pictures (PNG or JPEG)\n"
+    "into the folder of the results or below it, the page also shows filmed\n"
+    "picture, decoded picture and difference.\n"
     "\n"
     "  saga eval a.saga capture --pictures a --json >a.json\n"
     "  saga report a.json -o report.html\n",

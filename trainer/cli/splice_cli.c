@@ -129,33 +129,37 @@ static int run_join(int argc, char **argv)
 }
 
 static const saga_cli_option option_list[] = {
-    { "-o", "OUT", "the file to be written", saga_cli_text,
-      offsetof(options, out), 0, 0 },
-    { "--layers", "K", "only the first K layers of each segment",
+    { "-o", "OUT", "the file to write", saga_cli_text, offsetof(options, out),
+      0, 0 },
+    { "--layers", "K", "keep only the first K layers of each segment",
       saga_cli_int, offsetof(options, n_layers), 1, SAGA_MAX_LAYERS }
 };
 
 const saga_command saga_command_cut = {
     "cut", "FILE A:B", 2,
-    "frames of a file, as a file",
-    "Writes frames A to B - 1 of a .saga file as a file of their own, without\n"
-    "decoding: the same pixels, from the same bytes. An end left out is the\n"
-    "file's: 24: is all from frame 24 on. A segment is decoded as a whole, so\n"
-    "the range must begin and end where segments do; `saga info` lists them.\n"
-    "Layers may be left out of a file that has them: fewer bytes, a coarser\n"
-    "picture. `saga cut FILE : --layers 1` keeps all frames, and of each what\n"
-    "the first layer has. Sound is kept with all frames, else left out.\n",
+    "copies some frames into a new file",
+    "Writes frames A to B - 1 of a .saga file as a new file, without decoding\n"
+    "them; bytes and pixels stay the same. A missing A is the first frame, a\n"
+    "missing B the end, so that 24: means all from frame 24 on. Segments can\n"
+    "only be copied whole, so the range must begin and end where segments do;\n"
+    "`saga info` lists them.\n"
+    "\n"
+    "If a file was made with `saga encode --layers`, --layers drops the last\n"
+    "layers, which saves bytes and makes the picture coarser: `saga cut FILE\n"
+    ": --layers 1` keeps the first layer of all frames. Sound is kept only if\n"
+    "all frames are kept.\n",
     option_list, 2, run_cut, NULL
 };
 
 const saga_command saga_command_join = {
     "join", "A B...", 2,
-    "files, one after the other",
+    "appends files to each other",
     "Writes a .saga file that shows A, then B and so on, without decoding.\n"
-    "They must have the same networks, model, cameras and frame rate: files\n"
-    "that `saga cut` took out of one encoding, or `saga encode --only` made,\n"
-    "in any order, or twice the same. Files of two encodings have networks of\n"
-    "their own, and are refused. More than 1,024 are joined in steps.\n"
-    "Sound is left out.\n",
+    "The files must have the same networks, model, cameras and frame rate.\n"
+    "This is so if `saga cut` cut them from one file, or if `saga encode\n"
+    "--only` made them for one capture. Any order is allowed, and a file may\n"
+    "be given twice. Files of separate encodings have different networks, and\n"
+    "are refused. Sound is left out. At most 1,024 files are joined at once;\n"
+    "join more in several steps.\n",
     option_list, 1, run_join, NULL
 };

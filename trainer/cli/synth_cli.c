@@ -92,43 +92,52 @@ static int run(int argc, char **argv)
 }
 
 static const saga_cli_option option_list[] = {
-    { "--scene", "room|ring", "room, from the front (default), or ring: hard "
-      "motion,\ncameras all round", saga_cli_text, offsetof(options, scene), 0,
-      0 },
-    { "--size", "WxH", "pixels of a picture (default 320x180)", saga_cli_size,
-      offsetof(options, size), 8, 4096 },
-    { "--cameras", "N", "on an arc (default 10), of the ring all round\n"
-      "(default 14)", saga_cli_int, offsetof(options, cameras), 2, 99 },
-    { "--hold-out", "N", "cameras not to be trained on (default 2)",
+    { "--scene", "room|ring",
+      "the room, seen from the front (default), or the ring,\n"
+      "with cameras all round and motion that is hard to code", saga_cli_text,
+      offsetof(options, scene), 0, 0 },
+    { "--size", "WxH",
+      "width and height of a picture in pixels (default 320x180)",
+      saga_cli_size, offsetof(options, size), 8, 4096 },
+    { "--cameras", "N",
+      "number of cameras (default 10 on an arc; for the ring 14\n"
+      "all round)", saga_cli_int, offsetof(options, cameras), 2, 99 },
+    { "--hold-out", "N", "number of cameras to keep from training (default 2)",
       saga_cli_int, offsetof(options, hold_out), 0, 97 },
-    { "--frames", "N", "frames (default 24, ring 32)", saga_cli_int,
+    { "--frames", "N", "number of frames (default 24, ring 32)", saga_cli_int,
       offsetof(options, frames), 1, 100000 },
     { "--fps", "F", "frames per second (default 24, ring 30)", saga_cli_real,
       offsetof(options, fps), 0, 0 },
-    { "--samples", "N", "per pixel and axis (default 2, ring 3)", saga_cli_int,
+    { "--samples", "N",
+      "samples per pixel along each axis (default 2, ring 3)", saga_cli_int,
       offsetof(options, samples), 1, 8 },
-    { "--depth-every", "N", "true depth for every Nth frame; 0: none (default "
+    { "--depth-every", "N",
+      "write true depth for every Nth frame; 0 for none (default\n"
       "12)", saga_cli_int, offsetof(options, depth_every), 0, 100000 },
-    { "--points", "N", "points as structure from motion finds them (default "
-      "3000)", saga_cli_int, offsetof(options, points), 0, 1000000 },
-    { "--seed", "N", "of the points' places and noise; of the ring's\n"
-      "colours, shapes and motions besides (default 1)", saga_cli_int,
-      offsetof(options, seed), 0, INT32_MAX },
-    { "--exr", NULL, "pictures as EXR, not PNG", saga_cli_flag,
+    { "--points", "N",
+      "number of points in points.ply, as structure from motion\n"
+      "would find them (default 3000)", saga_cli_int, offsetof(options,
+      points), 0, 1000000 },
+    { "--seed", "N",
+      "seed of the points, and for the ring also of its colours,\n"
+      "shapes and motions (default 1)", saga_cli_int, offsetof(options, seed),
+      0, INT32_MAX },
+    { "--exr", NULL, "write pictures as EXR instead of PNG", saga_cli_flag,
       offsetof(options, exr), 0, 0 },
-    { "--threads", "N", "threads (default: all cores); no effect on the files",
-      saga_cli_int, offsetof(options, threads), 1, 1024 },
+    { "--threads", "N",
+      "number of threads (default: all cores); the files do not\n"
+      "depend on it", saga_cli_int, offsetof(options, threads), 1, 1024 },
     SAGA_CLI_QUIET(options, quiet)
 };
 
 const saga_command saga_command_synth = {
     "synth", "DIR", 1,
-    "a built-in scene, rendered as a capture",
-    "Renders a small moving scene with exact cameras into a new folder:\n"
-    "transforms.json, pictures, depth, points.ply. The room has something\n"
-    "that rotates, something that appears, something thin, something glossy;\n"
-    "in the ring somebody runs and throws a ball, things come and go from one\n"
-    "picture to the next, and displays show a new picture in every frame.\n"
+    "renders a built-in scene as a capture",
+    "Renders a small moving scene with exactly known cameras into a new\n"
+    "folder: transforms.json, pictures, depth maps and points.ply. The room\n"
+    "has things that rotate, that appear, that are thin and that are glossy.\n"
+    "In the ring somebody runs and throws a ball, things come and go from one\n"
+    "picture to the next, and displays change their picture in every frame.\n"
     "The same options give the same bytes.\n",
     option_list, (int)(sizeof option_list / sizeof option_list[0]), run, NULL
 };

@@ -204,22 +204,23 @@ static int run(int argc, char **argv)
 
 static const saga_cli_option option_list[] = {
     SAGA_CLI_PICTURE(options, picture),
-    { "--json", NULL, "the same as JSON", saga_cli_flag,
+    { "--json", NULL, "print the report as JSON", saga_cli_flag,
       offsetof(options, json), 0, 0 },
     SAGA_CLI_QUIET(options, quiet)
 };
 
 const saga_command saga_command_verify = {
     "verify", "FILE", 1,
-    "how exact the decoder's integers are on it",
-    "Decodes a segment and one picture twice: with the integer decoder, and\n"
-    "by the same formulas in double, without any rounding. Tells of each\n"
-    "stage how far they are apart: alone, in double on what the integers\n"
-    "gave it, and with everything in double since the symbols. Errors are in\n"
-    "units, and in steps of the integers' format, where rounding alone is\n"
-    "0.29. The picture stands beside float64 rounded to 8 bits. In some\n"
-    "pixels the two cut or stop differently: a splat below 1/256, light below\n"
-    "8/65536.\n"
+    "measures how exact the integer decoder is",
+    "Decodes one segment and one picture twice: with the integer decoder, and\n"
+    "in double precision with the same formulas and without rounding. For\n"
+    "each stage it reports how far the results differ: if the stage alone is\n"
+    "computed in double from the integers before it, and if everything since\n"
+    "the decoded symbols is computed in double. Errors are printed in units,\n"
+    "and in steps of the integer format, in which rounding alone causes 0.29.\n"
+    "The picture is compared with the one in double, rounded to 8 bits. A few\n"
+    "pixels differ more, because small contributions are left out: splats\n"
+    "below 1/256, and what lies behind the last 8/65536 of the light.\n"
     "\n"
     "  saga verify scene.saga --camera 2 --frame 15\n",
     option_list, (int)(sizeof option_list / sizeof option_list[0]), run, NULL

@@ -309,24 +309,26 @@ static int run(int argc, char **argv)
 }
 
 static const saga_cli_option option_list[] = {
-    { "--port", "N", "serve there (default: 8470, or any that is free)",
-      saga_cli_int, offsetof(options, port), 1, 65535 },
-    { "--seconds", "N", "give up when decoding a segment takes longer\n"
-      "(default: 30)", saga_cli_int, offsetof(options, seconds), 1, 1000000 }
+    { "--port", "N", "port of the server (default: 8470, or another that is\n"
+      "free)", saga_cli_int, offsetof(options, port), 1, 65535 },
+    { "--seconds", "N",
+      "give up if decoding a segment takes longer (default: 30)",
+      saga_cli_int, offsetof(options, seconds), 1, 1000000 }
 };
 
 const saga_command saga_command_view = {
     "view", "FILE", 1,
-    "a file in the browser, from any side, playing",
-    "Serves a page that shows a .saga file, decoded in the browser to the\n"
-    "same pixels, on this machine alone. Prints the address; Ctrl-C ends.\n"
+    "plays a file in the browser, from any side",
+    "Shows a .saga file in a page, where the browser decodes it to the same\n"
+    "pixels. The command prints the page's address, which only this machine\n"
+    "can reach. Ctrl-C ends the command.\n"
     "\n"
     "  saga view scene.saga\n"
     "  saga view scene.saga.ckpt\n"
     "\n"
-    "A checkpoint of `saga encode` is shown as if its training ended there:\n"
-    "the finished segments, and the one in training once its rendering has\n"
-    "begun. The training may go on meanwhile, or be stopped. While a base is\n"
-    "trained there is nothing to show.\n",
+    "A checkpoint of `saga encode` is shown as if the training had ended\n"
+    "there: all finished segments, and the segment in training as soon as its\n"
+    "rendering stage has begun. The training may continue meanwhile. While a\n"
+    "base is trained there is nothing to show.\n",
     option_list, (int)(sizeof option_list / sizeof option_list[0]), run, NULL
 };

@@ -35,27 +35,33 @@ typedef struct saga_ablation {
  * help. A word that ends in '=' is followed by a number; the others set 1. */
 #define SAGA_ABLATION_WORDS(X) \
     X(no_hyper, "no-hyperprior", "  ", 1, \
-      "what a network says of each position") \
-    X(no_parent, "no-parent", "      ", 1, "what the coarser tier holds") \
-    X(no_bank, "no-bank", "        ", 1, "what the memory bank holds") \
+      "the network that predicts from positions") \
+    X(no_parent, "no-parent", "      ", 1, \
+      "prediction from the coarser tier") \
+    X(no_bank, "no-bank", "        ", 1, "prediction from the memory bank") \
     X(no_base, "no-base", "        ", 1, \
-      "what stands still, once for all segments") \
+      "the base, which stores once what stands\n" \
+      "               still") \
     X(no_steep, "no-steep", "       ", 1, \
-      "splats steeper than normal curves") \
+      "splats that fall off more steeply than a\n" \
+      "               normal distribution") \
     X(no_teachers, "no-teachers", "    ", 1, \
-      "pictures between cameras that are far\n" \
-      "               apart, drawn by models made for that") \
+      "extra models that draw views between\n" \
+      "               cameras that stand far apart") \
     X(groups, "groups=", "K       ", SAGA_MAX_GROUPS, \
-      "1 to 16 groups of anchors, each coded by\n" \
-      "               what the earlier ones hold; 1: none (8)") \
+      "use K groups of anchors, 1 to 16 (default\n" \
+      "               8); each is predicted from the earlier\n" \
+      "               ones, so 1 switches this off") \
     X(slots, "slots=", "L        ", SAGA_MAX_SLOTS, \
-      "a memory bank of 32, 64, 128, 256 or 512\n" \
-      "               slots (64, below 40,000 primitives none)") \
+      "use a memory bank of L slots: 32, 64,\n" \
+      "               128, 256 or 512 (default 64, and no\n" \
+      "               bank below 40,000 primitives)") \
     X(plain_update, "plain-update", "   ", 1, \
-      "a bank whose slots are told all, not only\n" \
-      "               what they do not hold yet") \
+      "store each token in the bank in full,\n" \
+      "               instead of only what is new in it") \
     X(raw_networks, "raw-networks", "   ", 1, \
-      "parameters unpriced, in steps of 1/2048")
+      "store network weights in steps of 1/2048,\n" \
+      "               at no price")
 
 /* A row of the help, on a line of its own. */
 #define SAGA_ABLATION_HELP(member, word, value, most, help) \

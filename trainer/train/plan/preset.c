@@ -15,12 +15,13 @@ static const saga_preset presets[] = {
     { .name = "fast", .primitives = 0.7, .iterations = 8000, .visits = 10,
       .still_minutes = 0.35, .still_visits = 30, .better = "best",
       .plus = "all stages and tools; large pictures of a still capture are "
-              "reduced if there is no time for all visits" },
+              "made smaller if the time is too short for all visits" },
     { .name = "balanced", .primitives = 1, .iterations = 20000, .visits = 25,
       .still_visits = 25, .teachers = 2, .better = "best",
-      .plus = "as fast, but pictures of a still capture keep their size; 1.4 "
-              "times the primitives, 2.5 times the visits; two teachers if "
-              "cameras are far apart; the default" },
+      .plus = "the default: as fast, with 1.4 times the primitives and 2.5 "
+              "times the visits; pictures of a still capture keep their "
+              "size; two teachers, which are extra models that draw views "
+              "between cameras, if cameras stand far apart" },
     { .name = "best", .primitives = 1.4, .iterations = 60000, .visits = 75,
       .still_visits = 75, .teachers = 2,
       .plus = "as balanced, with 1.4 times the primitives and 3 times the "
