@@ -34,25 +34,27 @@ def near(a, b):
 
 anchor = [(1000, 30.0), (2100, 32.5), (3900, 34.0), (9000, 36.0)]
 near(bd_rate(anchor, anchor), 0)
-# 10 % more bytes everywhere, whatever the curve; order is of no matter.
+# 10 % more bytes must be a BD-rate of 10, whatever the curve and the order.
 near(bd_rate(anchor, [(1.1 * r, p) for r, p in anchor[::-1]]), 10)
-# log-rates that are lines, which the cubic repeats: they differ by 0.2 at 30
-# dB and by 0.02 more for each dB; common are 31 to 33 dB, whose middle has
-# 0.24.
+# The logarithms of the rates are lines, which the cubic reproduces. They differ
+# by 0.2 at 30 dB and by 0.02 more for each dB. Both curves have 31 to 33 dB, in
+# whose middle they differ by 0.24.
 a = [(math.exp(5 + 0.3 * (p - 30)), p) for p in (30, 31.5, 33)]
 b = [(math.exp(5.2 + 0.32 * (p - 30)), p) for p in (31, 32, 33.5, 35)]
 near(bd_rate(a, b), 100 * (math.exp(0.24) - 1))
 near(bd_rate(b, a), 100 * (math.exp(-0.24) - 1))
-# Through (0, 0), (1, 1), (2, 1): slopes 1 and 0 give derivatives 3/2, 0, 0.
-# Hermite on [0, 1]: 1/2 + (3/2) / 12 = 0.625; then 1. Half of the first: with
-# t = 1/2, y = 3/2 t - t^3 / 2, the integral is 3/16 - 1/128.
+# The cubic through (0, 0), (1, 1), (2, 1) has slopes 1 and 0, and therefore
+# derivatives 3/2, 0, 0. Its integral is 1/2 + (3/2) / 12 = 0.625 over [0, 1]
+# and 1 over [1, 2]. Over [0, 1/2], where y = 3/2 t - t^3 / 2, it is 3/16 -
+# 1/128.
 near(integral([0, 1, 2], [0, 1, 1], 0, 2), 1.625)
 near(integral([0, 1, 2], [0, 1, 1], 0, 0.5), 3 / 16 - 1 / 128)
-# An interior derivative: slopes 1 and 3 at equal spacing, 2 / (1 + 1/3) = 3/2;
-# ends (3 - 3) / 2... = 0 and (9 - 1) / 2 = 4. Hermite sums: 1/2 + (0 - 3/2) /
-# 12, and (1 + 4) / 2 + (3/2 - 4) / 12.
+# With slopes 1 and 3, the interior derivative is 2 / (1 + 1/3) = 3/2, and those
+# at the ends are 0 and (9 - 1) / 2 = 4. The integrals are 1/2 + (0 - 3/2) / 12
+# and (1 + 4) / 2 + (3/2 - 4) / 12.
 near(integral([0, 1, 2], [0, 1, 4], 0, 2), 0.5 - 0.125 + 2.5 - 2.5 / 12)
-# Bytes twice as many and half as many are no change, on the average.
+# A run with twice the bytes and one with half the bytes must give a mean change
+# of 0.
 class Run:
     def __init__(self, n):
         self.bytes = n
@@ -60,7 +62,8 @@ class Run:
 
 near(same_symbols([Run(10), Run(300)], [Run(20), Run(150)]), 0)
 near(same_symbols([Run(10), Run(300)], [Run(40), Run(300)]), 100)
-# Nothing in common, or quality that falls with the rate at the same PSNR.
+# There must be no result if the curves have no quality in common, or if two
+# rates of a curve have one PSNR.
 assert bd_rate(anchor, [(r, p + 9) for r, p in anchor]) is None
 assert bd_rate(anchor, [(1000, 30.0), (2000, 30.0)]) is None
 assert bd_rate(anchor, anchor[:1]) is None

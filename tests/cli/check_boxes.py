@@ -47,7 +47,8 @@ def picture(path, frame):
 
 
 def wanted(film):
-    """The samples as ffprobe should tell them: time, duration, length."""
+    """Yields for each sample what ffprobe should report: time, duration,
+    length."""
     parts, time = boxes.parts_of(film), 0
     for frames, data in parts["segments"]:
         duration = frames * parts["rate"][1]
@@ -79,7 +80,8 @@ def check_mp4(tmp):
     samples = [data[int(p["pos"]):][:int(p["size"])] for p in told["packets"]]
     if head + b"".join(samples) != film:
         complain("configuration and samples are not the film")
-    # The second segment, of which the index tells, and zeros for the others.
+    # The film has the second segment, as the index locates it, and zeros for
+    # the others.
     at, n = places[2 + 1]
     sizes = [size for _, _, size in wanted(film)]
     write(tmp + "/part.saga", head + bytes(sizes[0]) +
@@ -108,7 +110,7 @@ def check_hls(tmp):
 
 
 def with_film(glb, film):
-    """A glTF file of a frame with the film beside it."""
+    """Returns a glTF file of a frame, with the film in its buffer."""
     n_json, = struct.unpack_from("<I", glb, 12)
     gltf, bin = json.loads(glb[20:20 + n_json]), glb[28 + n_json:]
     film_padded = film + bytes(-len(film) % 4)
@@ -129,7 +131,7 @@ def with_film(glb, film):
 
 
 def film_of(glb):
-    """The film that the extension tells of."""
+    """Returns the film to which the extension refers."""
     n_json, = struct.unpack_from("<I", glb, 12)
     gltf = json.loads(glb[20:20 + n_json])
     of = gltf["meshes"][0]["primitives"][0]["extensions"]

@@ -60,7 +60,7 @@ for c in $(sed -n 's/^  \([a-z][a-z]*\)  *[A-Z].*/\1/p' "$tmp/out"); do
         "$tmp/out" >>"$tmp/bad"
 done
 grep -q . "$tmp/help" || complain "--help lists no command"
-# README's table of layouts says what the loaders say.
+# The README's table of layouts must have what the help has from the loaders.
 "$saga" help check | awk '
     /^A capture is a folder/ { on = 1 }
     on && /^  [^ ]/ { if (row) print row; row = substr($0, 3)
@@ -72,7 +72,7 @@ sed -n '/^| layout /,/^$/s/^| \(.*\) |$/\1/p' README.md |
 grep -q '^COLMAP | images/' "$tmp/layouts" ||
     complain "help check lists no layouts"
 diff "$tmp/layouts" "$tmp/readme" >>"$tmp/bad" || :
-# The page on presets has what the program prints.
+# docs/presets.md must have what `saga help presets` prints.
 expect 0 help presets
 sed 's/^\(.\)/    \1/' "$tmp/out" >"$tmp/presets"
 awk '/^    / { on = 1 } /^[^ ]/ { if (on) exit } on' docs/presets.md |
@@ -223,7 +223,8 @@ for f in vectors/bad/*.saga; do
         "$saga_dec" "$f" --info >/dev/null 2>&1 || refused=1
         ;;
     esac
-    # A stream can be wrong inside sound chunks: only decoding finds that.
+    # A stream whose chunks are intact may still be invalid, which only decoding
+    # finds.
     [ "$rc" = "$refused" ] || { [ "$rc" = 1 ] && [ "$refused" = 0 ]; } ||
         complain "$f: status $rc"
     [ "$rc" = 0 ] || grep -qF -e "saga: $f: " "$tmp/err" ||
@@ -231,7 +232,8 @@ for f in vectors/bad/*.saga; do
     [ "$rc" = 0 ] || [ "$(wc -l <"$tmp/err")" = 1 ] ||
         complain "$f: not one line of message"
 done
-# saga-dec says of each what MANIFEST has, whichever function finds it.
+# saga-dec must report for each bad vector the status that MANIFEST has,
+# whichever function finds it.
 while read -r f what status; do
     [ "$what" = status ] || continue
     case $status in
@@ -246,12 +248,14 @@ while read -r f what status; do
         complain "saga-dec $f: status $rc, no '$said': $(head -n 1 "$tmp/err")"
 done <vectors/MANIFEST
 [ "$n" -ge 20 ] || complain "only $n bad vectors"
-# A file that is no .saga file at all.
+# A file that is no .saga file must be reported as such.
 told 1 'not a .saga file' info tests/cli/check_cli.sh
-# No saga is newer than a file of version 0.
+# A stream of version 0 is damaged, because no saga writes it; one of version
+# 256 needs a newer saga.
 told 1 'it is damaged, copy it again' info vectors/bad/version_zero.saga
 told 1 'it needs a newer saga' info vectors/bad/version_256.saga
-# One byte changed at the end of a segment: told which, the others shown.
+# If a byte at the end of a segment has changed, the message must name the
+# segment, and the report must still have the other segments.
 cp "$good" "$tmp/flip.saga"
 printf 'X' | dd of="$tmp/flip.saga" bs=1 conv=notrunc status=none \
     seek=$(($(wc -c <"$good") - 1))
@@ -263,7 +267,8 @@ assert [s["damaged"] for s in j["segments"]] == [False, False, True]
 assert sum(j["bytes"].values()) == j["nbytes"]' "$tmp/out" 2>"$tmp/py" ||
     complain "a flipped byte: $(tail -n 1 "$tmp/py")"
 grep -q 'CRC' "$tmp/err" || complain "a flipped byte: $(cat "$tmp/err")"
-# Checksums that begin anew in every chunk, as they once did.
+# In this stream, the checksum of each chunk begins anew, as it did in
+# pre-releases.
 python3 -c '
 import sys
 b = bytearray(open(sys.argv[1], "rb").read())
@@ -286,7 +291,7 @@ frames=$("$saga" info "$scene" --json |
          python3 -c 'import json, sys; print(json.load(sys.stdin)["n_frames"])')
 last=$(printf %05d $((frames - 1)))
 middle=$(printf %05d $((frames / 2)))
-# same PNG PPM: the same size and pixels.
+# same PNG PPM: checks that both have the same size and pixels.
 cat >"$tmp/same.py" <<'PYTHON'
 import struct, sys, zlib
 
@@ -334,12 +339,13 @@ expect 0 render "$scene" -o "$tmp/seq/b%d.exr" --orbit 3 --size 64x32
     "$(printf 'a%03d.png ' $((frames - 2)) $((frames - 1)))b0.exr b1.exr b2.exr " ] ||
     complain "a sequence makes $(ls "$tmp/seq")"
 rm -f "$tmp"/*.p?m "$tmp"/*.png
-# 28 MB for the pixels, 64 to draw them; 160 hold all of the picture at once.
+# The picture takes 28 MB for its pixels and 64 MB to be drawn in bands; drawing
+# it at once would take 160 MB, which exceed the limit.
 (ulimit -c 0 -v 140000
  "$saga" render "$scene" -o "$tmp/big.png" --size 3072x3072 --threads 1 \
      >"$tmp/out" 2>"$tmp/err") || complain "bands: $(cat "$tmp/err")"
 rm -f "$tmp/big.png"
-# 805 MB for the pixels.
+# The pixels alone take 805 MB.
 (ulimit -c 0 -v 500000
  "$saga" render "$scene" -o "$tmp/big.png" --size 16384x16384 \
      >"$tmp/out" 2>"$tmp/err")
@@ -375,7 +381,7 @@ expect 1 render vectors/bad/crc_segment.saga -o "$tmp/x.png"
 says 'segment 0 is refused'
 says 'saga info'
 told 1 'header is refused' render vectors/bad/crc_header.saga -o "$tmp/x.png"
-# Sound, but not of this stream, as a file of an earlier saga is.
+# These streams are undamaged, but not valid, as a file of a pre-release is.
 for f in scale_below_zero more_than_maximum; do
     expect 1 render vectors/bad/$f.saga -o "$tmp/x.png"
     says 'pre-release of saga: encode it again'
@@ -503,8 +509,8 @@ verdict synth
 cat >"$tmp/names.py" <<'PYTHON'
 import json, os, shutil, sys
 
-# A still of each camera as a COLMAP model. The first byte of e-acute in UTF-8
-# is the last that a name has room for.
+# Write a picture of each camera as a COLMAP model. In one name, the first byte
+# of e-acute in UTF-8 is at the last place that a name can have.
 cap, to = sys.argv[1], os.fsencode(sys.argv[2])
 names = [b"caf\xe9", b"caf\xe8", b"x" * 62 + "\u00e9".encode(), b"plain"]
 j = json.load(open(cap + "/transforms.json"))
@@ -555,7 +561,7 @@ assert sorted(w["name"] for w in i["rig"]) == names, i["rig"]
 assert sorted(w["name"] for w in c["views"]) == names, c["views"]
 ' "$tmp/encode.json" "$tmp/eval.json" "$tmp/info.json" "$tmp/out" \
     2>"$tmp/py" || complain "names that are no UTF-8: $(tail -n 1 "$tmp/py")"
-# No camera is left out of a file that has such a name.
+# No camera may be left out of a file in which a name is not UTF-8.
 python3 -c '
 import sys
 b = bytearray(open(sys.argv[1], "rb").read())
@@ -580,8 +586,8 @@ python3 -c '
 import json, sys
 assert len(json.load(open(sys.argv[1]))["rig"]) == 3' "$tmp/out" \
     2>"$tmp/py" || complain "info of a name that is no UTF-8 lacks cameras"
-# A name that a report cannot hold is an error, before the work where it is
-# known.
+# A name that JSON cannot hold must be an error, before the work starts if it is
+# known by then.
 mv "$tmp/odd" "$tmp/$latin"
 expect 2 encode "$tmp/$latin" -o "$tmp/new.saga" --primitives 20 \
     --iterations 6 --json
@@ -621,7 +627,8 @@ if not all(base64.b64decode(p)[:2] == b"\xff\xd8" for p in pictures):
 if "<b>" in text or "cam&#60;b&#62;" not in text or "1.0" not in text:
     print("check --html: a name is not escaped, or missing")
 PYTHON
-# 24 frames are a segment, though they are two minutes; 48 are two.
+# 24 frames must be one segment, although they are two minutes long; 48 must be
+# two.
 expect 0 synth "$tmp/long" --size 32x18 --cameras 3 --hold-out 0 --frames 48 \
     --fps 0.2 --samples 1 --depth-every 0 --points 100
 for span in 0:24 0:48; do
@@ -639,8 +646,8 @@ for f, n in (one, 1), (two, 2):
 PYTHON
 expect 0 check "$tmp/long"
 grep -q 'in 2 segments' "$tmp/out" || complain "check: no word of segments"
-# Sixteen photographs of 800 x 500 take longer than preset fast has, at half of
-# their size not.
+# Sixteen photographs of 800 x 500 must take longer than the preset fast has
+# time for; at half their size they must not.
 expect 0 synth "$tmp/wide" --size 40x25 --cameras 16 --hold-out 0 --frames 1 \
     --samples 1 --depth-every 0 --points 100
 python3 - "$tmp/wide" >>"$tmp/bad" 2>&1 <<'PYTHON'
@@ -667,8 +674,9 @@ expect 0 check "$tmp/wide"
     '    with pictures at 1/2 of their size, for which it has time' ] &&
     [ "$(grep -c 'of their size' "$tmp/out")" = 1 ] ||
     complain "check: the forecast of photographs: $(grep preset "$tmp/out")"
-# Four cameras, 16 degrees apart, have teachers but with preset fast. Two take
-# half as long again for a still, and a fifth for frames that may move.
+# Four cameras that are 16 degrees apart must be trained with teachers, except
+# by the preset fast. Two teachers take half of the time in addition for a
+# still, and a fifth for frames that may move.
 for n_moments in 1 2; do
     expect 0 synth "$tmp/apart$n_moments" --size 40x25 --cameras 4 --hold-out 0 \
         --frames $n_moments --samples 1 --depth-every 0 --points 100
@@ -686,7 +694,7 @@ for name, part in zip(sys.argv[1:], (1 / 4, 1 / 10)):
                 abs(f["cpu_minutes"] / minutes - 1 - part * n) > 1e-6):
             print("check: a forecast with", n, "teachers is", f)
 PYTHON
-# says_plan TEXT OPTIONS...: what encode says before it trains.
+# says_plan TEXT OPTIONS...: checks what encode prints before it trains.
 says_plan() {
     local text=$1 pid i
     shift
@@ -705,7 +713,8 @@ says_plan() {
 says_plan 'pictures at 1/2 of their size, for which preset fast has time'
 says_plan '480 iterations: preset fast, 30 visits' --scale 1
 ! grep -q 'of their size' "$tmp/err" || complain "--scale 1 is not obeyed"
-# Nobody to compare one camera with; nothing to tell of four frames' time.
+# For one camera there must be no comparison with others, and for four frames no
+# estimate of delays.
 mkdir "$tmp/alone"
 python3 - "$tmp/long" "$tmp/alone" >>"$tmp/bad" 2>&1 <<'PYTHON'
 import json, os, sys
@@ -736,7 +745,8 @@ for v in j["views"]:
     assert (v["angle_degrees"] is None) == (v["shared"] is None) == alone, v
 ' $name <"$tmp/out" >>"$tmp/bad" 2>&1 || complain "check --json of $name"
 done
-# Poses of another convention are named; what --fix writes has nothing to mind.
+# Poses in another convention must be named, and the capture that --fix writes
+# must have no fault.
 expect 0 synth "$tmp/poses" --size 240x136 --cameras 7 --hold-out 0 --frames 1 \
     --depth-every 0 --points 400
 python3 - "$tmp/poses/transforms.json" >>"$tmp/bad" 2>&1 <<'PYTHON'
@@ -744,7 +754,8 @@ import json, sys
 
 j = json.load(open(sys.argv[1]))
 for f in j["frames"]:
-    # World to camera in OpenCV's axes: R^T and -R^T C of x right, y down, z on.
+    # Write world to camera in OpenCV's axes: R^T and -R^T C with x right, y
+    # down, z forward.
     m = f["transform_matrix"]
     axes = [[s * m[i][k] for i in range(3)]
             for k, s in ((0, 1), (1, -1), (2, -1))]
@@ -761,18 +772,19 @@ grep -q '^nothing to mind' "$tmp/out" ||
 expect 0 check "$tmp/poses/fixed.json" --fix "$tmp/poses/again.json"
 grep -q 'nothing was found that --fix' "$tmp/err" && [ ! -e "$tmp/poses/again.json" ] ||
     complain "check --fix of what is right"
-# The folder counts, not how it is called.
+# A folder may be named in another way, as long as it is the same folder.
 expect 0 check "$tmp/./poses" --fix "$tmp/poses/../poses/beside.json"
 cmp -s "$tmp/poses/beside.json" "$tmp/poses/fixed.json" ||
     complain "check --fix beside the capture"
-# Small errors are found too; the lens that all had becomes one of each.
+# Small errors must be found, too. Where all cameras had one lens, each must get
+# a lens of its own.
 python3 - "$tmp/poses" >>"$tmp/bad" 2>&1 <<'PYTHON'
 import json, sys
 
 j = json.load(open(sys.argv[1] + "/fixed.json"))
 for i, f in enumerate(j["frames"]):
     f["fl_x"] = f.get("fl_x", j.get("fl_x")) * (1.01, 0.99, 1.005)[i % 3]
-    # A turn of 0.3 degrees about one of the camera's axes x and y.
+    # Turn the camera by 0.3 degrees about its x or y axis.
     for row in f["transform_matrix"][:3]:
         row[2] += (0.005, -0.005)[i // 2 % 2] * row[i % 2]
         row[i % 2] -= (0.005, -0.005)[i // 2 % 2] * row[2]
@@ -873,8 +885,8 @@ awk 'length > 100 { print "eval: " length " columns" }
     rows { sum += $(NF - 2) }
     $0 == "bytes" { rows = 1 }
     END { if (!sum) print "no bytes" }' "$tmp/out" >>"$tmp/bad"
-# A part of the file is what the same frames of the whole one are; a single
-# frame has nothing that changes.
+# The scores of a part of the film must be those of the same frames in the whole
+# film. In a single frame no pixel changes.
 expect 0 eval "$scene" "$cap" --json --no-ssim --only 3:5
 cp "$tmp/out" "$tmp/part"
 expect 0 eval "$scene" "$cap" --json --no-ssim --only 3:4
@@ -893,8 +905,8 @@ expect 0 eval "$scene" "$cap" --no-ssim --only "$((frames - 1)):"
 grep -q "^  frames    $((frames - 1)) of it alone; the file's" "$tmp/out" ||
     complain "--only of the last frame: $(grep '  frames ' "$tmp/out")"
 told 1 "$((frames + 1))" eval "$scene" "$cap" --only "3:$((frames + 1))"
-# Another codec's pictures, here the very same: nothing is wrong, nothing has a
-# size.
+# The capture is compared with its own pictures as if they were another codec's.
+# There must be no error, and no size of a file.
 expect 0 eval "$cap" "$cap" --json --no-ssim
 python3 -c 'import json, sys
 j = json.load(open(sys.argv[1]))
@@ -904,7 +916,8 @@ for v in j["views"]:
 ' "$tmp/out" 2>"$tmp/py" || complain "eval of pictures: $(tail -n 1 "$tmp/py")"
 expect 1 eval "$tmp/syn" "$cap"
 says "$tmp/syn: has 3 views of 2 frames, the capture 3 of $frames"
-# The segments' order: frame 0 shown as the last and the other way round.
+# If frame 0 and the last frame of a camera are exchanged, the scores of this
+# camera must fall.
 mv "$cap/images/cam01/00000.png" "$tmp/swap.png"
 mv "$cap/images/cam01/$last.png" "$cap/images/cam01/00000.png"
 mv "$tmp/swap.png" "$cap/images/cam01/$last.png"
@@ -925,7 +938,7 @@ told 2 '--scale takes 1/N, 1 to 64' eval "$scene" "$cap" --scale 1/0
 told 1 'chunk PRIM' eval vectors/bad/crc_segment.saga "$cap"
 told 2 "$scene/x" eval "$scene" "$cap" --pictures "$scene/x"
 mkdir -m 555 "$tmp/fixed"
-# Who may do everything must not, here.
+# root may write to any folder, so that the check drops these rights.
 [ "$(id -u)" = 0 ] && as=(setpriv --bounding-set=-all) || as=()
 if ! "${as[@]}" touch "$tmp/fixed/x" 2>/dev/null; then
     "${as[@]}" "$saga" eval "$scene" "$cap" --no-ssim \

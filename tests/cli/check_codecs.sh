@@ -21,7 +21,7 @@ export PYTHONDONTWRITEBYTECODE=1
     --depth-every 0 >"$tmp/log" 2>&1 || complain "$(cat "$tmp/log")"
 "$SAGA" encode "$tmp/cap" -o "$tmp/a.saga" --primitives 60 --iterations 30 \
     >"$tmp/log" 2>&1 || complain "$(cat "$tmp/log")"
-# An encoder that no ffmpeg has, beside a real one.
+# The list has an encoder that no ffmpeg has, next to one that exists.
 python3 - "$tmp" >"$tmp/say" 2>&1 <<'PYTHON' || complain "$(tail -n 1 "$tmp/say")"
 import importlib.util, os, sys
 sys.path.insert(0, "lab")
@@ -89,7 +89,8 @@ want = [f"{w:+.1f}" for w in want]
 assert one.replace(" %", "").split() == ["a", want[0], "-"] + want[1:], one
 assert two.replace(" %", "").split() == ["b", "+0.0", "-"] + ["+0.0"] * 3, two
 PYTHON
-# A curve that came with the capture has twice the bytes of saga's.
+# The anchor curve that comes with the capture has twice the bytes of saga's
+# curve.
 "$SAGA" encode "$tmp/cap" -o "$tmp/b.saga" --primitives 200 --iterations 200 \
     >"$tmp/log" 2>&1 || complain "$(cat "$tmp/log")"
 rm "$tmp/work/saga-1.json"

@@ -23,7 +23,8 @@ checks=double
 "$saga" synth "$tmp/scene" --size 96x54 --frames 4 --cameras 4 \
     >"$tmp/synth" 2>&1 || complain "synth fails"
 
-# train PROGRAM NAME SEED: what its log and `saga eval` say.
+# train PROGRAM NAME SEED: trains, and keeps the log and the report of `saga
+# eval`.
 train() {
     "$1" encode "$tmp/scene" -o "$tmp/$2.saga" --primitives 400 --preset fast \
         --iterations 300 --seed "$3" --log "$tmp/$2.$3.csv" >"$tmp/log" 2>&1 ||
@@ -36,7 +37,8 @@ for seed in 1 2 3 4; do
     train "$double/saga" double $seed
 done
 
-# apart WHAT: double less single of each seed, then their mean and the largest.
+# apart WHAT: prints double minus single for each seed, their mean, and the
+# largest absolute difference.
 apart() {
     python3 - "$tmp" "$1" <<'PYTHON'
 import csv, json, sys
@@ -58,7 +60,7 @@ print(*(f"{x:+.4f}" for x in d), f"{sum(d) / 4:.4f}",
       f"{max(map(abs, d)):.4f}")
 PYTHON
 }
-# within COLUMN DB WHAT: that column of apart's answer.
+# within COLUMN DB WHAT: checks that a column printed by `apart` is within DB.
 within() {
     apart "$3" >"$tmp/apart" 2>"$tmp/log" || complain "$(tail -1 "$tmp/log")"
     echo "     $3, dB, double less single, mean, largest: $(cat "$tmp/apart")"

@@ -45,7 +45,7 @@ cd "$tmp" || exit
 
 run_as=("$saga" encode)
 
-# leaves NAME...: nothing else but the captures is in the folder.
+# leaves NAME...: checks that the folder has only the captures and these files.
 leaves() {
     local was
     was=$(ls | grep -vxF -e "$(printf '%s\n' cap broken bad out err whole.saga \
@@ -125,7 +125,7 @@ stop() { # stop SIGNAL: a longer run, stopped after its first checkpoint
 }
 "$saga" encode cap -o s.saga --primitives 150 --iterations 3000 >out 2>err
 mv s.saga s.whole
-# A background job of a script ignores SIGINT unless job control is on.
+# Without job control, a background job of a script ignores SIGINT.
 set -m
 for signal in INT TERM; do
     stop $signal
@@ -153,7 +153,8 @@ leaves s.saga s.whole
 rm -f s.saga s.whole
 verdict stopped
 
-# The first percent of training that a terminal is shown.
+# percent.py prints the first percentage of the training that is shown on a
+# terminal.
 cat >percent.py <<'PYTHON'
 import os, pty, re, sys
 
@@ -199,7 +200,8 @@ for ((i = 0; i < 20; i++)); do
         sleep 0.01
     done
     kill -INT $pid
-    # Two that wait for a process are one: the second follows the first's handler.
+    # Two pending signals of the same number are delivered as one, so that the
+    # second is sent only after the first was handled.
     while grep -q '^ShdPnd:.*2$' /proc/$pid/status 2>/dev/null; do :; done
     kill -INT $pid
     wait $pid 2>/dev/null
@@ -313,7 +315,8 @@ verdict layers
 # ---- parts
 expect 0 cap -o nets "${small[@]}" --segment 2 --networks-only
 grep -q '^nets: networks of 2 segments' out || complain "$(head -n 1 out)"
-# rank R SIZE: every SIZE-th segment from R on, as docs/scale.md has it.
+# rank R SIZE: trains every SIZE-th segment from R on, as docs/scale.md
+# describes.
 rank() {
     local k
     for k in $(seq "$1" "$2" 1); do
@@ -387,7 +390,7 @@ for row, line in zip(rows, lines):
         assert float(row[key]) == line[key], (key, row, line)
 assert float(rows[6]["bits"]) == 0 < float(rows[7]["bits"])
 ' 2>>bad || complain "JSON lines: $(head -n 2 l.jsonl)"
-# Teachers come first, but in the preset fast.
+# Teachers must be trained first, except with the preset fast.
 still=(-o t.saga --frames 0:1 --primitives 60 --iterations 40 --log t.csv)
 expect 0 cap "${still[@]}"
 [ "$(sed -n 2p t.csv | cut -d, -f2)" = teachers ] ||
@@ -524,7 +527,8 @@ if mount -t tmpfs -o size=4k none small 2>/dev/null; then
     [ -z "$(ls small)" ] || complain "full disk leaves $(ls small)"
     umount small
 else
-    # Files of at most 4 blocks: the write fails as on a full disk.
+    # The write must fail as on a full disk, because files are limited to 4
+    # blocks.
     (trap '' XFSZ; ulimit -f 4
      "$saga" encode cap -o small/x.saga "${small[@]}" --primitives 900 \
         2>err | cat >out
@@ -559,7 +563,7 @@ done
 [ "$rc" = 0 ] || complain "40,000 KiB are too little"
 [ "$n" -ge 4 ] || complain "memory ended $n times"
 rm -f m.saga
-# The stacks of threads need some too.
+# The stacks of the threads need memory, too.
 for kib in 20000 60000 100000; do
     (ulimit -c 0 -v "$kib"
      exec "$saga" encode cap -o m.saga --primitives 1000 --iterations 12 \

@@ -27,8 +27,8 @@ LEAST_DB = 40
 LEAST_GAUSSIANS_DB = 30
 SIZE = 320, 180         # of the demo's cameras
 
-# Engine: its packages of npm, their versions, and which of their files a page
-# needs.
+# For each engine, its npm packages, their versions, and the files of them that
+# a page needs.
 ENGINES = {
     "three": (
         ("three", "0.187.0", ("build/three.module.js", "build/three.core.js",
@@ -37,7 +37,8 @@ ENGINES = {
     "playcanvas": (("playcanvas", "2.23.3", ("build/playcanvas.mjs",)),),
 }
 
-# How a page is asked to have the engine draw splats by itself.
+# The engine's own drawing of splats, by the word that the page's address has
+# for it.
 OWN = {"three": "spark", "playcanvas": "gsplat"}
 
 checks = Verdicts("engines")
@@ -45,7 +46,8 @@ complain, verdict = checks.complain, checks.verdict
 
 
 def fetch(engine):
-    """{path: bytes} of what a page of the engine needs, or None."""
+    """Returns {path: bytes} of the files that a page of the engine needs, or
+    None."""
     files = {}
     for name, version, wanted in ENGINES[engine]:
         package = npm.fetch(name, version, wanted)
@@ -65,9 +67,9 @@ def files_of(name):
     return files
 
 
-# Functions of a page that only tests ask for: `draw()` draws the scene and
-# gives its pixels, rows from the top; `settled()` waits until the film's splats
-# are those of the camera.
+# Functions that are added to the page for the tests: `draw()` draws the scene
+# and returns its pixels, rows from the top; `settled()` waits until the film's
+# splats are those of the camera.
 SHARED = """
 window.frame = () => new Promise((resolve) => requestAnimationFrame(resolve));
 window.settled = async () => {
@@ -117,7 +119,8 @@ window.background = () => Array.from(view.home.slice(19, 22),
     (x) => x / 32768);
 """
 
-# Each engine's own words for it: wall(depth) stands across the film's cameras.
+# The same functions for each engine. wall(depth) puts a wall across the view of
+# the film's cameras.
 WORDS = {"three": """
 window.view = film.view;
 window.made = () => film.values;
@@ -218,7 +221,8 @@ window.draw = () => {
 };
 """ % (2 * SIZE)}
 
-# The film's depth from its cameras, in the capture's units.
+# The distance of the film's middle from its first camera, in the capture's
+# units.
 MIDST = """Math.hypot(...view.toMetres(view.focus).map((x, i) =>
     x - view.rigPlace(0).matrix[12 + i]))"""
 
@@ -234,7 +238,7 @@ def check_picture(tab, name):
         })()""" % (frame, index, aside)))
     if min(told) < LEAST_DB:
         complain("beside the exact pictures, dB:", told)
-    # The rig's camera is found again in what the engine makes of it.
+    # The engine's camera, converted back, must be the rig's camera.
     off = tab.run("""(async () => {
         look(4, 0);
         await settled();
@@ -261,7 +265,8 @@ def check_depth(tab, name):
 
 
 def check_late(tab, name):
-    """Splats of camera 4, drawn from a place beside it."""
+    """Checks splats that were made for camera 4 and are drawn from a place
+    beside it."""
     db = tab.run("""(async () => {
         look(4, 0);
         await settled();

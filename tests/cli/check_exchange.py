@@ -39,8 +39,8 @@ from verdict import SAGA, SAGA_DEC, Verdicts, crc32c, read
 import npm  # noqa: E402  (verdict knows where)
 
 SCENE = "vectors/good/segments.saga"
-# The vector's segments begin at these frames, as tests/support/gen_stream.c
-# writes it; the last one ends where the file does.
+# The first frame of each segment of the vector, as tests/support/gen_stream.c
+# writes it; the last number is the end of the film.
 STARTS = [0, 19, 61, 78]
 DEMO = "docs/demo.saga"
 
@@ -58,7 +58,8 @@ def write(path, data):
 # --- A file's chunks, read and signed here ---------------------------------
 
 def signed(data):
-    """The bytes of a file with the CRCs of docs/bitstream.md, section 2."""
+    """Returns the file with the CRCs computed by docs/bitstream.md, section
+    2."""
     data = bytearray(data)
     at = struct.unpack_from("<I", data, 8)[0]
     owner = nets = crc32c(0, data[:at - 4])
@@ -78,7 +79,8 @@ def signed(data):
 
 
 def changed(data, at, value):
-    """The file with another byte, signed anew."""
+    """Returns the file with a byte changed by XOR and the CRCs computed
+    again."""
     data = bytearray(data)
     data[at] ^= value
     return signed(data)
@@ -92,7 +94,8 @@ def picture(path, frame):
 
 
 def same_pictures(path, first, other, start, n):
-    """Do n frames of path from `first` on look like other's from `start`?"""
+    """Checks that n frames of `path` from `first` on look like those of `other`
+    from `start` on."""
     for i in range(0, 2 * n, 7):
         if picture(path, 2 * first + i) != picture(other, 2 * start + i):
             complain(path, "differs from", other, "at half-frame", i)
@@ -136,7 +139,8 @@ def check_join(tmp, parts):
 
 
 def check_base(tmp):
-    """A base and names go with every part; parts of two bases are none."""
+    """Base and names must be in every part, and parts with different bases must
+    not be joined."""
     whole = "vectors/good/base_names.saga"
     data = read(whole)
     header_nbytes = struct.unpack_from("<I", data, 8)[0]
@@ -163,7 +167,7 @@ def check_base(tmp):
 
 
 def loud_from(path):
-    """Seconds until the first sample of a file's sound that is loud."""
+    """Returns the seconds until the first loud sample of a file's sound."""
     pcm = subprocess.check_output(
         ["ffmpeg", "-v", "error", "-i", path, "-f", "s16le", "-ac", "1",
          "-ar", "48000", "-"])
@@ -173,7 +177,8 @@ def loud_from(path):
 
 
 def check_film_sound(film, tmp):
-    """Of docs/demo.saga: 24 frames, one second; the sound begins at 0.25 s."""
+    """Checks films rendered from the demo, which has 24 frames in one second
+    and a sound that begins at 0.25 s."""
     out = tmp + "/film.mp4"
     for frames, begins, lasts in (("0:24", 0.25, 1), ("12:24", 0, 0.5)):
         saga("render", film, "--frames", frames, "-o", out)
@@ -262,7 +267,7 @@ def check_refused(tmp, part):
 # --- Splats ----------------------------------------------------------------
 
 def small_camera(index, scale):
-    """Camera `index` of the demo's rig, with a smaller picture."""
+    """Returns camera `index` of the demo's rig with a smaller picture."""
     info = json.loads(saga("info", DEMO, "--json"))
     c = info["rig"][index]
     for name in ("width", "height"):
@@ -273,7 +278,8 @@ def small_camera(index, scale):
 
 
 def drawn(path, camera, index, frame):
-    """PSNR of a PLY against our picture."""
+    """Returns the PSNR of a PLY, drawn by the independent renderer, against our
+    picture."""
     size = "%dx%d" % (camera["width"], camera["height"])
     out = os.path.dirname(path) + "/want.ppm"
     saga("render", DEMO, "--camera", index, "--frame", frame, "--size", size,
@@ -287,8 +293,9 @@ def drawn(path, camera, index, frame):
 
 def check_draw(tmp):
     camera = small_camera(3, 4)
-    # With saga's low-pass. Viewers have neither flat tops nor steep falls, so
-    # 31.5 dB at this quarter of the size; their own low-pass, 0.3, leaves less.
+    # The renderer uses saga's low-pass. Other programs have neither splats with
+    # a flat top nor steep ones, so that 31.5 dB are reached at a quarter of the
+    # size.
     for name, options, least in (("baked", ["--camera", "3"], 31),
                                  ("fitted", ["--sh", "1"], 31)):
         folder = tmp + "/" + name
@@ -310,8 +317,8 @@ def flat(matrix):
 
 
 def compare(a, b, name, bounds):
-    """Splats of two files; bounds of mean, rotation, log scale, opacity,
-    constant and other colours."""
+    """Compares the splats of two files. The bounds are of mean, rotation,
+    logarithm of scales, opacity, constant colour and other coefficients."""
     if len(a) != len(b):
         complain(name, "has", len(b), "splats, not", len(a))
     worst = [0.0] * 6
@@ -361,9 +368,9 @@ TRANSFORM = ("@playcanvas/splat-transform", "2.7.1", (
 
 
 def splat_transform(tmp):
-    """A function that converts a file with it, or None without npm. What it
-    takes from a graphics processor is not asked for here; it wants to find the
-    module all the same."""
+    """Returns a function that converts a file with splat-transform, or None
+    without npm. An empty module replaces webgpu, which this conversion does
+    not use but which must exist."""
     files = npm.fetch(*TRANSFORM) if npm.is_there() else None
     if files is None:
         return None
@@ -380,13 +387,14 @@ def splat_transform(tmp):
 
 
 def matched(a, b):
-    """Some splats of a, and of b those whose means are nearest to them."""
+    """Returns some splats of a, and for each of them the splat of b with the
+    nearest mean."""
     some = a[::len(a) // 60]
     return some, [min(b, key=lambda t: math.dist(s["mean"], t["mean"]))
                   for s in some]
 
 
-# Bounds of compare() for what another program reads: half a step of the means,
+# Bounds for compare() with what another program reads: half a step of the means
 # in metres (the scene is 8 m wide), of rotations, logarithms of scales,
 # opacities and colours. docs/results/export.md derives the steps.
 READ_BY_OTHERS = {
@@ -397,7 +405,7 @@ READ_BY_OTHERS = {
 
 
 def check_programs(tmp):
-    """What splat-transform reads from our files."""
+    """Checks what splat-transform reads from our files."""
     transform = splat_transform(tmp)
     if not transform:
         print("ok   exchange programs (skipped: no npm)")
@@ -413,7 +421,8 @@ def check_programs(tmp):
 
 
 def suffixes():
-    """The formats of `saga help export`."""
+    """Returns the suffixes of the formats in `saga help export`, which the
+    README must list, too."""
     rows = re.findall(r"^  (\.\S+) +(.*?): ", saga("help", "export"), re.M)
     page = read("README.md").decode()
     for suffix, name in rows:
@@ -423,7 +432,7 @@ def suffixes():
 
 
 def check_outputs(tmp):
-    """Names and places of what is exported."""
+    """Checks the names and places of exported files."""
     out, folder = tmp + "/none", tmp + "/ply"
     known = ", ".join(suffixes())
     if ".ply, " not in known:
@@ -461,7 +470,7 @@ COLUMNS = ["x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0",
 
 
 def ball(n, shift=0.0):
-    """Rows of splats on a sphere, coloured by place."""
+    """Returns rows of splats on a sphere, whose colours depend on the place."""
     rows = []
     for i in range(n):
         z = (2 * i + 1) / n - 1
@@ -482,7 +491,8 @@ def ply(rows, names=COLUMNS):
 
 
 def check_import(tmp):
-    # Wholly opaque is infinite; what is faint or nowhere is left out.
+    # An opacity of infinity is opaque; faint splats and those without a place
+    # must be left out.
     rows = ball(152)
     rows[7][6], rows[8][6], rows[9][7] = math.inf, -7.0, math.nan
     still, out = write(tmp + "/ball.ply", ply(rows)), tmp + "/ball.saga"
@@ -549,7 +559,8 @@ def check_import_refused(tmp):
 
 
 def check_layers(tmp):
-    """Three layers in one segment, cut by `saga cut` and by the file's end."""
+    """Checks three layers in a segment, cut by `saga cut` and by the end of the
+    file."""
     whole, out = "vectors/good/layers_level0.saga", tmp + "/layers.saga"
     told = json.loads(saga("info", whole, "--json"))
     layers = told["segments"][0]["layers"]

@@ -15,7 +15,7 @@ saga=${SAGA:-${BUILD:-build}/saga}
 checks=floors
 . tests/cli/verdict.sh
 
-# has TEXT: a line of the table, blanks squeezed.
+# has TEXT: checks that the table has this line, with repeated blanks as one.
 has() {
     tr -s ' ' <"$tmp/table" | grep -qxF -e "$1" ||
         complain "no line '$1' in: $(cat "$tmp/table")"

@@ -24,7 +24,8 @@ LEAST_DB = 40
 checks = Verdicts("headset")
 complain, verdict = checks.complain, checks.verdict
 
-# What runs before the page: the headset, and a note of the page's session.
+# Script that runs before the page: it installs the emulated headset and keeps
+# the page's session.
 INSTALL = """;
 window.device = new IWER.XRDevice(IWER.metaQuest3, { stereoEnabled: true });
 device.installRuntime({ forceInstall: true });
@@ -35,8 +36,9 @@ device.installRuntime({ forceInstall: true });
 }
 """
 
-# eyes(): dB of each eye beside the decoder's picture for its camera, and beside
-# that of the other eye, once splats for this head are there.
+# eyes() waits for the splats of this pose of the head. It returns the PSNR of
+# each eye's picture against the decoder's picture for this eye's camera, and
+# for the other eye's.
 SHARED = """(async () => {
 const { SagaFile } = await import('/saga.js');
 const { product, valuesFrom } = await import('/engine.js');

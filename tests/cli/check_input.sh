@@ -29,7 +29,8 @@ cd "$tmp" || exit
 
 small=(--primitives 20 --iterations 6)
 
-# run STATUS ARGUMENTS...: saga encode to x.saga.
+# run STATUS ARGUMENTS...: checks the status of saga encode, which writes
+# x.saga.
 run() {
     local want=$1 rc
     shift
@@ -39,7 +40,7 @@ run() {
         complain "saga encode $*: status $rc, not $want: $(tail -n 1 err)"
 }
 
-# says TEXT...: one line, a remedy, and each text.
+# says TEXT...: checks that the message is one line with a remedy and each text.
 says() {
     local text
     [ "$(wc -l <err)" = 1 ] || complain "not one line of message: $(cat err)"
@@ -49,7 +50,8 @@ says() {
     [ ! -s out ] || complain "output beside: $(cat err)"
 }
 
-# refused CAPTURE TEXT...
+# refused CAPTURE TEXT...: checks that encode refuses the capture with these
+# texts.
 refused() {
     local capture=$1
     shift
@@ -59,9 +61,10 @@ refused() {
     rm -f x.saga*
 }
 
-# A bad capture is the built-in one, changed by a line or more of Python: j is
-# its transforms.json, b its folder, f(camera, frame) an entry, png(name, w, h)
-# and write(name, data) add a file. All are made at once: Python starts slowly.
+# A bad capture is the built-in one, changed by lines of Python: j is its
+# transforms.json, b its folder, f(camera, frame) an entry; png(name, w, h) and
+# write(name, data) add a file. One process makes all of them, because Python
+# starts slowly.
 cat >edit.py <<'PYTHON'
 import glob, json, os, struct, zlib
 
@@ -85,7 +88,7 @@ def move_camera(camera, change):
     for frame in range(3):
         change(f(camera, frame)["transform_matrix"])
 
-# Points changed by p(x, y, z), a list.
+# move_points(p) replaces the points by p(x, y, z), which returns a list.
 def move_points(p):
     d = open("cap/points.ply", "rb").read()
     at = d.index(b"end_header\n") + 11
@@ -94,7 +97,7 @@ def move_points(p):
         struct.pack("<3f", *p(*struct.unpack_from("<3f", d, i))) +
         d[i + 12:i + 15] for i in range(at, len(d), 15)))
 
-# All cameras on a circle, looking outwards.
+# look_apart() puts all cameras on a circle and lets them look outwards.
 def look_apart():
     for camera, (x, y) in enumerate([(0, 1), (-1, 0), (0, -1), (1, 0)]):
         for frame in range(3):
@@ -102,7 +105,8 @@ def look_apart():
                 [y, 0, -x, 5 * x], [-x, 0, -y, 5 * y], [0, 1, 0, 0],
                 [0, 0, 0, 1]]
 
-# The second picture of cam01 is one of its own, not written yet.
+# odd_picture() gives cam01 a second picture in a file of its own, which does
+# not exist.
 def odd_picture():
     for names in j["train_filenames"], j["test_filenames"]:
         names[:] = [n.replace("cam01/00001", "cam01/odd") for n in names]
@@ -129,8 +133,8 @@ for name in glob.glob("code/*"):
     os.unlink(name)
 PYTHON
 
-# bad CODE FILE TEXT...: is to be refused, with the name of a file in its folder
-# ("" for the folder) and the texts.
+# bad CODE FILE TEXT...: plans a capture that must be refused; the message must
+# have the name of a file in its folder ("" for the folder) and the texts.
 n=0
 first=0
 mkdir code
@@ -151,7 +155,7 @@ odd() {
     bad "odd_picture()
 $code" /images/cam01/odd.png "$@"
 }
-# try_all: makes and tries what was planned since the last time.
+# try_all: makes and tries the captures that were planned since the last call.
 try_all() {
     local text
     python3 edit.py 2>>bad || complain "edit.py failed"
@@ -260,7 +264,8 @@ os.unlink(b + "/points.ply")
 write("points.ply", d[:-7])' /points.ply \
     'announces 300 points but has only 4493 bytes'
 try_all
-# Cameras with a picture less are taken: not listed, not there, no file.
+# Cameras that lack a picture must be accepted: it is not listed, its file is
+# missing, or its path is a folder.
 cat >code/holes <<'PYTHON'
 odd_picture()
 os.mkdir(b + "/images/cam01/odd.png")
@@ -305,14 +310,14 @@ echo 'rows[20] = float("inf")' >code/inf
 echo 'rows[31] = -60' >code/focal
 echo 'nbytes = 40' >code/head
 echo 'nbytes = 200' >code/cut
-# The second camera looks the other way.
+# The second camera looks in the opposite direction.
 echo 'for i in 0, 1, 2:
     rows[17 + 5 * i + 1] *= -1
     rows[17 + 5 * i + 2] *= -1' >code/apart
 python3 poses.py 2>>bad || complain "poses.py failed"
 echo 1 >p/text
 poses() { cp "p/$1" n/poses_bounds.npy; }
-# video NAME FRAMES
+# video NAME FRAMES: writes a video.
 video() {
     ffmpeg -nostdin -v error -f lavfi -i "testsrc=s=64x48:r=25,trim=end_frame=$2" \
         -c:v libx264 -y "n/$1" 2>>bad
@@ -361,8 +366,8 @@ del j["test_filenames"]
 absolute='for x in j["frames"]:
     x["file_path"] = os.path.abspath(b + "/" + x["file_path"])
 '
-# To where the pictures are by way of a link, of `..` that come back, or of an
-# absolute path; and a picture that is not there.
+# The pictures are reached through a link, through `..` that returns to the
+# folder, and by an absolute path; one picture does not exist.
 printf '%s\n' "$lists$absolute" 'f(1, 1)["file_path"] = "images/cam01/no.png"
 f(0, 1)["file_path"] = "../" + b + "/images/cam00/00001.png"
 f(0, 2)["file_path"] = "images/../images/cam00/00002.png"
@@ -372,7 +377,7 @@ printf '%s\n' "$lists" 'for x in j["frames"]:
     x["file_path"] = os.path.abspath("cap/" + x["file_path"])
 j["ply_file_path"] = "../cap/../cap/points.ply"' >code/far
 python3 edit.py 2>>bad
-# images is a link out of the folder, so images/.. is elsewhere.
+# If images is a link out of the folder, images/.. is another folder.
 run 1 bfine -o x.saga
 says '"images/../images/cam00/00002.png"' "$outside"
 rm bfine/images
@@ -404,8 +409,8 @@ j["frames"] = [dict(f(c, 0), file_path="/n/cam%02d.mp4" % c) for c in range(4)]
 for x in j["frames"]:
     del x["time"]' '"/n/cam00.mp4"' "$outside"
 try_all
-# Blender, COLMAP, Panoptic Sports and frame folders. That MIV and Neu3D read
-# names of their folder alone, their own words say.
+# These are the layouts of Blender, COLMAP, Panoptic Sports and frame folders.
+# MIV and Neu3D read only names in their own folder.
 cat >layouts.py <<'PYTHON'
 import json, os
 j = json.load(open("cap/transforms.json"))
@@ -455,10 +460,12 @@ for path in blender colmap sports; do
     [ -f x.saga ] || complain "$path: no file: $(cat err)"
     rm -f x.saga
 done
-# The other folders would have the same pictures, or none.
+# With paths out of a frame's folder, all frame folders would have the same
+# pictures, or none.
 run 1 times -o x.saga --follow-paths
 says "$PWD/cap/images/cam00/00000.png" 'is no name in times/frame0'
-# One model beside frame folders, and points in a folder above a frame's.
+# A COLMAP model lies next to frame folders, and points lie in the folder above
+# a frame's.
 for t in 0 1; do
     mkdir -p "beside/frame$t" "above/frame$t"
     for c in 0 1 2 3; do
@@ -492,7 +499,7 @@ bad_output /dev/full
 bad_output /proc/x.saga
 bad_output "$(printf '%0300d' 0).saga"
 long=(--primitives 150 --iterations 1200)
-# stop PID: Ctrl-C after the first checkpoint.
+# stop PID: sends Ctrl-C once the first checkpoint exists.
 stop() {
     local i=0
     while [ ! -f d/x.saga.ckpt ] && [ $i -lt 500 ]; do
@@ -510,7 +517,8 @@ $stoppable "$saga" encode cap -o d/x.saga "${long[@]}" --checkpoint-every 0 \
 stop $!
 set +m
 cp d/x.saga.ckpt was
-# No file may be longer than 2 blocks any more, as on a disk that is full.
+# No file may be longer than 2 blocks, so that the write fails as on a full
+# disk.
 (trap '' XFSZ; ulimit -f 2
  "$saga" encode cap -o d/x.saga "${long[@]}" --resume 2>err | cat >out
  exit "${PIPESTATUS[0]}")
@@ -531,7 +539,7 @@ verdict output
 
 # ---- interrupt
 set -m
-# While ffmpeg decodes: Ctrl-C reaches it as well.
+# Ctrl-C arrives while ffmpeg decodes, which receives it as well.
 video cam01.mp4 3
 mkdir bin
 printf '#!/bin/sh\n: >%s/decoding\nexec sleep 30\n' "$tmp" >bin/ffmpeg
@@ -549,7 +557,7 @@ wait "$pid"
 [ $? = 2 ] || complain "Ctrl-C while loading: $(cat err)"
 says 'stopped while loading' 'nothing was written'
 [ -z "$(ls | grep -F x.saga)" ] || complain "left behind: $(ls)"
-# A checkpoint cannot be written: its name is a folder's.
+# The checkpoint cannot be written, because a folder has its name.
 mkdir -p d/x.saga.ckpt
 $stoppable "$saga" encode cap -o d/x.saga "${long[@]}" --checkpoint-every 0 \
     >out 2>err </dev/null &

@@ -95,7 +95,8 @@ sed -n 's/^[a-z].*[ *]\(saga_[a-z0-9_]*\)(.*/\1/p' decoder/saga.h |
     sort -u >"$tmp/names"
 nm -D --defined-only "$at/lib/libsaga.so.0" | awk '{ print $3 }' | sort |
     diff "$tmp/names" - >>"$bad"
-# Another folder than this tree's, where no build lies above the module.
+# The module runs in another folder than this tree's, so that it cannot find a
+# build above itself.
 python() { # python ARGUMENTS...: without what the caller has set
     env -u SAGA_LIBRARY -u LD_LIBRARY_PATH PYTHONDONTWRITEBYTECODE=1 \
         python3 "$@"
@@ -153,7 +154,8 @@ commands=$("$at/bin/saga" --help |
 [ "$(echo "$commands" | wc -l)" -ge 15 ] ||
     complain "the help has the commands $commands"
 for c in $commands; do options "$at/bin/saga" "$c" help "$c"; done >"$tmp/all"
-# Those of the tables' source, too: what the help shows must be all.
+# The help of the commands must show all options that the source has in its
+# tables.
 grep -hoE '^    \{ "--?[a-z-]+"' trainer/cli/*.c | cut -d'"' -f2 | sort -u |
     while read -r o; do
         grep -qE " $o\$" "$tmp/all" || complain "no command's help has $o"
@@ -183,7 +185,7 @@ for p in saga saga-dec; do
         groff -man -ww -z "$share/man/man1/$p.1" >>"$bad" 2>&1
     fi
 done
-# complete WORD...: what bash offers for the last of them.
+# complete WORD...: prints what bash offers to complete the last word.
 offers() {
     bash -c '. "$0"; COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); _saga
         printf "%s\n" "${COMPREPLY[@]}"' \
@@ -208,7 +210,7 @@ after '0 1 2 3' saga encode vectors --level ''
 after 'no-hyperprior,no-parent' saga encode vectors --ablate no-hyperprior,no-p
 after '' saga encode vectors --primitives ''
 after vectors/MANIFEST saga encode vectors --log vectors/M
-# Whatever the help gives as a|b|c is offered by each shell.
+# Each value that the help gives as a|b|c must be offered by each shell.
 for c in $commands; do
     "$at/bin/saga" help "$c" |
         sed -nE "s/^  --([a-z-]+) ([a-z0-9]+[|][^ ]*).*/$c \1 \2/p"

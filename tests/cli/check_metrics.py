@@ -48,7 +48,7 @@ def evaluate(*words):
 
 
 def add_noise(path, seed):
-    """Writes the picture anew, as PNG, with noise that a generator gives."""
+    """Writes the picture again as PNG, with pseudo-random noise."""
     rgb = bytearray(pixels(path))
     for i, x in enumerate(rgb):
         seed = (seed * 1664525 + 1013904223) & 0xffffffff
@@ -65,7 +65,7 @@ def add_noise(path, seed):
 
 
 def yuv(rgb):
-    """Planes of 8-bit YCbCr, BT.709, full range."""
+    """Returns the planes of 8-bit YCbCr in BT.709, full range."""
     planes = bytearray(), bytearray(), bytearray()
     for i in range(0, len(rgb), 3):
         r, g, b = rgb[i:i + 3]
@@ -77,7 +77,8 @@ def yuv(rgb):
 
 
 def judge_of_ffmpeg(a, b, form, judge, title):
-    """The word of ffmpeg's filter on two raw pictures, by component."""
+    """Returns what an ffmpeg filter reports for two raw pictures, by
+    component."""
     for name, data in (("a.raw", a), ("b.raw", b)):
         with open(os.path.join(tmp, name), "wb") as f:
             f.write(data)
@@ -114,7 +115,8 @@ def check_ffmpeg():
 
 
 def flat_copy(name, grey):
-    """The capture with pictures of one grey. Returns one's bytes."""
+    """Copies the capture with pictures of a single grey. Returns the bytes of
+    one."""
     to = os.path.join(tmp, name)
     shutil.copytree(capture, to)
     for camera in range(2):
@@ -127,8 +129,8 @@ def flat_copy(name, grey):
 
 
 def check_flat():
-    """ffmpeg's windows are 8x8 boxes and ours are Gaussians. Where nothing
-    varies no window matters: what is left is what both say of the means."""
+    """ffmpeg's SSIM has windows of 8x8 boxes, ours Gaussian ones. In flat
+    pictures the window does not matter, so that both must agree."""
     a, b = flat_copy("dark", 60), flat_copy("bright", 97)
     status, out, err = evaluate(os.path.join(tmp, "dark"),
                                 os.path.join(tmp, "bright"), "--json")
@@ -141,8 +143,8 @@ def check_flat():
 
 
 def exposed_mse(made, truth):
-    """The squared error of pictures, after the factor that suits best, for
-    each channel."""
+    """Returns the squared error of pictures after the best factor for each
+    channel."""
     left = 0
     for k in range(3):
         x = [p for picture in made for p in picture[k::3]]
@@ -219,7 +221,7 @@ def check_compare():
     report = json.loads(out)
 
     def result(nbytes, db):
-        """A report of a file of nbytes, all of whose PSNRs are db."""
+        """Returns a report of a file of `nbytes` with all PSNRs equal to db."""
         r = json.loads(out)
         r["nbytes"] = nbytes
         for s in r["views"] + [r["training"]]:

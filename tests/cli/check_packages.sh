@@ -43,7 +43,7 @@ cp -r "$dist" "$tmp/first"
 wheel=$(echo "$dist"/saga-"$release"-py3-none-manylinux_2_17_*.whl)
 python3 -m venv --without-pip "$tmp/venv" || complain "no environment"
 site=$(echo "$tmp"/venv/lib/python3*/site-packages)
-# pip refuses a wheel for another machine; without pip it is unpacked.
+# pip refuses a wheel for another machine. Without pip the wheel is unpacked.
 if python3 -m pip --version 2>/dev/null | grep -qE '^pip (2[3-9]|[3-9])'; then
     python3 -m pip --python "$tmp/venv/bin/python" --quiet \
         --disable-pip-version-check install --no-index --no-compile "$wheel" \
@@ -105,7 +105,8 @@ else
         [ -s "$tmp/node_modules/saga-$p/LICENSE" ] ||
             complain "no licence in saga-$p"
     done
-    # engine PACKAGE NAME...: an engine as far as modules need it to load.
+    # engine PACKAGE NAME...: makes an empty package that exports these names,
+    # so that the modules that import it load.
     engine() {
         local at=$tmp/node_modules/$1
         mkdir -p "$at"

@@ -25,7 +25,7 @@ import tempfile
 from verdict import SAGA, SAGA_DEC, Verdicts, pixels
 
 SCENE = "vectors/good/motion.saga"
-# The vector's header, as tests/support/gen_stream.c writes it.
+# Values of the vector's header, as tests/support/gen_stream.c writes it.
 UNIT = 2.0 ** -22
 NEAR = 1 << 18
 BACKGROUND = [3000, 4000, 8000]
@@ -64,7 +64,7 @@ def looking(eye, target, up):
 
 
 def camera(rotation, eye, fov, width, height):
-    """The 22 integers."""
+    """Returns the camera's 22 integers."""
     focal = height / 2 / math.tan(math.radians(fov) / 2)
     return [round(r * 2 ** 30) for r in rotation] + \
         [round(x / UNIT) for x in eye] + 2 * [round(focal * 65536)] + \
@@ -126,7 +126,8 @@ def between(a, b, x):
 
 
 def check_keys(tmp):
-    """Two keys: straight from one to the other. Three: through all of them."""
+    """Checks paths of two keys, which must be straight, and of three keys,
+    which must pass through all of them."""
     path = {"format": "saga camera path 1", "fps": 2, "size": [96, 60],
             "keys": [KEYS[1], KEYS[0]]}
     render("-o", tmp + "/two%d.png", "--path", write(tmp, path))
@@ -141,7 +142,8 @@ def check_keys(tmp):
         same(tmp, tmp + "/three%d.png" % i, key_camera(key, 96, 60), frame)
     if os.path.exists(tmp + "/three7.png"):
         complain("three seconds at 2 a second are not 7 pictures")
-    # A time of one's own stands still; one key is one picture.
+    # A frame given as an option must stay fixed along the path. A single key
+    # must give one picture.
     path["keys"] = KEYS[1:2]
     render("-o", tmp + "/one.png", "--path", write(tmp, path), "--frame", "3")
     same(tmp, tmp + "/one.png", key_camera(KEYS[1], 96, 60), 3)
@@ -169,7 +171,8 @@ def check_nerfstudio(tmp):
     verdict("nerfstudio")
 
 
-# name, size, fx fy cx cy, w x y z, centre; ids are not in the order of names.
+# Each row has name, size, fx fy cx cy, quaternion w x y z, centre. The ids are
+# not in the order of names.
 IMAGES = [
     ("b.jpg", (80, 50), (70.5, 71.25, 41.5, 24.75), (30, 1, -2, 1),
      (0.5, 0.25, -3)),
@@ -179,7 +182,8 @@ IMAGES = [
 
 
 def turned(q):
-    """World to camera, rows, of a quaternion w, x, y, z of any length."""
+    """Returns the rows of world to camera for a quaternion w, x, y, z of any
+    length."""
     w, x, y, z = (v / math.sqrt(sum(a * a for a in q)) for v in q)
     return [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
             2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
@@ -187,7 +191,8 @@ def turned(q):
 
 
 def quaternion(r):
-    """w, x, y, z of rows that turn by less than half a turn."""
+    """Returns the quaternion w, x, y, z of a matrix that turns by less than
+    half a turn."""
     w = math.sqrt(1 + r[0] + r[4] + r[8]) / 2
     return (w, (r[7] - r[5]) / 4 / w, (r[2] - r[6]) / 4 / w,
             (r[3] - r[1]) / 4 / w)
@@ -244,13 +249,13 @@ def check_colmap(tmp):
             same(tmp, tmp + "/colmap%d.png" % i, colmap_camera(image),
                  i * N_FRAMES / 3)
             os.remove(tmp + "/colmap%d.png" % i)
-    # At another size all that was seen stays in it.
+    # At another size, everything that was visible must stay visible.
     render("-o", tmp + "/half%d.png", "--path", tmp + "/text/images.txt",
            "--size", "48x40", "--frame", "5")
     name, _, lens, *pose = ordered[0]
     same(tmp, tmp + "/half0.png",
          colmap_camera((name, (48, 40), (40, 40, 24, 20), *pose)), 5)
-    # A film has one size, the first's.
+    # All pictures of a film must have the size of the first one.
     film = tmp + "/colmap.mp4"
     render("-o", film, "--path", tmp + "/text/images.txt")
     if len(pixels(film)) != 3 * 3 * 96 * 60:
@@ -261,8 +266,8 @@ def check_colmap(tmp):
 
 
 def check_colmap_rig(tmp):
-    """The file's own rig: rotations come back within a last bit or two, which
-    moves a pixel by one at most."""
+    """Checks the file's own rig, written for COLMAP. Rotations are restored
+    within the last bits, which changes a pixel by at most one."""
     rig = info()["rig"]
     images = [("%d.png" % i, (c["width"], c["height"]),
                (*c["focal"], *c["principal"]), quaternion(c["rotation"]),
@@ -298,7 +303,7 @@ def check_bad_colmap(tmp):
 
 def check_look_at(tmp):
     rig = info()["rig"]
-    # The rig stands level, so up is -y.
+    # The cameras of the rig are level, so that the up direction is -y.
     fov = math.degrees(2 * math.atan(60 / rig[2]["focal"][1]))
     eye = [round(x / UNIT) * UNIT for x in rig[2]["centre_metres"]]
     render("-o", tmp + "/at.png", "--camera", "2", "--look-at", "0.5,0,-0.5")
@@ -308,7 +313,8 @@ def check_look_at(tmp):
                         fov, 160, 120)
         want = pixels_of(tmp, values, 0)
         got = pixels(tmp + "/%s.png" % name)
-        # Up comes from the rig by iteration, so rows may differ in a last bit.
+        # The up direction is found from the rig by iteration, so that samples
+        # may differ by one.
         off = max(abs(a - b) for a, b in zip(got, want))
         if len(got) != len(want) or off > 1:
             complain("--look-at,", name + ": pixels are off by", off)
@@ -340,7 +346,8 @@ def check_film(tmp):
     pairs = [(got[y * 288 + x], want[y * 285 + x]) for y in range(61)
              for x in range(285)]
     error = sum((a - b) ** 2 for a, b in pairs) / len(pairs)
-    # Chroma is of half size, and these are small blots with steep edges.
+    # The tolerance is large, because chroma has half the size and the picture
+    # has small blots with steep edges.
     if error > 400:
         complain("the film's first picture has a squared error of", error)
     before = sorted(os.listdir(tmp))

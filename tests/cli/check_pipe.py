@@ -36,7 +36,7 @@ def play(*words):
 
 
 def picture(tmp, scene, camera, frame):
-    """R, G, B bytes of a picture of saga-dec's."""
+    """Returns the R, G, B bytes of a picture drawn by saga-dec."""
     out = os.path.join(tmp, "x.ppm")
     checks.run(SAGA_DEC, scene, "--camera", "rig:%d" % camera, "--time",
                "%d/1" % frame, "-o", out)
@@ -51,7 +51,8 @@ def nearest(x):
 
 
 def converter(kr, kb):
-    """ITU-R BT.601 and BT.709, 8 bits: Y' = 16 + 219 E'y, C = 128 + 224 E'c."""
+    """Converts by ITU-R BT.601 or BT.709 in 8 bits: Y' = 16 + 219 E'y, C = 128
+    + 224 E'c."""
     known = {}
 
     def convert(r, g, b):
@@ -78,7 +79,8 @@ def planes(rgb, convert):
 
 # --- Checks ----------------------------------------------------------------
 
-# motion.saga: 47 frames of 160x120 at 30 a second (tests/support/gen_stream.c).
+# motion.saga has 47 frames of 160x120 at 30 frames a second
+# (tests/support/gen_stream.c).
 N_FRAMES, N_PIXELS = 47, 160 * 120
 HEADER = b"YUV4MPEG2 W160 H120 F30:1 Ip A1:1 C444 XCOLORRANGE=LIMITED\n"
 
@@ -96,7 +98,7 @@ def check_rgb(tmp):
 
 
 def compare(stream, header, rgb, frame, convert):
-    """Picture `frame` of a stream beside saga-dec's pixels."""
+    """Compares picture `frame` of a stream with saga-dec's pixels."""
     size = len(b"FRAME\n") + len(rgb)
     at = len(header) + size * frame
     if not stream.startswith(header):
@@ -121,7 +123,8 @@ def check_y4m(tmp):
 
 
 def check_tall(tmp, height, convert):
-    """A file of pictures of 32 x height, 24 a second, with colours."""
+    """Makes a file with colourful pictures of 32 x `height` at 24 frames a
+    second."""
     capture = os.path.join(tmp, "capture%d" % height)
     scene = os.path.join(tmp, "tall.saga")
     checks.run(SAGA, "synth", capture, "--size", "32x%d" % height, "--cameras",
@@ -144,7 +147,8 @@ def check_ffmpeg(tmp):
          "accurate_rnd+full_chroma_int", "-f", "rawvideo", "-pix_fmt",
          "rgb24", "-"], stdout=subprocess.PIPE, check=True).stdout
     want = b"".join(picture(tmp, SCENE, 0, frame) for frame in range(4))
-    # A step of 8-bit chroma is 2.02 of blue; each of the three is rounded.
+    # A step of 8-bit chroma is 2.02 steps of blue, and each of the three
+    # samples is rounded.
     if len(rgb) != len(want) or max(
             abs(a - b) for a, b in zip(rgb, want)) > 3:
         complain("ffmpeg has other pictures")
@@ -162,7 +166,8 @@ def check_words():
 
 
 def check_failure(tmp):
-    """A file that ends too early leaves no output, and an old one as it was."""
+    """If the input ends too early, there must be no output file, and an old one
+    must not change."""
     short, out = os.path.join(tmp, "short.saga"), os.path.join(tmp, "out.y4m")
     with open(short, "wb") as to:
         to.write(read(SCENE)[:-100])

@@ -33,8 +33,9 @@ DEMO = "demo.saga"
 checks = Verdicts("player")
 complain, verdict = checks.complain, checks.verdict
 
-# near(source, [values or index of a camera, size or null]): dB of the graphics
-# processor's pictures at the first, middle and last frame.
+# near(source, [[values or index of a camera, size or null]]): returns the PSNR
+# of the GPU's pictures against the decoder's at the first, middle and last
+# frame.
 NEAR = """
 async function near(source, places) {
     const { SagaFile } = await import('/saga.js');
@@ -92,7 +93,7 @@ def check_near(tab, names):
 
 # --- The element -----------------------------------------------------------
 
-# A page of one's own: an element of 400x300 with these attributes.
+# Makes a page with one element of 400x300 that has these attributes.
 PUT = """(async () => {
     await import('/player.js');
     window.player = document.createElement('saga-player');
@@ -175,8 +176,8 @@ def check_window(tab):
     verdict("window")
 
 
-# A machine that takes `per` ms for a picture of full size, of which the worker
-# takes `work`: the scale that it comes to.
+# Simulates a machine that needs `per` ms for a picture of full size, `work` of
+# them in the worker; returns the scale that Pace chooses.
 PACE = """(async () => {
     const { Pace } = await import('/pace.js');
     const run = (pace, n, per, work) => {
@@ -196,7 +197,7 @@ PACE = """(async () => {
 
 def check_pace(tab):
     fast, slow, worst, worker, back = tab.run(PACE)
-    # 40 ms at full size are 16.4 at 0.64.
+    # 40 ms at full size are 16.4 ms at a scale of 0.64.
     if fast != 1 or not 0.5 < slow < 0.9 or worst != 0.35 or worker != 1 or \
             back != 1:
         complain("pace comes to", fast, slow, worst, worker, back)
@@ -324,7 +325,7 @@ def check_state(tab, url):
     expect(tab, "the state is refused:", "player.setState(%s)" %
            json.dumps(line))
     after = tab.run("Array.from(viewer.values())")
-    # Seven digits.
+    # The page's address holds seven digits of each number.
     if max(abs(a - b) for a, b in zip(before[:9], after[:9])) > 2 ** 12 or \
             max(abs(a - b) for a, b in zip(before[9:12], after[9:12])) > 64 or \
             tab.run("viewer.frame") != 5:

@@ -24,7 +24,8 @@ import math
 
 from bd_rate import bd_rate, common, saving
 
-# Log-rates that are lines, 0.2 apart at 30 dB and 0.02 more for each dB.
+# The logarithms of the rates are lines, 0.2 apart at 30 dB and 0.02 more for
+# each dB.
 a = [(math.exp(5 + 0.3 * (p - 30)), p) for p in (30, 31.5, 33)]
 b = [(math.exp(5.2 + 0.32 * (p - 30)), p) for p in (31, 32, 33.5, 35)]
 assert common(a, b) == (31, 33)
@@ -34,7 +35,7 @@ assert abs(bd_rate(a, b, (31, 32)) - want) < 1e-9
 assert bd_rate(a, b, (31, 32), 1.0) is not None
 assert bd_rate(a, b, (31, 31.9), 1.0) is None
 assert bd_rate(a, b, None, 2.5) is None
-# At 32 dB the lines are 0.24 apart, at 33 0.26; neither has 36 dB.
+# At 32 dB the lines are 0.24 apart, at 33 dB 0.26; neither curve reaches 36 dB.
 for p, apart in (32, 0.24), (33, 0.26):
     assert abs(saving(a, b, p) - 100 * (math.exp(apart) - 1)) < 1e-9
 assert saving(a, b, 36) is None and saving(a, b, 30) is None
@@ -153,7 +154,7 @@ cp "$tmp/out/rd/rows.jsonl" "$tmp/was"
 measure
 cmp -s "$tmp/out/rd/rows.jsonl" "$tmp/was" || complain "measured anew"
 grep -q '^| 150 | 0.05 | ' "$tmp/out/rd.md" || complain "no page"
-# Rows of another state of the code do not count.
+# Rows that were measured with another state of the code must not count.
 sed -i 's/"code": "[0-9a-f]*"/"code": "other"/' "$tmp/out/rd/rows.jsonl"
 measure --rates 2
 [ "$(wc -l <"$tmp/out/rd/rows.jsonl")" = 3 ] || complain "not one row more"

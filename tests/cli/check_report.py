@@ -57,8 +57,8 @@ def data_of(page):
 
 
 def make_results():
-    """Two files: a real result with pictures in each of four sizes, and one
-    whose file and camera have hostile names."""
+    """Makes two files of results: one with pictures in each of four sizes, and
+    one whose file and camera have hostile names."""
     must("synth", "cap", "--size", "64x40", "--cameras", "3", "--hold-out",
          "1", "--frames", "2", "--depth-every", "0")
     must("encode", "cap", "-o", "x.saga", "--primitives", "100",
@@ -108,7 +108,7 @@ def check_page():
 
 
 def check_jpeg():
-    """A picture that was made a JPEG is told to be one."""
+    """A picture that became a JPEG must be labelled as JPEG."""
     for name in os.listdir("pictures"):
         with open("pictures/" + name, "wb") as f:
             f.write(b"\xff\xd8\xff\xe0 and so on")
@@ -119,7 +119,8 @@ def check_jpeg():
 
 
 def check_foreign():
-    """A file of results names what it must not have."""
+    """Checks that files which a report names, but must not contain, are left
+    out."""
     os.makedirs("own/below")
     secret, png = b"root:x:0:0:secret\n", read("pictures/" +
                                                os.listdir("pictures")[0])
@@ -192,7 +193,7 @@ def dom_of(page):
 
 
 def expect(dom, counts):
-    """Counts what is in a part of a page."""
+    """Checks the number of elements in a part of a page."""
     for name, tag, wanted in counts:
         m = re.search(rf'<div[^>]* id="{name}">(.*?)<h2>|'
                       rf'<div id="{name}">(.*?)<h2>', dom, re.S)
@@ -218,7 +219,8 @@ def check_browser():
 
 
 def check_still():
-    """Fifty views of a still scene, and the same of two files."""
+    """Makes results of a still scene with fifty views, for one file and for
+    two."""
     result = json.loads(read("second.json"))
     result["file"] = "still"
     view = result["views"][0]

@@ -25,8 +25,8 @@ complain, verdict = checks.complain, checks.verdict
 
 
 def take(film, readout):
-    """The frames of one camera: each row at its own time, at the middle one in
-    the middle of a frame."""
+    """Returns the frames of a camera whose rows are read one after another. The
+    middle row is read at the middle of the frame."""
     row = 3 * WIDTH
     rows = []
     for frame in range(FRAMES):

@@ -31,7 +31,7 @@ saga = functools.partial(checks.run, SAGA)
 # --- Two eyes --------------------------------------------------------------
 
 def dec(tmp, scene, camera):
-    """saga-dec's pixels of frame 1."""
+    """Returns saga-dec's pixels of frame 1."""
     name, out = tmp + "/camera.txt", tmp + "/want.ppm"
     values = camera["rotation_q30"] + camera["centre"] + \
         camera["focal_q16"] + camera["principal_q16"] + \
@@ -45,8 +45,8 @@ def dec(tmp, scene, camera):
 
 
 def integers(info, index):
-    """The camera of the file as its 22 integers. tests/support/gen_stream.c
-    gives all vectors this background."""
+    """Returns a camera of the file as its 22 integers.
+    tests/support/gen_stream.c gives all vectors this background."""
     c, metric = info["rig"][index], info["metric"]
     unit = metric["metres_per_unit"]
     mantissa, exponent = metric["unit_mantissa_exponent"]
@@ -63,7 +63,7 @@ def integers(info, index):
 
 
 def moved(camera, aside):
-    """To the right by so much, in the capture's units."""
+    """Returns the camera moved to its right, in the capture's units."""
     right = [x / 2 ** 30 for x in camera["rotation_q30"][:3]]
     return {**camera, "centre": [
         c + round(aside / camera["unit"] * r)
@@ -94,7 +94,8 @@ def check_stereo(tmp):
 # --- Depth and alpha -------------------------------------------------------
 
 def read_exr(path, channel, width, height):
-    """Floats of the only channel of a file of scanlines, ZIP of 16 lines."""
+    """Returns the floats of an EXR with one channel, compressed with ZIP in
+    blocks of 16 lines."""
     data, at = read(path), 8
     if data[:4] != struct.pack("<I", 20000630):
         complain(path, "is no EXR")
@@ -126,7 +127,7 @@ def read_exr(path, channel, width, height):
 
 
 def depths_of(path, camera):
-    """Alpha, and the mean depth, by the renderer that is not ours."""
+    """Returns alpha and mean depth by the independent renderer."""
     n = camera["width"] * camera["height"]
     sums, light = [0.0] * (3 * n), [1.0] * n
     seen = [p for p in (splats.project(s, camera, 0.1)
@@ -139,7 +140,7 @@ def depths_of(path, camera):
 
 
 def shown(tmp, scene, kind, channel, size):
-    """The samples of a PNG, as 16 bits, and those of an EXR."""
+    """Returns the samples of a PNG as 16 bits, and those of an EXR."""
     for ending in ("png", "exr"):
         saga("render", scene, "--camera", 2, "--frame", 7, "--size",
              "%dx%d" % size, "--" + kind, "-o", tmp + "/%s.%s" % (kind, ending))
@@ -148,8 +149,8 @@ def shown(tmp, scene, kind, channel, size):
         read_exr(tmp + "/%s.exr" % kind, channel, *size)
 
 
-# A PLY has neither flat tops nor steep falls, so its splats are only about as
-# wide as ours.
+# A PLY has neither splats with a flat top nor steep ones, so that its splats
+# have only approximately the size of ours.
 def check_depth(tmp, scene, scale):
     camera = json.loads(saga("info", scene, "--json"))["rig"][2]
     for name in ("width", "height"):

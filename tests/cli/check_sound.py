@@ -55,7 +55,7 @@ def saga(*args):
 
 
 def place_of_sound(film):
-    """The first byte of the chunk OPUS, and its number of bytes."""
+    """Returns the offset of the chunk OPUS and its number of bytes."""
     at = film.index(b"OPUS")
     while film[at + 16:at + 20] != b"OggS":
         at = film.index(b"OPUS", at + 1)
@@ -80,8 +80,8 @@ def make_films(folder):
 
 # --- The page --------------------------------------------------------------
 
-# An element of its own; `clock` lists at every tick [the picture's time, the
-# sound's, whether that runs], the film's seconds.
+# Makes a page with one element. At every tick, `clock` gets [the picture's
+# time, the sound's time, whether the sound runs], in seconds of the film.
 PUT = """(async () => {
     await import('/player.js');
     window.player = document.createElement('saga-player');
@@ -113,7 +113,7 @@ def press(tab, key):
 
 
 def click(tab, name):
-    """The middle of a button of the element."""
+    """Returns the middle of a button of the element."""
     x, y = tab.run("""(() => {
         const { x, y, width, height } = player.$('%s').getBoundingClientRect();
         return [x + width / 2, y + height / 2];
@@ -130,7 +130,7 @@ def expect(tab, what, script):
 
 
 def settles(tab, what, script):
-    """A machine that is busy takes its time."""
+    """Waits for a condition for as long as a slow machine may need."""
     try:
         tab.wait(script)
     except TimeoutError:
@@ -141,7 +141,8 @@ def settles(tab, what, script):
 # --- The checks ------------------------------------------------------------
 
 def of_sound(server):
-    """What was sent of the middle of the sound: (first byte, number)."""
+    """Returns what was sent of the middle of the sound: (first byte, number of
+    bytes)."""
     at, nbytes = place_of_sound(server.files["late.saga"])
     middle = at + nbytes // 2
     return [(first, n) for path, first, n in server.served
@@ -196,7 +197,7 @@ def check_muted(tab, server):
 
 
 def check_gesture(server):
-    """A page that nobody has touched: a browser of its own."""
+    """Checks a page on which no user has clicked, in a browser of its own."""
     tab = browser.Browser()
     try:
         put(tab, server, src="/late.saga", loop="", autoplay="")
@@ -217,8 +218,8 @@ def check_gesture(server):
     verdict("gesture")
 
 
-# As many pictures in a row as IN_A_ROW at which the sound runs and is where it
-# belongs; those outside the sound do not count.
+# Whether the sound ran at the picture's time in the last IN_A_ROW pictures;
+# pictures outside the sound do not count.
 TOGETHER = """(() => {
     const inside = clock.filter(([at]) => at > %(start)g && at < %(end)g)
         .slice(-%(n)d);
@@ -283,7 +284,8 @@ def check_outside(tab, server):
 
 
 def check_late(tab, server):
-    """A segment that does not come: the sound waits with the picture."""
+    """If a segment does not arrive, the sound must wait together with the
+    picture."""
     put(tab, server, src="/late.saga", loop="")
     tab.run("player.canvas.focus()")
     press(tab, " ")

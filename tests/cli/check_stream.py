@@ -40,7 +40,7 @@ complain, verdict = checks.complain, checks.verdict
 
 
 def make_film(tmp):
-    """The demo four times, a segment of a second each."""
+    """Joins the demo four times, which gives a segment for each second."""
     two, four = os.path.join(tmp, "two.saga"), os.path.join(tmp, FILM)
     for a, to in (("docs/demo.saga", two), (two, four)):
         subprocess.run([SAGA, "join", a, a, "-o", to], check=True,
@@ -48,9 +48,9 @@ def make_film(tmp):
     return read(four)
 
 
-# A page with one element, small enough for any machine. `shown` has of every
-# picture its frame, its segment, and whether that was decoded ahead. `step`
-# moves the clock to the next picture of the film.
+# Makes a page with one element that is small enough for any machine. For every
+# picture, `shown` gets its frame, its segment, and whether that was decoded
+# ahead. `step` moves the clock to the next picture of the film.
 PUT = """(async () => {
     await import('/player.js');
     window.player = document.createElement('saga-player');
@@ -90,7 +90,8 @@ def put(tab, server, granted=ALL, **attributes):
 
 
 def open_first(tab, server, **attributes):
-    """Opens the film and shows its first picture; the server sends no more."""
+    """Opens the film and shows its first picture. After that, the server sends
+    nothing."""
     put(tab, server, **attributes)
     tab.wait("viewer.drawn && !viewer.busy")
     server.valve.grant(0)
@@ -101,9 +102,9 @@ def of_film(requests):
 
 
 class Play:
-    """Plays the film from where it is. The server sends `rate` times the bytes
-    of a picture with each. `stood` has for each seam the number of pictures for
-    which the clock stood there."""
+    """Plays the film from its present frame. With each picture, the server
+    sends `rate` times the bytes of a picture. `stood` has for each seam the
+    number of pictures during which the clock stood still."""
 
     def __init__(self, tab, server, rate, looks_ahead=True):
         self.tab, self.server = tab, server
@@ -112,19 +113,21 @@ class Play:
                       for s in tab.run("viewer.segments")]
         self.each = int(rate * self.parts[0][1] / FPS)
         self.stood = []
-        # No step ends where a segment ends, so rounding does not matter.
+        # The clock is moved by a quarter frame, so that no step ends exactly at
+        # a segment's end, where rounding would matter.
         tab.run("shown.length = 0; told.length = 0; viewer.frame += 0.25; "
                 "player.play()")
         tab.wait("!viewer.busy")
 
     def came(self):
-        """The numbers of the segments that were sent as a whole."""
+        """Returns the numbers of the segments that were sent completely."""
         sent = of_film(self.server.sent)
         return [i for i, part in enumerate(self.parts) if part in sent]
 
     def send(self):
-        """Sends the bytes of a picture. If the film looks ahead, it asks for
-        all segments, and these bytes arrive before the clock moves on."""
+        """Sends the bytes of a picture. If the player requests segments ahead,
+        it requests all of them, and these bytes arrive before the clock
+        moves on."""
         valve = self.server.valve
         valve.grant(self.each)
         if self.looks_ahead:
@@ -134,12 +137,14 @@ class Play:
                           " && p.got === p.nbytes))" % self.came())
 
     def is_held(self):
-        """Whether the picture waits for a segment, and that for more bytes."""
+        """Returns whether the picture waits for a segment, and the segment for
+        bytes."""
         asked, is_late = self.tab.run("[viewer.asked, viewer.isLate()]")
         return is_late and self.server.valve.held == self.parts[asked][0]
 
     def step(self):
-        """Moves the clock by a picture; returns whether one was shown."""
+        """Moves the clock by one picture; returns whether a picture was
+        shown."""
         self.tab.run("step()")
         self.send()
         browser.wait_for(lambda: self.is_held() or
@@ -147,13 +152,13 @@ class Play:
         return not self.tab.run("viewer.busy")
 
     def through(self, n_seams):
-        """Plays until the film has passed that many seams."""
+        """Plays until the film has passed this number of seams."""
         n, stood = 0, 0
         segment = self.tab.run("viewer.drawn.segment")
         while n < n_seams:
             if not self.step():
                 stood += 1
-                # The player waits for a moment before it says so.
+                # The player reports that it waits only after a short delay.
                 self.tab.wait("told.includes('waiting')")
                 continue
             now = self.tab.run("viewer.drawn.segment")
@@ -174,7 +179,7 @@ def check_open(tab, server):
     tab.wait("viewer.info")
     if tab.run("player.$('poster').hidden || viewer.drawn !== null"):
         complain("the poster is not there while the film opens")
-    # The page reports twenty times a second and no more.
+    # The page reports at most twenty times a second.
     for _ in range(11):
         server.valve.grant(nbytes // 12)
         time.sleep(0.1)
@@ -257,7 +262,8 @@ def check_late(tab, server):
     if told[:2] != ["waiting", "playing"]:
         complain("a late segment is told as", told)
     skipped = [b[0] - a[0] for a, b in zip(shown, shown[1:]) if a[1] != b[1]]
-    # Half of it comes with the pictures before, and the rest with as many.
+    # Half of the segment arrives with earlier pictures, the rest takes as many
+    # pictures again.
     if not 0 < skipped[0] <= 2 or not 20 <= play.stood[0] <= 28:
         complain("the film goes on", skipped, "frames later; it stood for",
                  play.stood)

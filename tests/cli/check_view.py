@@ -55,7 +55,8 @@ class View:
         return self.process.returncode
 
     def say(self, request):
-        """The whole answer: status, header lines in lower case, body."""
+        """Returns the whole answer: status, header lines in lower case,
+        body."""
         with socket.create_connection(("127.0.0.1", self.port), 20) as s:
             s.sendall(request)
             answer = b""
@@ -146,7 +147,7 @@ def check_refusals(view):
                           (b"GET /" + 9000 * b"a", "431")):
         if not view.say(request)[0].startswith(want):
             complain(request[:20], "is not answered", want)
-    # Browsers open connections ahead of time and say nothing there.
+    # Browsers open connections in advance and send nothing on them.
     idle = [socket.create_connection(("127.0.0.1", view.port))
             for _ in range(40)]
     idle[-1].sendall(b"GET / HT")
@@ -158,8 +159,8 @@ def check_refusals(view):
 
 
 def check_head(view):
-    """As GET answers, without a body and, as RFC 9110, 14.2 says, without
-    looking at a range."""
+    """HEAD must answer like GET without a body and, by RFC 9110, section 14.2,
+    must ignore a range."""
     for path in "/", "/page.js", "/film/still.saga", "/none.js":
         status, lines, body = view.get(path)
         head = view.get(path, "Range: bytes=0-4", method="HEAD")
@@ -171,7 +172,8 @@ def check_head(view):
 
 
 class SlowClient:
-    """Asks for a path and takes nothing of it yet."""
+    """A client that requests a path and reads nothing of the answer at
+    first."""
     def __init__(self, view, path):
         self.socket = socket.socket()
         self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
@@ -190,7 +192,7 @@ class SlowClient:
 
 
 def check_slow(tmp):
-    """A file that no socket buffer holds."""
+    """Checks a file that is larger than any socket buffer."""
     big = tmp + "/big.saga"
     subprocess.run([SAGA, "join", *160 * ["docs/demo.saga"], "-o", big],
                    check=True, stdout=subprocess.DEVNULL)
@@ -241,7 +243,7 @@ def refused(arguments, status, says):
 
 
 def encode(tmp, until, *options):
-    """Trains, to be stopped after `until` iterations."""
+    """Starts a training that is stopped after `until` iterations."""
     log = tmp + "/log.csv"
     if os.path.exists(log):
         os.remove(log)
@@ -262,8 +264,8 @@ def encode(tmp, until, *options):
 
 
 def error_of(tmp, name):
-    """Mean squared error of a picture that is learned from, and the error of
-    that picture's mean, which a training at work is far below."""
+    """Returns the mean squared error of a training picture, and that of the
+    picture's mean, which is far above the error of a training that works."""
     out = tmp + "/x.ppm"
     subprocess.run([SAGA_DEC, name, "--camera", "rig:0", "--time", "1", "-o",
                     out], check=True)

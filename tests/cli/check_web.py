@@ -49,7 +49,7 @@ complain, verdict = checks.complain, checks.verdict
 # --- References ------------------------------------------------------------
 
 def reference(tmp, path, camera, time):
-    """saga-dec's pixels: R, G, B bytes."""
+    """Returns saga-dec's R, G, B bytes."""
     out = os.path.join(tmp, "reference.ppm")
     subprocess.run([SAGA_DEC, path, "--camera", camera, "--time", time, "-o",
                     out], check=True)
@@ -59,7 +59,7 @@ def reference(tmp, path, camera, time):
 
 
 def make_long(tmp):
-    """Four times the film of three segments."""
+    """Joins the film of three segments four times."""
     two, four = os.path.join(tmp, "two.saga"), os.path.join(tmp, LONG)
     for a, to in ((GOOD + SEGMENTS, two), (two, four)):
         subprocess.run([SAGA, "join", a, a, "-o", to], check=True,
@@ -69,7 +69,7 @@ def make_long(tmp):
 
 # --- The page --------------------------------------------------------------
 
-# Gives the canvas, as R, G, B bytes in base 64.
+# Returns the canvas as R, G, B bytes in base 64.
 CANVAS = """(() => {
     const from = viewer.read().data;
     let text = '';
@@ -94,7 +94,8 @@ class Page:
         return self.settle()
 
     def settle(self):
-        """Waits until what was asked for is shown or refused."""
+        """Waits until the requested film is shown or refused; returns the
+        state."""
         self.tab.wait("%s === 'problem' || %s === 'empty' || (%s === 'ready' "
                       "&& viewer.drawn && !viewer.busy)" % (3 * (STATE,)))
         return self.tab.run(STATE)
@@ -165,7 +166,7 @@ def check_crc(page, tmp):
 
 
 def check_library(page, tmp):
-    """SagaFile alone, between two frames."""
+    """Checks SagaFile without the page, at a time between two frames."""
     text = page.tab.run("""(async () => {
         const { SagaFile } = await import('/saga.js');
         const file = await SagaFile.open('/motion.saga');
@@ -178,7 +179,7 @@ def check_library(page, tmp):
 
 
 def check_vectors(page, manifest):
-    # File, segment; time and camera; CRC of the frame.
+    # Each row has file, segment, time, camera, and the CRC of the frame.
     rows = re.findall(r"^good/(\S+) (\d+) .* (\d+) (\d+) \S+ \S+ (\S+)$",
                       manifest, re.M)
     wrong = page.tab.run("""(async () => {
@@ -225,8 +226,8 @@ def check_bad(page, manifest):
         return status;
     })()""" % json.dumps(list(bad)))
     for name, status in bad.items():
-        # A file that is cut off inside its rig may be told when cameras are
-        # listed.
+        # If a file is cut inside its rig, this may be found only when cameras
+        # are listed.
         if got[name] != int(status):
             complain(name, "is refused with", got[name], "not", status)
     if len(bad) < 40:
@@ -249,7 +250,7 @@ def check_bad(page, manifest):
         page.tab.wait(STATE + " === 'problem'")
         if path not in page.sentence():
             complain("path=" + path, "says", repr(page.sentence()))
-    # Without a picture the page is empty, not ready.
+    # Before there is a picture, the page is empty and not ready.
     page.tab.wait("document.getElementById('player').viewer.drawn")
     press(page, "Escape")
     if page.tab.run(STATE) != "ready":
@@ -259,7 +260,8 @@ def check_bad(page, manifest):
 
 
 def check_others(page):
-    """Files of another server, which allows it or not, or is gone."""
+    """Checks files of another server that allows this, that does not, and that
+    is gone."""
     for share in (True, False):
         other = browser.FileServer(page.server.files, share=share)
         state = page.show("src=%sstill.saga" % other.url)
@@ -275,7 +277,8 @@ def check_others(page):
 
 
 def bytes_of(server, path):
-    """(first, number) of what was served of it; forgets it."""
+    """Returns (first byte, number) of each answer for a path, and forgets all
+    answers."""
     served = [(a, n) for p, a, n in server.served if p == path]
     server.served.clear()
     return served
@@ -321,7 +324,8 @@ def check_ranges(page, files, tmp):
 
 
 def check_long(page, files):
-    """Ten seconds and more, a segment a second; joined, so no vector."""
+    """Checks a film of more than ten seconds with a segment for each second. It
+    was joined, so that it is no vector."""
     page.show("src=" + LONG)
     page.server.served.clear()
     parts = page.tab.run("viewer.segments.map((s) => [s.offset, s.nbytes])")
@@ -339,7 +343,7 @@ def check_long(page, files):
 
 
 def check_drop(page, files):
-    """A drop, as the browser makes it of a file that is let go there."""
+    """Simulates a drop of a file on the page, with the events of a browser."""
     page.show("")
     page.server.served.clear()
     page.do("""const data = new DataTransfer();
@@ -400,7 +404,8 @@ def check_controls(page, tmp):
     drag(page, 60, 20)
     if run(place) == before or abs(run(gap) / far - 1) > 1e-6:
         complain("a drag does not orbit")
-    # Who pulls the scene down and to the right looks from above and the left.
+    # If the scene is dragged down and to the right, the camera must move up and
+    # to the left.
     if run("""(() => {
             const by = viewer.pose.centre.map((c, i) => c -
                 viewer.rig[1].values[9 + i]);
@@ -430,8 +435,8 @@ def check_controls(page, tmp):
     verdict("controls")
 
 
-# A viewer of one's own that is told all sorts of things before its file is
-# open, and by who hears of that.
+# Makes a viewer to which all sorts of calls are made before its file is open,
+# and records which events it sends.
 EARLY = """(async () => {
     const { Viewer } = await import('/viewer.js');
     const canvas = document.createElement('canvas');
@@ -470,7 +475,8 @@ def check_early(page):
 
 
 def check_numbers(page):
-    """Forty pictures at ten a second, then four that take 0.7 seconds."""
+    """Simulates forty pictures at ten a second, then four that take 0.7
+    seconds."""
     page.show("src=still.saga&stats=1")
     text = page.tab.run("""(() => {
         const { now } = performance;
@@ -507,7 +513,7 @@ def check_path(page, tmp):
             before[9:12] != after[9:12]:
         complain("a key camera does not come back", before, after)
     check_render(page, tmp, key)
-    # A path through two cameras: their middle lies between them.
+    # On a path through two cameras, the middle must be between them.
     middle = run("""(async () => {
         const { keyAt, parsePath } = await import('/path.js');
         const a = viewer.key(0);
@@ -522,7 +528,7 @@ def check_path(page, tmp):
 
 
 def check_render(page, tmp, key):
-    """`saga render` sees from a key camera what the page does."""
+    """`saga render` must draw from a key camera what the page draws."""
     path, out = tmp + "/path.json", tmp + "/path.png"
     with open(path, "w") as f:
         json.dump({"format": "saga camera path 1", "fps": 30,
@@ -530,7 +536,7 @@ def check_render(page, tmp, key):
     subprocess.run([SAGA, "render", GOOD + "motion.saga", "--path", path,
                     "-o", out], check=True)
     got, want = pixels(out), page.pixels()
-    # A direction's last bit may differ.
+    # The last bit of a direction may differ.
     if len(got) != len(want) or max(abs(a - b) for a, b in
                                     zip(got, want)) > 1:
         complain("saga render sees something else from a key camera")
@@ -557,8 +563,8 @@ def check_view(page):
     verdict("view")
 
 
-# Pictures a second, over some of them: few where no bound is narrow, more where
-# it is the rate that was asked for.
+# COUNT measures pictures a second over a number of pictures, which is larger if
+# the program was called only to measure rates.
 RATED = 200 if sys.argv[1:] else 20
 COUNT = """new Promise((resolve) => {
     const start = performance.now();
@@ -579,7 +585,8 @@ def check_rate(page, name):
         page.tab.go(page.server.url + "index.html?draw=exact&src=%s&simd=%d&play=1" %
                     (name, simd))
         page.tab.wait("viewer.drawn")
-        # The first pictures are drawn while the module is still compiled.
+        # The first pictures are drawn while the browser still compiles the
+        # module.
         page.tab.run(COUNT % 5)
         before = page.tab.worker_seconds()
         rate = page.tab.run(COUNT % RATED)

@@ -48,11 +48,13 @@ def read_ply(path):
 
 
 def turned(splat, axis):
-    """Half a turn around x or z, as a rotation before all others."""
+    """Turns a splat by half a turn around x or z, before all other
+    rotations."""
     w, x, y, z = splat["quat"]
     flip = [1 if k == axis else -1 for k in range(3)]
     colour = [list(c) for c in splat["colour"]]
-    # Degree 1 goes as y, z, x; even degrees are not turned here.
+    # The coefficients of degree 1 are in the order y, z, x; those of even
+    # degrees are not turned.
     for k, a in enumerate([1, 2, 0][:len(colour) - 1]):
         colour[1 + k] = [flip[a] * v for v in colour[1 + k]]
     return dict(splat, mean=[f * v for f, v in zip(flip, splat["mean"])],
@@ -161,7 +163,7 @@ def covariance(splat):
 
 
 def colour_towards(splat, d):
-    """Degrees 0 and 1."""
+    """Evaluates harmonics of degree 0 and 1 in a direction."""
     x, y, z = d
     y1 = 0.4886025119029199
     basis = [0.28209479177387814, -y1 * y, y1 * z, -y1 * x]
@@ -171,8 +173,8 @@ def colour_towards(splat, d):
 
 
 def project(splat, camera, low_pass):
-    """A splat in the picture: depth, mean, inverse covariance, extents; None
-    where it is not in front."""
+    """Returns a splat in the picture (depth, mean, inverse covariance,
+    extents), or None if it is not in front of the camera."""
     r, (fx, fy) = camera["rotation"], camera["focal"]
     v = [m - c for m, c in zip(splat["mean"], camera["centre_metres"])]
     x, y, z = (sum(r[3 * i + k] * v[k] for k in range(3)) for i in range(3))
@@ -180,7 +182,8 @@ def project(splat, camera, low_pass):
         return None
     w, h = camera["width"], camera["height"]
     cx, cy = camera["principal"]
-    # The Jacobian is taken at most 0.15 of the picture outside of it.
+    # The Jacobian is evaluated at most 0.15 of the picture's side outside the
+    # picture.
     sx = min(max(fx * x / z, -0.15 * w - cx), 1.15 * w - cx)
     sy = min(max(fy * y / z, -0.15 * h - cy), 1.15 * h - cy)
     j = [[(fx * r[k] - sx * r[6 + k]) / z for k in range(3)],
@@ -217,7 +220,8 @@ def draw_one(splat, picture, light, width, height):
 
 
 def draw(splats, camera, background, low_pass=0.3):
-    """The picture in 0..1, rows from the top; front to back."""
+    """Draws the splats front to back. Returns samples in 0..1, rows from the
+    top."""
     n = camera["width"] * camera["height"]
     picture, light = [0.0] * (3 * n), [1.0] * n
     seen = [p for p in (project(s, camera, low_pass) for s in splats) if p]
@@ -228,6 +232,6 @@ def draw(splats, camera, background, low_pass=0.3):
 
 
 def psnr(picture, samples):
-    """The PSNR of 0..1 against 8-bit samples."""
+    """Returns the PSNR of samples in 0..1 against 8-bit samples."""
     error = sum((255 * min(p, 1) - s) ** 2 for p, s in zip(picture, samples))
     return 10 * math.log10(255 ** 2 * len(samples) / max(error, 1e-9))

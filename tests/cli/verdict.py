@@ -35,7 +35,7 @@ class Verdicts:
         self.complaints.clear()
 
     def skips(self):
-        """Whether there is nothing to show pages with, which it says."""
+        """Returns whether pages cannot be shown; prints the reason."""
         import browser
         why = "no clang or no wasm-ld, so no decoder"
         if os.path.exists(os.path.join(WEB, "saga.wasm")):
@@ -45,8 +45,8 @@ class Verdicts:
         return bool(why)
 
     def run(self, *command, status=0, says="", env=None):
-        """Runs a program, which must end with that status; where it is not 0
-        it says why in one line. Returns what it printed."""
+        """Runs a program, which must end with this status; if that is not 0,
+        its message must be one line. Returns what it printed."""
         done = subprocess.run([*map(str, command)], env=env, timeout=600,
                               stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         text = done.stderr.decode()
@@ -81,7 +81,7 @@ def crc32c(crc, data):
 
 
 def pixels(path, kind="rgb24"):
-    """Returns the bytes of a picture, or of all pictures of a film or a
+    """Returns the samples of a picture, or of all pictures of a film or of a
     pattern of names."""
     return subprocess.run(["ffmpeg", "-v", "error", "-i", path, "-f",
                            "rawvideo", "-pix_fmt", kind, "-"], check=True,
