@@ -51,8 +51,8 @@ static bool begin(saga_fit *f, saga_error *error)
         !saga_twin_init(&f->twin, s, error) ||
         !saga_rate_init(&f->rate, s, error))
         return false;
-    /* This precedes the first refresh, which otherwise measures constants of
-     * its own. */
+    /* Given constants are set before the first refresh, which would otherwise
+     * measure constants of its own. */
     if (f->o.given)
         saga_rate_give(&f->rate, &f->o.given->constants);
     if (!saga_rate_refresh(&f->rate, s, error) ||
@@ -137,8 +137,8 @@ static bool add_rate(saga_fit *f, double price, saga_error *error)
     if (o.rounding && !f->o.given && !f->rate.decision.decided &&
         !saga_rate_decide(&f->rate, f->scene, &x, error))
         return false;
-    /* A quarter of the blocks stands for all; all are evaluated where the
-     * bank's reads are evaluated again. */
+    /* A quarter of the blocks is evaluated as a sample. All blocks are
+     * evaluated in iterations that evaluate the memory bank's reads again. */
     saga_rate_look(&o, f->iteration, saga_fit_is_remembering(f));
     saga_rate_add(f->bits, &f->rate, &f->grad, &x, &o);
     return true;
@@ -158,7 +158,8 @@ static void use_features(void *user, size_t part)
     const double step = saga_fit_feature_step(f->scene);
     size_t i;
 
-    /* They are rounded against mu at each anchor's last evaluation. */
+    /* Features are rounded relative to the mu of their anchor's last
+     * evaluation. */
     if (saga_fit_is_rounding(f)) {
         saga_rate_round(f->feature, &f->rate, f->scene, of);
         return;
@@ -297,8 +298,8 @@ bool saga_fit_iterate(saga_fit *f, double *mse, saga_error *error)
     use_all_positions(f);
     if (!saga_fit_use_weights(f, error))
         return false;
-    /* In between, neighbours stay the same, and no gradient flows through their
-     * choice (twin.h). */
+    /* Between two such iterations the neighbours stay the same, and no gradient
+     * flows through their choice (twin.h). */
     if (f->iteration % REFRESH_EVERY == 0 &&
         !saga_twin_refresh(&f->twin, &f->used, f->feature, error))
         return false;
@@ -325,7 +326,7 @@ saga_twin *saga_fit_code(saga_fit *f, real *feature, saga_rate_choice *c,
 {
     saga_rate_input x = rate_input(f, feature);
 
-    /* Networks and offsets as they will be decoded. */
+    /* Set the networks and offsets as they will be decoded. */
     saga_fit_round_weights(f);
     use_all_positions(f);
     x.scene = &f->used;
@@ -337,8 +338,8 @@ saga_twin *saga_fit_code(saga_fit *f, real *feature, saga_rate_choice *c,
            f->scene->model.features * sizeof *feature);
     saga_rate_choice_code(c, &f->rate, &x, SAGA_KIND_COARSE,
                           SAGA_KIND_COARSE);
-    /* Fine features and supports are computed from the coarse ones, and the
-     * other two kinds are coded with these. */
+    /* Fine features and supports are computed from the coarse features. With
+     * these, the offsets of fine anchors and of primitives are coded. */
     if (!saga_twin_refresh(&f->twin, &f->used, feature, error)) {
         saga_rate_choice_free(c);
         return NULL;

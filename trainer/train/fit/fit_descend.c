@@ -119,7 +119,7 @@ static void list_tensors(saga_adam_tensor t[N_TENSORS], saga_fit *f,
     tensor(&t[T_BANK], f, "memory bank's networks",
            s->params + n_entropy - n_bank, n_bank,
            saga_fit_is_remembering(f) ? SAGA_BANK_TWIN_PACE * r->entropy : 0);
-    /* From the first layer that is not rounded yet. */
+    /* The networks move from the first layer on that is not rounded yet. */
     tensor(&t[T_PARAMS], f, "networks", s->params + first,
            saga_fit_n_params(s) - first, r->networks);
     t[T_STEPS] = (saga_adam_tensor){

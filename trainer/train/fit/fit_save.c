@@ -65,7 +65,7 @@ void saga_fit_walk(saga_fit *f, saga_checkpoint *c)
     saga_checkpoint_expect(c, f->scene->n.prim);
     saga_checkpoint_expect(c, f->scene->n_reals);
     saga_checkpoint_walk(c, &iteration, sizeof iteration);
-    /* One past the last is that of a fit that is over. */
+    /* After its end, a fit is at the iteration one past the last. */
     c->failed = c->failed || iteration > (uint64_t)f->o.n_render;
     /* The step may have been steered (size.c), and the prices with it. */
     saga_fit_walk_step(f, c);
@@ -73,7 +73,8 @@ void saga_fit_walk(saga_fit *f, saga_checkpoint *c)
     walk_reals(c, f->scene->reals, f->scene->n_reals);
     saga_fit_walk_descent(f, c);
     walk_rate(c, &f->rate, f->scene);
-    /* Steps of the weights. The copies with noise are made again. */
+    /* The steps of the weights are kept. The copies with noise are made
+     * again. */
     saga_checkpoint_walk(c, w->log2_step, sizeof w->log2_step);
     saga_checkpoint_walk(c, w->m, sizeof w->m);
     saga_checkpoint_walk(c, w->v, sizeof w->v);

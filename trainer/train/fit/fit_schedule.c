@@ -30,7 +30,8 @@ bool saga_fit_is_remembering(const saga_fit *f)
             f->iteration == saga_fit_first_rounding(f));
 }
 
-/* Falls from 1 to `last` along half a cosine. */
+/* Returns a factor that falls from 1 at i = 0 to `last` at i = n - 1, along
+ * half a cosine. */
 static real decay(int i, int n, real last)
 {
     const double x = n > 1 ? (double)i / (double)(n - 1) : 0;

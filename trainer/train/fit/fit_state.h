@@ -38,7 +38,8 @@ struct saga_fit {
                                   * iteration */
 };
 
-/* Returns the quantisation step of the coarse features, as a real number. */
+/* Returns the quantisation step of the coarse features, in units of a
+ * feature. */
 double saga_fit_feature_step(const saga_scene *s);
 
 /* fit_schedule.c */

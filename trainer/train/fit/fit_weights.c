@@ -142,7 +142,7 @@ static bool round_layers(saga_fit *f, int from, int to, saga_error *error)
     saga_pictures_camera(&camera, f->pictures, picture);
     saga_twin_geometry(&f->twin, &f->used, f->feature);
     saga_twin_colour(&f->twin, &f->used, camera.centre);
-    /* The scene's own weights become the multiples, and stay so. */
+    /* The scene's own weights become multiples of their steps, and stay so. */
     for (t = from; t < to; t += 2) {
         const saga_weight_round_input in = rounding_of(f, t);
 

@@ -232,7 +232,7 @@ static bool merge(saga_scene *s, uint32_t *source, const built *b,
     return true;
 }
 
-/* The inputs of the build. */
+/* What is needed to build the layers. */
 typedef struct {
     const saga_layers_terms *terms;
     const saga_hierarchy_pool *pool;

@@ -48,7 +48,7 @@ static void first_basis(saga_start *x)
         x->mean[k] = sum / w[k];
         w[k] = sqrt(w[k] / (double)x->n);
     }
-    /* The covariance, with each primitive times `say`, its weight. */
+    /* The covariance counts each primitive `say` times, which is its weight. */
     for (size_t i = 0; i < x->n; i++) {
         double e[SAGA_LINEAR_MOST], say = 0;
 
@@ -120,7 +120,7 @@ static void fit_codes(saga_start *x, const double *ridge)
         .ns = (double)CODE_NS * (double)x->n });
 }
 
-/* Fits basis and mean of every dimension with the features fixed. */
+/* Fits, with the features fixed, the basis and the mean of every dimension. */
 static void fit_basis(saga_start *x)
 {
     const size_t n = x->f + 1;

@@ -246,7 +246,7 @@ void saga_pack_measure_formats(saga_model *m, const saga_pack_input *in)
     m->q_in[SAGA_NET_COLOUR] = saga_pack_q(in->room *
         saga_pack_most_before_colour(s, in->twin, 0,
                                      m->width[SAGA_NET_COLOUR]), 14);
-    /* Inputs must not saturate either. */
+    /* The formats of inputs must hold the measured values, too. */
     m->q_in[SAGA_NET_COLOUR_VIEW] = DIRECTION_Q;
     m->q_in[SAGA_NET_FUSE_C] = saga_pack_q(
         in->room * most_feature(s, in->feature), SAGA_EMBEDDING_Q);

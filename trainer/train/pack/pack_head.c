@@ -97,7 +97,8 @@ static saga_rig_camera *make_rig(const saga_pictures *p, const saga_header *h,
 
         memset(&c, 0, sizeof c);
         for (int k = 0; k < 3; k++)
-            /* The background of training. */
+            /* The rig has the background colour with which the pictures were
+             * trained. */
             c.background_q15[k] = (uint16_t)lrint(
                 32768 * (p->background[k] / 255.0));
         if (!saga_camera_of_shot(&c, &m, &p->capture->views[i],

@@ -80,7 +80,9 @@ static int row_formats(uint8_t *q, uint8_t *finer, const saga_packing *p,
         finer[k] = finer_by(p, net, most_row(p, net, i, k), common);
         q[k] = (uint8_t)(common + finer[k]);
     }
-    /* The direction's part is added to this one, and must have its format. */
+    /* The part of F_color's first layer that reads the direction is added to
+     * the part that reads the features, and must have the formats of that
+     * part. */
     for (k = 0; net == SAGA_NET_COLOUR_VIEW && k < n; k++)
         q[k] = (uint8_t)(common +
                          nets->layer[SAGA_NET_COLOUR_BASE][0].finer[k]);
@@ -141,8 +143,8 @@ static bool pack_layer(saga_net_symbols *out, int *q_in, const saga_packing *p,
     set_layer_steps(&v, p->choice, p->steps, net, i);
     if (!saga_quantise_layer(l, &v, error))
         return false;
-    /* The decoded values, for the decoded scene and for the segments to
-     * come. */
+    /* The decoded values are kept for the decoded scene and for later
+     * segments. */
     if (p->decoded)
         saga_dequantise_layer(p->decoded->net[net].w[i],
                               p->decoded->net[net].b[i], l, &v);

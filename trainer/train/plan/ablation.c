@@ -39,7 +39,7 @@ static bool read_word(saga_ablation *a, const char *text, size_t n)
         const long x = flag ? 1 : strtol(text + length, &end, 10);
         const uint16_t number = (uint16_t)x;
 
-        /* All members are 16 bits. */
+        /* All members of saga_ablation have 16 bits. */
         memcpy((char *)a + words[i].offset, &number, sizeof number);
         return flag || (end == text + n && x > 0 && x <= words[i].most);
     }

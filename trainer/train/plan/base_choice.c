@@ -112,16 +112,17 @@ saga_train_no_base saga_plan_no_base(const saga_base_question *q)
          : q->wanders ? SAGA_TRAIN_WANDERS : SAGA_TRAIN_HAS_BASE;
 }
 
-/* Returns how many times as many primitives are worth their bits if they are
- * sent once for n segments. The error law of policy.h would give the square of
- * this; but all of them learn from the same few still pictures, and the more
- * there are, the less well they show the views between. */
+/* Returns the factor by which the number of primitives may grow if they are
+ * coded once and not once for each of n segments. The error law of policy.h
+ * would give the square of this factor; but all primitives of a base learn from
+ * the same few still pictures, and the more there are, the less well they show
+ * the views between the cameras. */
 static double times_for(int n)
 {
     const double by_law = saga_policy_primitives(1, 1, n, 1) /
                           saga_policy_primitives(1, 1, 1, 1);
 
-    /* The law gives n^(1 / 1.43) = n^0.7, its square root n^0.35. */
+    /* The law gives n^(1 / 1.43) = n^0.7; its square root is n^0.35. */
     return fmin(sqrt(by_law), MOST_TIMES);
 }
 
@@ -151,7 +152,7 @@ void saga_plan_base(saga_train_base *b, const saga_base_question *q)
     if (b->why)
         return;
     b->n_looked_at = q->n;
-    /* In a capture where nothing moves everything stands still. */
+    /* In a capture where nothing moves, every primitive stands still. */
     for (uint32_t i = 0; i < b->n_looked_at; i++)
         b->n_still += !q->moves || is_still(&q->flat, i);
     /* Each of n segments saves n_still primitives, and the base has `times`

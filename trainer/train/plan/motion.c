@@ -11,7 +11,8 @@
 #define CHANGE 8                 /* of 255 */
 #define CHANGING_PART 1e-4
 #define EXPLAINED 0.1
-enum { N_VIEWS = 8, N_FRAMES = 8 }; /* most that are sampled */
+enum { N_VIEWS = 8, N_FRAMES = 8 }; /* the largest numbers of views and frames
+                                     * that are sampled */
 
 /* Sums over the pixels that change. */
 typedef struct {

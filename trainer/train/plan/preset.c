@@ -39,10 +39,11 @@ enum { N_PRESETS = sizeof presets / sizeof presets[0] };
  * counts two more times. */
 #define MOTION_PART 2
 
-/* The longest segment, because what stays in the scene is sent once for each
- * segment: at equal PSNR, one segment of ten seconds takes half the bytes of
- * ten segments of a second with their base (docs/lab/segments.md). The drawback
- * is that a jump must read a whole segment. */
+/* The seconds of a segment, if it fits in memory. Long segments save bytes,
+ * because what stays in the scene is coded once for each segment: at equal
+ * PSNR, one segment of ten seconds takes half the bytes of ten segments of a
+ * second with their base (docs/lab/segments.md). The drawback is that a jump
+ * must read a whole segment. */
 #define MOST_SECONDS 10
 
 /* A segment has at least this number of frames, if they fit in memory. At low
@@ -50,8 +51,9 @@ enum { N_PRESETS = sizeof presets / sizeof presets[0] };
  * to nothing. */
 #define LEAST_FRAMES 24
 
-/* More views of a still, or pictures of a moving camera, than this show the
- * same things again. */
+/* Of a still, only this number of views counts for the number of primitives,
+ * because further views mostly show the same things again. The pictures of a
+ * moving camera count likewise. */
 #define STILL_VIEWS 10
 
 /* A picture of a still is made smaller only as far as needed for this number of
@@ -95,9 +97,9 @@ int saga_plan_segments(const saga_capture *capture, int frames)
     if (!frames && capture->moves)
         frames = all;
     if (!frames) {
-        /* Ten seconds, or 24 frames where that is more, as far as they fit in
-         * half of the memory; but at least a second, even if it does not
-         * fit. */
+        /* A segment has ten seconds, or 24 frames where that is more, as far as
+         * they fit in half of the memory; but at least a second, even if that
+         * does not fit. */
         const double wanted = fmax(MOST_SECONDS * capture->fps, LEAST_FRAMES);
         const double longest = fmin(wanted, capture->n_fitting);
 
@@ -135,7 +137,7 @@ double saga_plan_minutes(double n_primitives, double n_iterations,
 
 /* The detail that is learned about a primitive grows with the logarithm of the
  * number of iterations per primitive. The formula was fitted to stills with
- * 0.02 to 8 of them, which tests/train/test_preset.c lists. */
+ * 0.02 to 8 iterations per primitive, which tests/train/test_preset.c lists. */
 void saga_plan_nbytes(double *least, double *most, double n_primitives,
                       double n_iterations, bool still)
 {

@@ -24,8 +24,8 @@ static void set_tiers(saga_model *m, const saga_train_options *o)
         l->softmax_q8 = 3000;      /* log2(e) / T, T = 1/8 */
     }
     if (o->n_fine >= o->n_primitives) {
-        /* Each primitive has a fine anchor of its own, stands where that
-         * stands, and takes its features. */
+        /* Each primitive has a fine anchor of its own, has this anchor's
+         * position, and reads its features. */
         m->tier[SAGA_TIER_FINE].suffix_bits = 0;
         m->tier[SAGA_TIER_FINE].max_children = 1;
         m->tier[SAGA_TIER_FINE].window = 0;
@@ -94,9 +94,9 @@ void saga_plan_entropy_model(saga_model *m, const saga_ablation *a,
         set_bank(m, a, most_slots);
 }
 
-/* Does each primitive have a coarse and a fine anchor of its own? Then its
- * features are coefficients of a linear transform of its attributes, and its
- * place within its anchors says nothing about it. */
+/* Returns whether each primitive has a coarse and a fine anchor of its own.
+ * Then its features are coefficients of a linear transform of its attributes,
+ * and its place within its anchors says nothing about it. */
 static bool has_own_anchors(const saga_train_options *o)
 {
     return o->n_coarse >= o->n_primitives && o->n_fine >= o->n_primitives;

@@ -127,8 +127,9 @@ uint32_t saga_size_share(const saga_size_terms *t, int n_done,
     /* Bytes left for each of the segments to come. */
     left = ((double)t->options->n_bytes - (double)z->total) /
            (t->options->n_segments - n_done);
-    /* At least two thirds of the plan; with the base, at most 1.5 times what
-     * was planned to be drawn, and within the level's limit. */
+    /* A segment gets at least two thirds of its planned number of primitives.
+     * Together with the base it gets at most 1.5 times the planned sum, and no
+     * more than the level allows. */
     return (uint32_t)fmin(fmin(fmax(left / of_one, n / MOST_UNLIKE),
                                MOST_UNLIKE * (n + base) - base),
                           saga_caps[t->options->level].n_prim - base);

@@ -349,12 +349,13 @@ static void add_picture(slanted *s, const trial *a)
         sums *const x = &s->sum[i];
         real d[3];
 
-        /* The picture does not show it. */
+        /* The picture does not show this primitive. */
         if (!(w > 0))
             continue;
         direction(d, a, i);
         x->w += w;
-        /* The products are symmetric: their lower triangle is enough. */
+        /* The products are symmetric, so that their lower triangle is
+         * enough. */
         for (size_t k = 0, at = 0; k < 3; k++) {
             const real g = half * s->d.colour[3 * i + k];
 
@@ -376,7 +377,7 @@ static void add_step(slant *b, const sums *x)
     saga_matrix a = { { 0 } };
     double spread = 0;
 
-    /* No picture of this half shows it. */
+    /* No picture of this half shows the primitive. */
     if (!(x->w > 0))
         return;
     /* The spread is the trace of the directions' covariance; 0, 2 and 5 are the
@@ -471,7 +472,7 @@ static double dip(const double error[3])
     /* error(x) = error[0] + b x + a x^2 through the three points. */
     const double a = 2 * (error[2] - 2 * error[1] + error[0]);
     const double b = 4 * error[1] - error[2] - 3 * error[0];
-    /* The lowest point within 0..1, which is an end if the parabola is not
+    /* x is the lowest point within 0..1, which is an end if the parabola is not
      * convex. */
     const double x = a > 0 ? fmin(fmax(-b / (2 * a), 0), 1)
                            : error[2] < error[0];
@@ -507,8 +508,8 @@ static void free_slanted(slanted *s)
 
 /* Judges whether colours should depend on the direction. One half of the views
  * finds the slants, and the other half is drawn with all and with half of them,
- * to interpolate how much is best there. What does not help in other views is
- * no reflection but a peculiarity of one view. */
+ * from which the best factor is interpolated. What does not help in other views
+ * is no reflection but a peculiarity of one view. */
 static bool ask_view(trial *a, double mse, saga_error *error)
 {
     double sum[3] = { mse, 0, 0 };

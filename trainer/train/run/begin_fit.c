@@ -99,8 +99,8 @@ static bool propose(saga_train *t, saga_error *error)
  * base they are those of all segments, since it appears in each. */
 static double n_pixels_of(saga_train *t)
 {
-    /* It is kept, because the base itself is trained on one picture for each
-     * view. */
+    /* The number is kept from the first segment, because the base itself is
+     * trained on only one picture of each view. */
     if (t->turn == 0)
         t->n_pixels = saga_pictures_pixels(&t->pictures);
     return saga_train_in_base(t) ? t->n_pixels * t->o.n_segments

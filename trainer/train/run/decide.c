@@ -74,7 +74,8 @@ static void choose_base(saga_train *t)
 
 bool saga_train_decide(saga_train *t, saga_error *error)
 {
-    /* The first turn decided for all: the networks depend on the tools. */
+    /* Later turns keep the tools of the first one, because the networks depend
+     * on them. */
     if (t->turn > 0) {
         t->tools = t->file.networks.scene.model.tools & SAGA_TOOLS_PICTURE;
         return true;

@@ -50,7 +50,7 @@ static bool load_blind(saga_train *t, saga_train_header *h,
     if (h->stage >= SAGA_TRAIN_N_STAGES)
         return saga_fail(error, c->path, "`saga encode --networks` takes it",
                          "has the networks of a training that is over");
-    /* Error messages name it. */
+    /* Error messages name the path of the checkpoint. */
     t->o.checkpoint = c->path;
     t->capture = capture;
     if (!saga_pictures_restore(&t->pictures, capture, c, error) ||
@@ -75,7 +75,7 @@ bool saga_train_peek(uint8_t **bytes, size_t *nbytes, const char *checkpoint,
     t = saga_calloc(1, sizeof *t, "the training", error);
     ok = t && load_blind(t, &h, &capture, &c, error);
     ok = saga_checkpoint_close(&c, ok, error) && pack_so_far(t, error);
-    /* The caller gets the bytes. */
+    /* From here on, the caller owns the bytes. */
     if (ok) {
         *bytes = t->bytes;
         *nbytes = t->nbytes;

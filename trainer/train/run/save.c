@@ -222,8 +222,8 @@ bool saga_train_load_state(saga_train *t, const saga_train_header *h,
     }
     if (!load_turn(t, h, c, error))
         return false;
-    /* The warm-up is always in a checkpoint, since hierarchy and targets are
-     * rebuilt from it. */
+    /* Every checkpoint has the warm-up, because the hierarchy and its targets
+     * are rebuilt from it. */
     if (!saga_train_load_warm(t, c, error))
         return false;
     t->stage = (saga_train_stage)h->stage;
@@ -248,8 +248,8 @@ static bool load(saga_train *t, saga_checkpoint *c, saga_error *error)
     saga_train_header h;
 
     saga_train_header_walk(&h, c);
-    /* This precedes the comparison of options, so that numbers found by a trial
-     * or the warm-up count as equal. */
+    /* The numbers are taken over before options are compared, so that numbers
+     * found by a trial or by the warm-up count as equal. */
     if (c->failed || !adopt(t, &h)) {
         c->failed = true;
         return false;

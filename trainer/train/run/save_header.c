@@ -34,7 +34,8 @@ void saga_train_header_fill(saga_train_header *h, const saga_train *t)
     h->n_pixels = t->n_pixels;
     h->layers = (uint64_t)t->o.n_layers;
     h->teachers = (uint64_t)t->o.n_teachers;
-    /* The number of segments, which is no segment's, stands for none. */
+    /* If all segments are trained here, `only` is the number of segments, which
+     * is the index of none. */
     h->only = (uint64_t)(t->o.networks ? t->o.only : t->o.n_segments);
     if (t->o.ablate)
         snprintf(h->ablate, sizeof h->ablate, "%s", t->o.ablate);
@@ -98,7 +99,8 @@ bool saga_train_header_fits(const saga_train *t, const saga_train_header *h,
 {
     saga_train_header now;
 
-    /* lambda is the option; the value found by the rule is chosen_lambda. */
+    /* lambda is the option's value; the value that the rule found is
+     * chosen_lambda. */
     saga_train_header_fill(&now, t);
     if (h->lambda < now.lambda || h->lambda > now.lambda)
         return saga_fail(error, file, "give the options it was begun with, or "
@@ -195,8 +197,8 @@ bool saga_train_adopt(saga_train_options *o, const char *checkpoint,
 bool saga_train_header_options(saga_train_options *o,
                                const saga_train_header *h)
 {
-    /* These were not compared with any options, so they must not exceed
-     * arrays. */
+    /* These numbers were not compared with options, so that they are checked
+     * against the sizes of arrays. */
     if (h->level >= SAGA_N_PROFILES || h->motion > SAGA_TRAIN_STILL ||
         h->layers < 1 || h->layers > SAGA_MAX_LAYERS ||
         h->teachers > SAGA_TRAIN_MOST_TEACHERS ||
@@ -205,7 +207,7 @@ bool saga_train_header_options(saga_train_options *o,
     *o = saga_train_defaults();
     o->n_segments = (int)h->segments;
     o->first = (int)h->first;
-    /* The name is not opened; it only tells that there are networks. */
+    /* The name is never opened; it only tells that networks are given. */
     if (h->only < h->segments) {
         o->networks = "those it has";
         o->only = (int)h->only;

@@ -112,8 +112,8 @@ bool saga_train_load_warm(saga_train *t, saga_checkpoint *c, saga_error *error)
     uint64_t n = 0;
     saga_flat_options o;
 
-    /* The cameras are placed again. The number of teachers is read, since
-     * saga_train_peek does not have the pictures to decide on it. */
+    /* The cameras of the teachers are placed again. The number of teachers is
+     * read, because saga_train_peek has no pictures from which to decide it. */
     if (!saga_train_place_teachers(t, error))
         return false;
     saga_checkpoint_walk(c, &n, sizeof n);

@@ -125,7 +125,7 @@ static void settle_count(saga_train *t)
 
     if (n == 0)
         return;
-    /* The numbers of anchors follow. */
+    /* The numbers of anchors are derived again from the new number. */
     t->o.n_primitives = n;
     t->o.n_coarse = t->o.n_fine = 0;
     saga_options_derive(&t->o);
