@@ -469,7 +469,8 @@ $(BUILD)/log/%.log: $(BUILD)/% FORCE
 	    times >$(@:.log=.cpu)
 
 .PHONY: check test test-all setup sanitize lint symbols nofloat stack headers \
-        tree circles docs tables matrix init mutants bench vectors clean
+        tree circles docs tables matrix init mutants coverage bench vectors \
+        clean
 setup:
 	@tests/setup.sh
 
@@ -532,6 +533,8 @@ init:
 	@tests/check_init.sh small
 mutants:
 	@tests/run_mutants.sh
+coverage:
+	@tests/check_coverage.py
 
 # bench/before.json is an earlier result; ARGS name parts (bench/bench_table.c).
 bench:
@@ -666,6 +669,7 @@ make tables      the generated tables are what gen_tables prints
 make matrix      the vectors on every compiler and emulated target
 make init        the decode depends on the bytes alone: paint, MemorySanitizer
 make mutants     planted mistakes that the gates must catch
+make coverage    the tables of vectors/README.md: extremes that the vectors reach
 make bench       what operators take, beside what this machine can do
 make vectors     regenerates vectors/
 make ksy         regenerates docs/bitstream.ksy from the tables of bitstream.md

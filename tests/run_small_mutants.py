@@ -298,4 +298,5 @@ def main():
     return random_mutants(builder, int(rest[0]), seed)
 
 
-sys.exit(main())
+if __name__ == "__main__":
+    sys.exit(main())

@@ -262,6 +262,7 @@ many() {
     check matrix tests/run_matrix.sh "$size"
     check init tests/check_init.sh "$size"
     [ "$what" != all ] || check mutants tests/run_mutants.sh
+    [ "$what" != all ] || check coverage python3 tests/check_coverage.py
     [ "$what" != all ] || check checks python3 tests/run_small_mutants.py checks
 }
 

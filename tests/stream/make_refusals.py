@@ -372,11 +372,14 @@ def views(film):
 
 def names(film):
     chunk = film.chunk("NAME")
-    for number, (payload, status) in enumerate(page.examples()):
+    examples = list(page.examples())
+    for number, (payload, status) in enumerate(examples):
+        # The last has a name too many.
+        rule = "names" if not status else \
+            f"names.{6 + (number + 1 == len(examples))}"
         edit = Edit(film).replace(chunk.at + 20, chunk.nbytes - 20, payload)
         edit.set("NAME.nbytes", 8 + len(payload)).cut(chunk.end)
-        row("names.6" if status else "names", f"example-{number + 1}", status,
-            edit, kind="names")
+        row(rule, f"example-{number + 1}", status, edit, kind="names")
     for name, new in (("64-bytes", b"\0\x40" + b"a" * 64 + b"\0\0" * 2),
                       ("63-shared-and-1", b"\0\x3f" + b"a" * 63 +
                        b"\x3f\1b\0\0")):
@@ -402,7 +405,32 @@ def names(film):
 
 
 def sound(film):
-    """What sound/ has not: a length that leaves out OggS, which follows."""
+    """film has names and sound."""
+    names, chunk = film.chunk("NAME"), film.chunk("OPUS")
+
+    def cut(rule, n):
+        row(rule, f"n={n}", TRUNCATED, Edit(film, sign=False).cut(n),
+            kind="sound")
+
+    cut("sound.1", names.at + 3)
+    cut("sound.2", names.at + 11)
+    cut("sound.2", names.end + 3)
+    cut("sound.4", chunk.at + 11)
+    cut("sound.4", chunk.end - 1)
+    cut("sound.6", chunk.end + 3)
+    for rule, label, edit, status in (
+            ("sound.2", "NAME.crc", Edit(film).damage("NAME.crc"), DATA),
+            ("sound.3", "OPUS.type",
+             Edit(film).set("OPUS.type", 0x58585858), ARG),
+            ("sound.4", "OPUS.crc", Edit(film).damage("OPUS.crc"), DATA),
+            ("sound.4", "OPUS.owner", Edit(film).owned("OPUS", 0), DATA),
+            ("sound.4", "OPUS.nbytes",
+             Edit(film).set("OPUS.nbytes", len(film.data)), TRUNCATED),
+            ("sound.7", "OPUS.twice",
+             Edit(film, sign=False).replace(
+                 chunk.end, 0, film.data[chunk.at:chunk.end]), DATA)):
+        row(rule, label, status, edit, kind="sound")
+    # A length that leaves out OggS, which follows.
     for n in (4, 7):
         row("sound.5", f"OPUS.nbytes={n}", DATA,
             Edit(film).set("OPUS.nbytes", n), kind="sound")

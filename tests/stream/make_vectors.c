@@ -466,8 +466,9 @@ static void put(saga_range_enc *e, uint32_t n_sym, uint32_t sym)
                             sym + 1 < n_sym ? m.start[sym] : SAGA_PROB_TOTAL);
 }
 
-/* Writes a file whose networks begin with a row whose scale would be -1. */
-static void bad_scale(void)
+/* Writes a file whose networks begin with a layer whose first scale, of a row
+ * or of a column, would be -1. */
+static void bad_scale(const char *stem, uint32_t mode)
 {
     const gen_options o = { .seed = 7, .level = 1, .n_coarse = 3,
                             .tools_fixed = 1 };
@@ -484,13 +485,15 @@ static void bad_scale(void)
     saga_range_enc_bits(&e, 0, 10);      /* its shift, the biases' */
     saga_range_enc_bits(&e, SAGA_DROP - 1, 6);
     saga_range_enc_bits(&e, 0, 6);       /* scale of biases */
-    put(&e, SAGA_N_SCALE_MODES, SAGA_SCALE_ROW);
-    put(&e, 4, 0);                       /* shift */
-    put(&e, 8, 0);
+    put(&e, SAGA_N_SCALE_MODES, mode);
+    if (mode == SAGA_SCALE_ROW) {
+        put(&e, 4, 0);                   /* shift */
+        put(&e, 8, 0);
+    }
     put(&e, SAGA_N_DROPS, 1);
     memcpy(f.part[1].p, begin, saga_range_enc_finish(&e));
     changed = mutate_join(&f, &n);
-    bad("scale_below_zero", changed, n, SAGA_ERR_DATA);
+    bad(stem, changed, n, SAGA_ERR_DATA);
     free(changed);
     free(bytes);
 }
@@ -987,7 +990,8 @@ int main(int argc, char **argv)
     sounds();
     cut_layers(three_layers);
     bad_all();
-    bad_scale();
+    bad_scale("scale_below_zero", SAGA_SCALE_ROW);
+    bad_scale("column_scale_below_zero", SAGA_SCALE_COLUMN);
     bad_memory();
     bad_base();
     bad_layers(three_layers);

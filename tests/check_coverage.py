@@ -1,0 +1,247 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""check_coverage.py [write]: what the vectors make the decoder do.
+
+Probes are planted in a copy of the decoder's plain C, in coverage/ of the build
+folder: one for each extreme of stream/extremes.py, and one for each condition
+under which the decoder refuses a file (run_small_mutants.py finds them).
+check_vectors, which tells the probes where a line of MANIFEST and REFUSALS
+begins, then runs on all vectors. Two tables come of it: the good files that
+reach each extreme, and the lines of bad files that each condition refuses.
+
+Fails where a row has none, where a rule of section 4 of bitstream.md has no
+line of REFUSALS, and where vectors/README.md has other tables; `write` writes
+them there.
+"""
+import os
+import re
+import shutil
+import subprocess
+import sys
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+sys.path[:0] = [HERE, os.path.join(HERE, "stream")]
+
+import extremes
+import run_small_mutants as small
+
+ROOT = os.path.join(HERE, "..")
+COPY = os.path.join(os.environ.get("BUILD", "build"), "coverage")
+README = "vectors/README.md"
+
+COVER_H = """
+void saga_cover_line(const char *line);
+int saga_cover(int probe, int result);
+int saga_all_zero(const short *v, unsigned n);
+int saga_are_parallel(const short *a, const short *b, unsigned n);
+"""
+COVER_C = """
+#include <stdio.h>
+static unsigned char hit[%d];
+static FILE *out;
+int saga_cover(int probe, int result) { hit[probe] = 1; return result; }
+static void end_line(void)
+{
+    for (int i = 0; out && i < (int)sizeof hit; i++)
+        if (hit[i]) { fprintf(out, " %%d", i); hit[i] = 0; }
+}
+void saga_cover_line(const char *line)
+{
+    if (!out) out = fopen("coverage.txt", "w");
+    else end_line();
+    fprintf(out, "\\n%%.*s\\t", (int)__builtin_strcspn(line, "\\n"), line);
+}
+__attribute__((destructor)) static void end(void) { end_line(); }
+int saga_all_zero(const short *v, unsigned n)
+{
+    while (n && !v[n - 1]) n--;
+    return n == 0;
+}
+int saga_are_parallel(const short *a, const short *b, unsigned n)
+{
+    for (unsigned i = 1; i < n; i++)
+        if (a[i] * b[0] != b[i] * a[0]) return 0;
+    return 1;
+}
+"""
+
+
+def edits_of_extremes():
+    """Extremes in their order, and edits (file, place, length, text) that plant
+    their probes."""
+    rows, edits = [], []
+    for path, fragment, seen in extremes.PLACES:
+        text = small.read(path)
+        plain = fragment.removeprefix("+")
+        assert text.count(plain) == 1, (path, fragment)
+        probes = ""
+        for page, what, condition in seen:
+            probes += f"if ({condition}) saga_cover({len(rows)}, 1);\n"
+            rows.append((page, what))
+        at = text.index(plain)
+        if fragment != plain:
+            edits.append((path, at, 0, "{ "))
+            probes += "}"
+        edits.append((path, at + len(plain), 0, probes))
+    return rows, edits
+
+
+def edits_of_checks(first):
+    """Conditions that refuse, and edits as above; probes begin at `first`."""
+    rows, edits = [], []
+    for path in small.CHECKED:
+        text = small.read(path)
+        for (begin, end), off in small.conditions(path, text):
+            probe = first + len(rows)
+            count = f") && saga_cover({probe}, 1))" if off == "0 &&" \
+                else f") || saga_cover({probe}, 0))"
+            edits += [(path, begin, 0, " (("), (path, end, 0, count)]
+            rows.append((path, " ".join(text[begin:end].split())))
+    return rows, edits
+
+
+def plant(edits):
+    """Makes the copy of the tree with the edits."""
+    shutil.rmtree(COPY, ignore_errors=True)
+    for folder in ("common", "decoder", "reference", "trainer", "tests"):
+        shutil.copytree(folder, f"{COPY}/{folder}",
+                        ignore=shutil.ignore_patterns("*.saga", "corpus"))
+    shutil.copy("Makefile", COPY)
+    for path in {e[0] for e in edits}:
+        text = small.read(path)
+        # Probes at one place keep their order.
+        for _, at, length, new in sorted(
+                (e for e in edits if e[0] == path), key=lambda e: -e[1]):
+            text = text[:at] + new + text[at + length:]
+        with open(f"{COPY}/{path}", "w") as f:
+            f.write(text)
+
+
+def fail(what):
+    print(f"FAIL coverage: {what}")
+    return False
+
+
+def run(n_probes):
+    """Runs the vectors. Returns whether all passed, and for each line of the
+    lists its words and the probes that it hits."""
+    with open(f"{COPY}/cover.h", "w") as f:
+        f.write(COVER_H)
+    with open(f"{COPY}/cover.c", "w") as f:
+        f.write(COVER_C % n_probes)
+    path = "tests/stream/check_vectors.c"
+    text = small.read(path)
+    for name in ("check_line", "check_refusal"):
+        text = text.replace(
+            f"static int {name}(const char *dir, const char *line)\n{{",
+            f"static int {name}(const char *dir, const char *line)\n{{"
+            "saga_cover_line(line);")
+    with open(f"{COPY}/{path}", "w") as f:
+        f.write(text)
+    # The plain code of all operators, and no warnings about probes.
+    subprocess.run(["gcc", "-c", "cover.c", "-o", "cover.o"], cwd=COPY,
+                   check=True)
+    subprocess.run(
+        ["make", "-s", f"-j{os.cpu_count()}", "BUILD=build", "OPT=-O1",
+         "WERROR=-w", "CORE_CFLAGS=-mgeneral-regs-only", "LDFLAGS=cover.o",
+         f"CFLAGS=-include {os.path.abspath(COPY)}/cover.h",
+         "build/check_vectors"], cwd=COPY, check=True)
+    done = subprocess.run(
+        ["build/check_vectors", os.path.abspath("vectors"), "plain"],
+        cwd=COPY, capture_output=True, text=True)
+    if done.returncode:
+        fail(f"check_vectors with probes: {done.stdout.splitlines()[-1]}")
+    lines = [line.split("\t")
+             for line in small.read(f"{COPY}/coverage.txt").splitlines() if line]
+    return done.returncode == 0, [
+        (what.split(" "), {int(k) for k in hits.split()})
+        for what, hits in lines]
+
+
+# --- Tables ------------------------------------------------------------------
+
+BEGIN, END = "<!-- check_coverage.py begin -->", "<!-- check_coverage.py end -->"
+
+# Conditions that no line of a bad file can meet, with the reason.
+UNREACHABLE = {
+    "shift < 0": "no symbol is negative",
+    "weight_abs_sum < 0": "code_row refuses the row first",
+    "weight_abs_sum > 65538": "the check of each weight, or the sum in 32 bits",
+}
+# Rules of section 4 that say that contents are checked: their lines have the
+# section of the contents as their rule.
+CONTENTS = {"open.15": "section.9"}
+
+
+def rules_of_the_page():
+    """The numbered checks of section 4 of bitstream.md."""
+    text = small.read("docs/bitstream.md")
+    for name, heading in (("open", "**Opening**"), ("segment", "**A segment**"),
+                          ("names", "**Names.**"), ("sound", "**Sound.**")):
+        table = text[text.index(heading):].split("| # | check |")[1]
+        for line in table.splitlines()[2:]:
+            number = re.match(r"\| (\d+) \|", line)
+            if not number:
+                break
+            yield f"{name}.{number[1]}"
+
+
+def table_of(head, rows):
+    cells = [" | ".join(c.replace("|", "\\|") for c in row) for row in rows]
+    return "\n".join(f"| {row} |" for row in [
+        " | ".join(head), "|".join("---" for _ in head), *cells]
+    ).replace("| ---|", "|---|").replace("--- |", "---|")
+
+
+def main():
+    os.chdir(ROOT)
+    good, edits = edits_of_extremes()
+    bad, more = edits_of_checks(len(good))
+    plant(edits + more)
+    files, lines, rules = [set() for _ in good], [0] * len(bad), set()
+    ok, hits_of_lines = run(len(good) + len(bad))
+    for words, hits in hits_of_lines:
+        if words[0].startswith("good/"):
+            for k in hits:
+                if k < len(good):
+                    files[k].add(words[0])
+        elif not words[0].startswith("cut/"):
+            rules.add(words[0])
+            # A line that has no status but 0 refuses nothing.
+            if words[2 if "/" in words[0] else 3] != "0":
+                for k in hits:
+                    if k >= len(good):
+                        lines[k - len(good)] += 1
+
+    for (page, what), names in zip(good, files):
+        if (not names) != (what in extremes.WITHOUT):
+            ok = fail(f"{page}.md, {what}: {len(names)} vectors")
+    for (path, term), n in zip(bad, lines):
+        if (n == 0) != (path == "common/mlp.c" and term in UNREACHABLE):
+            ok = fail(f"{path}: {term}: {n} lines")
+    for rule in rules_of_the_page():
+        if CONTENTS.get(rule, rule) not in rules:
+            ok = fail(f"bitstream.md, {rule}: no line of REFUSALS")
+
+    tables = "\n\n".join((BEGIN, table_of(
+        ("extreme", "page", "files"),
+        [(what, page, str(len(names) or extremes.WITHOUT.get(what, 0)))
+         for (page, what), names in zip(good, files)]), table_of(
+             ("condition that refuses", "file", "lines"),
+             [(f"`{term}`", path, UNREACHABLE.get(term, "") if n == 0
+               else str(n)) for (path, term), n in zip(bad, lines)]), END))
+    text = small.read(README)
+    old = text[text.index(BEGIN):text.index(END) + len(END)]
+    if "write" in sys.argv[1:]:
+        with open(README, "w") as f:
+            f.write(text.replace(old, tables))
+    elif old != tables:
+        ok = fail(f"{README} has other tables: "
+                  "tests/check_coverage.py write")
+    print(f"{'ok  ' if ok else 'FAIL'} coverage: {len(good)} extremes, "
+          f"{len(bad)} conditions")
+    return not ok
+
+
+if __name__ == "__main__":
+    sys.exit(main())
