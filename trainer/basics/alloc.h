@@ -1,12 +1,13 @@
 /* SPDX-License-Identifier: MIT
  *
- * Allocate memory for count elements of size bytes, and check the product for
- * overflow. `what` names the memory in the error: a file, or a noun such as
- * "the anchors". On failure NULL is returned, and the error is
+ * These functions allocate memory for count elements of size bytes, and check
+ * the product for overflow. `what` names the memory in the error: a file, or a
+ * noun such as "the anchors". On failure they return NULL with the error
  *
  *     WHAT: out of memory, N bytes wanted; take fewer ...
  *
- * For 0 elements the pointer is not NULL. The caller frees all of it by free().
+ * For 0 elements the pointer is not NULL. The caller frees the memory by
+ * free().
  */
 #ifndef SAGA_ALLOC_H
 #define SAGA_ALLOC_H

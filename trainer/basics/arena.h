@@ -16,7 +16,8 @@ typedef struct saga_arena {
     size_t n;                /* number of reals taken */
 } saga_arena;
 
-/* Takes n reals at a multiple of 16 reals; returns NULL while measuring. */
+/* Takes n reals at a multiple of 16 reals. Returns NULL while the block is
+ * measured. */
 static inline real *saga_arena_take(saga_arena *a, size_t n)
 {
     real *const p = a->base ? a->base + a->n : NULL;

@@ -56,9 +56,9 @@ typedef enum saga_outcome {
 bool saga_fail(saga_error *error, const char *file, const char *remedy,
                const char *format, ...) SAGA_PRINTF(4, 5);
 
-/* Does the same after a call to the system or a library that has set errno:
- * "FILE: what (strerror); remedy". ENOMEM becomes an out-of-memory error;
- * without errno (0) the parentheses are left out. */
+/* Writes an error like saga_fail after a call to the system or a library that
+ * has set errno: "FILE: what (strerror); remedy". ENOMEM becomes an
+ * out-of-memory error. If errno is 0, the parentheses are left out. */
 bool saga_fail_errno(saga_error *error, const char *file, const char *remedy,
                      const char *what);
 

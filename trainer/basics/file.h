@@ -27,8 +27,8 @@ bool saga_has_suffix(const char *s, const char *suffix);
 /* Opens a folder for readdir. Returns NULL with *error set if it cannot be
  * read. The caller closes it. */
 DIR *saga_folder_open(const char *folder, saga_error *error);
-/* Does the same for a folder that need not exist: then *dir is NULL. Returns
- * false only if memory is short. */
+/* Opens a folder like saga_folder_open, or sets *dir to NULL if it does not
+ * exist. Returns false only if memory is short. */
 bool saga_folder_try(DIR **dir, const char *folder, saga_error *error);
 
 /* Returns the real path of a file if, after links are followed, it is in the

@@ -10,8 +10,8 @@
 static void factorise(saga_matrix a, size_t n)
 {
     for (size_t j = 0; j < n; j++) {
-        /* Column j, less the products of the previous columns, divided by the
-         * root of its pivot. */
+        /* Column j becomes itself minus the products of the previous columns,
+         * divided by the root of its pivot. */
         for (size_t k = 0; k < j; k++)
             for (size_t i = j; i < n; i++)
                 a[i][j] -= a[i][k] * a[j][k];
@@ -25,7 +25,7 @@ static void factorise(saga_matrix a, size_t n)
 
 void saga_solve(saga_matrix a, double *b, size_t n)
 {
-    /* Forward L y = b, and backward L^T x = y. */
+    /* Solve L y = b forward, and L^T x = y backward. */
     factorise(a, n);
     for (size_t i = 0; i < n; i++) {
         for (size_t k = 0; k < i; k++)

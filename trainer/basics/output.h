@@ -28,9 +28,9 @@ typedef struct saga_output {
 
 bool saga_output_open(saga_output *out, const char *path, saga_error *error);
 
-/* Does the same for a file that takes long to write. Returns false with *error
- * set if another process is writing to the same path, and makes others that
- * call this function fail until the file is closed. */
+/* Opens an output that takes long to write. Returns false with *error set if
+ * another process is writing to the same path. Other processes that call this
+ * function for the path fail until the file is closed. */
 bool saga_output_open_alone(saga_output *out, const char *path,
                             saga_error *error);
 

@@ -44,8 +44,8 @@ double saga_rng_double(saga_rng r, uint64_t counter)
 uint32_t saga_rng_below(saga_rng r, uint64_t counter, uint32_t n)
 {
     const uint64_t bits = saga_rng_bits(r, counter);
-    /* bits n / 2^64. The product has 96 bits and is computed from two
-     * halves. */
+    /* The result is bits n / 2^64. The product has 96 bits and is computed from
+     * two halves. */
     const uint64_t low = (bits & 0xffffffffu) * n >> 32;
 
     return (uint32_t)(((bits >> 32) * n + low) >> 32);

@@ -296,7 +296,7 @@ void saga_parallel(const saga_tasks *t)
 
 /* --- Clearing ------------------------------------------------------------ */
 
-/* Bytes cleared in one part, about, and nanoseconds for a byte. */
+/* Approximate bytes cleared in one part, and nanoseconds for a byte. */
 enum { PART = 32768, LINE = 64 };
 #define CLEAR_NS 0.02
 

@@ -70,16 +70,18 @@ size_t saga_n_meetings(void);
 
 /* --- Parts --------------------------------------------------------------- */
 
-/* The things from begin on and before end. */
+/* The elements from index `begin` to index `end` - 1. */
 typedef struct saga_range { size_t begin, end; } saga_range;
 
-/* Returns the number of parts of `size` things each. */
+/* Returns the number of parts into which n elements are divided, `size` in
+ * each. */
 static inline size_t saga_n_parts(size_t n, size_t size)
 {
     return (n + size - 1) / size;
 }
 
-/* Returns part k of n things in parts of `size`. */
+/* Returns the elements of part k, if n elements are divided into parts of
+ * `size`. */
 static inline saga_range saga_part(size_t n, size_t size, size_t k)
 {
     const size_t begin = k * size;

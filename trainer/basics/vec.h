@@ -204,7 +204,8 @@ static inline void vec_sum8(real *out, const vec *v)
 #endif
 }
 
-/* Does the same for two vectors. */
+/* Sets out[0] and out[1] to the sums of two vectors, in the same order of
+ * additions as vec_sum8. */
 static inline void vec_sum2(real *out, vec a, vec b)
 {
 #if defined __AVX2__ && !defined SAGA_REAL_DOUBLE

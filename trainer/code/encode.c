@@ -385,7 +385,8 @@ bool saga_encoder_finish(saga_encoder *e, uint8_t **bytes, size_t *n,
 
     if (e->header.n_segments == 0)
         return saga_fail(error, NULL, REMEDY, "there is no segment");
-    /* The order of the file: header, index, networks, base, names, segments. */
+    /* The file has header, index, networks, base, names and segments, in this
+     * order. */
     ok = write_header(e, &out, error) && write_index(e, &out, error) &&
          append(&out, e->networks.p, e->networks.n, error) &&
          (!e->base.n || append(&out, e->base.p, e->base.n, error)) &&

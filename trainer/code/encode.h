@@ -68,8 +68,8 @@ bool saga_encoder_base(saga_encoder *e, const saga_symbols *s,
 bool saga_encoder_segment(saga_encoder *e, const saga_symbols *s,
                           uint32_t n_frames, saga_error *error);
 
-/* Does the same for a segment that precedes, in time, the one that is at index
- * `place` now; the number of segments as `place` appends it. */
+/* Inserts a segment like saga_encoder_segment before the one that has the index
+ * `place` in time. If place is the number of segments, it is appended. */
 bool saga_encoder_insert(saga_encoder *e, uint32_t place,
                          const saga_symbols *s, uint32_t n_frames,
                          saga_error *error);
@@ -95,7 +95,8 @@ bool saga_scaffold_alloc(saga_scaffold *sc, const saga_model *model,
                          saga_counts n, saga_error *error);
 void saga_scaffold_free(saga_scaffold *sc);
 
-/* Does the same with the encoder's networks. e must outlive the scaffold. */
+/* Allocates a scaffold like saga_scaffold_alloc, with the encoder's networks. e
+ * must outlive the scaffold. */
 bool saga_encoder_scaffold(saga_scaffold *sc, const saga_encoder *e,
                            saga_counts n, saga_error *error);
 

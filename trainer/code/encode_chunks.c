@@ -284,7 +284,7 @@ bool saga_scaffold_alloc(saga_scaffold *sc, const saga_model *model,
     memory = saga_aligned_alloc(16, saga_bank_lay(&sc->bank, NULL),
                                 what, error);
     saga_bank_lay(&sc->bank, memory);
-    /* Any of these allocations may have failed, which *error tells. */
+    /* *error tells whether any of these allocations has failed. */
     if (!saga_failed(error))
         return true;
     saga_scaffold_free(sc);

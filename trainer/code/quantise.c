@@ -177,15 +177,15 @@ static void copy_decoded(const saga_decoded *d, const saga_scaffold *sc)
     uint32_t i, k;
     saga_position p;
 
-    /* Coarse anchors: positions and features, which have fixed-point
-     * formats. */
+    /* Coarse anchors have positions and features in fixed-point formats. */
     for (i = 0; i < sc->n.coarse; i++)
         copy_place(d->coarse_x + 4 * (size_t)i, sc->coarse[i].x,
                    sc->coarse[i].t);
     for (i = 0; i < sc->n.coarse * m->features; i++)
         d->feature[i] = (real)ldexp(sc->coarse_feature[i],
                                      -m->out_q[SAGA_OUT_COARSE]);
-    /* Fine anchors, and their primitives, which are offsets from them. */
+    /* Fine anchors are next, each with its primitives, which are offsets from
+     * it. */
     for (i = 0; i < sc->n.fine; i++) {
         copy_place(d->fine_x + 4 * (size_t)i, sc->fine[i].x, sc->fine[i].t);
         for (k = 0; k < sc->fine[i].n_prim; k++) {

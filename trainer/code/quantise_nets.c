@@ -55,7 +55,7 @@ static int set_row(saga_layer_symbols *out, const saga_layer_values *v,
     int64_t sum = 0;
     uint32_t k;
 
-    /* From the format of the sum to that of the output. */
+    /* The shift converts from the format of the sum to that of the output. */
     out->shift[row] = (uint8_t)(e + v->q_in - v->q_out[row]);
     if (cut)
         bias = fmin(fmax(bias, -SAGA_MAX_RESIDUAL), SAGA_MAX_RESIDUAL);
@@ -289,7 +289,7 @@ static bool least_scales(layer_scales *best, const int32_t *q, uint32_t rows,
     column = row + rows;
     for (i = 0; i < rows; i++)
         for (k = 0; k < columns; k++) {
-            /* A residual belongs to a row and a column. */
+            /* A residual counts for its row and for its column. */
             const scale_bits one =
                 remembered_bits(&small, q[(size_t)i * columns + k]);
 
@@ -375,7 +375,7 @@ void saga_dequantise_layer(real *weight, real *bias,
     uint32_t row, k;
 
     for (row = 0; row < v->n_out; row++) {
-        /* The exponent of set_row, from the shift. */
+        /* e is the exponent that set_row had, computed from the shift. */
         const int e = (int)s->shift[row] + v->q_out[row] - v->q_in;
         const size_t at = (size_t)row * v->n_in;
 

@@ -17,7 +17,7 @@ typedef struct saga_range_enc {
     uint32_t range;
     uint64_t pending;        /* number of 0xff bytes that a carry may still
                               * change */
-    uint8_t cache;           /* the byte before them */
+    uint8_t cache;           /* the byte before the pending ones */
     int started;             /* 0 before the first byte, which is always 0 and
                               * not written */
 } saga_range_enc;

@@ -49,7 +49,8 @@ saga_bank_float saga_bank_float_of(const real *state, size_t n_slots,
 void saga_bank_float_read(real *out, const saga_bank_float *b,
                           const real *query, size_t n);
 
-/* Sets d_query (n, D) and adds to d_state (L, D). */
+/* Sets d_query (n, D), the gradients of queries, and adds those of the state to
+ * d_state (L, D). */
 void saga_bank_float_read_backward(real *d_query, real *d_state,
                                    const saga_bank_float *b, const real *d_out,
                                    const real *query, size_t n);
@@ -62,8 +63,8 @@ void saga_bank_float_read_backward(real *d_query, real *d_state,
 void saga_bank_float_update(real *to, const real *s, const real *write,
                             size_t n, int plain);
 
-/* Replaces d, the gradient of the updated slot, by that of s. Sets d_write
- * (n + 1). */
+/* Replaces d, the gradient of the updated slot, by that of the slot s before
+ * the update. Sets d_write (n + 1). */
 void saga_bank_float_update_backward(real *d, real *d_write, const real *s,
                                      const real *write, size_t n, int plain);
 

@@ -35,7 +35,7 @@
 
 typedef struct saga_bank_twin_kind {
     saga_twin_batch query;       /* (blocks) in the order of the runs */
-    saga_twin_batch token;       /* the same */
+    saga_twin_batch token;       /* (blocks) in the order of the runs */
     saga_twin_batch base;        /* (runs) its inputs are the means */
     saga_twin_batch write;       /* (runs L) its inputs are h */
     real *d_state;               /* (runs, L, D) gradients of the state that
@@ -52,7 +52,7 @@ typedef struct saga_bank_twin {
                                   * runs */
     real *d_last;                /* (L, D) gradient of the last state */
     real *block;                 /* the memory of all arrays above */
-    real *scratch;               /* of all threads */
+    real *scratch;               /* scratch of all threads */
     size_t n_threads;            /* number of threads that have scratch */
 } saga_bank_twin;
 

@@ -11,8 +11,8 @@
 /* Steps from 2^-SAGA_RATE_FINEST to 2^-COARSEST are tried. */
 enum { COARSEST = 2 };
 
-/* About what the shift and bias of a row take, and the steps and scales of a
- * layer. */
+/* Approximate bits of the shift and bias of a row, and of the steps and scales
+ * of a layer. */
 enum { ROW_BITS = 13, LAYER_BITS = 38 };
 
 enum { ALL_SOURCES = SAGA_SOURCES_KNOWN };
@@ -127,7 +127,7 @@ static real *alloc_params(const saga_scene *s, saga_error *error)
 
 /* --- Costs --------------------------------------------------------------- */
 
-/* Sets *bits to about what the weights of a network take. */
+/* Sets *bits to the approximate bits of a network's weights. */
 static bool weights_bits(double *bits, const saga_net *net,
                          const saga_rate_decision *plan, int number,
                          saga_error *error)
@@ -162,7 +162,8 @@ typedef struct {
     double bits[SAGA_N_KINDS][ALL_SOURCES + 1];    /* bits of residuals, by
                                                     * subset of sources */
     double weights[SAGA_N_KINDS][ALL_SOURCES + 1];
-    double hyper, bank;         /* bits of their networks' weights */
+    double hyper, bank;         /* bits of the weights of the hyperprior's
+                                 * network, and of the bank's networks */
     saga_error *error;
 } search;
 

@@ -30,7 +30,8 @@ bool saga_rate_decide(saga_rate *r, saga_scene *s, const saga_rate_input *x,
 typedef struct saga_rate_choice {
     saga_scene scene;            /* the trained scene; entropy networks and
                                   * model.sources are those that were kept */
-    real *params;               /* of these entropy networks */
+    real *params;               /* parameters of the entropy networks that were
+                                 * kept */
     const saga_rate *rate;       /* has the decision, the constants and the
                                   * batches of all blocks */
     double bits[SAGA_N_STEPS];   /* estimated code lengths of the residuals */

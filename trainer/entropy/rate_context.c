@@ -227,7 +227,7 @@ int saga_rate_mu_q(const saga_model *m, int kind, size_t channel)
     uint32_t step = m->step_q16[saga_rate_step_of(kind, channel)] >> 16;
     int q = 0;
 
-    /* q = floor(log2(step)), with the step in units of the value's format. */
+    /* q is floor(log2(step)), with the step in units of the value's format. */
     while (step >>= 1)
         q++;
     return q;

@@ -160,7 +160,8 @@ static void learn_value(const job *j, size_t block, size_t row, size_t c,
         learn_offset(j, block, s->fine[block].first_prim + row, c, d);
 }
 
-/* Tells whether a value is rounded here. */
+/* Tells whether steps_from_mu rounds a value: with `rounding`, all except
+ * features, which are rounded before. */
 static bool is_rounded(const job *j, size_t c)
 {
     return j->o->rounding &&
@@ -175,8 +176,8 @@ static double steps_from_mu(const job *j, uint32_t block, size_t i, size_t c,
     const uint64_t draw = ((uint64_t)block << 16) + i;
     const double v = off / j->step[c];
 
-    /* Other values are taken as they are: clean, noisy or rounded; those of
-     * primitives may be rounded against an older mu. */
+    /* Without rounding, offsets of anchors get noise of one step, and all other
+     * values are taken as they are. */
     if (is_rounded(j, c))
         return floor(v + 0.5);
     return saga_rate_is_anchor(j->kind, c)

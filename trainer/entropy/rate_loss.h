@@ -44,9 +44,12 @@ enum {
  * the networks of hyperprior and bank. */
 typedef struct saga_rate_gain {
     double constants;            /* of residuals without sources */
-    double networks;             /* with all sources that were trained */
-    double forgetful;            /* with these except the bank */
-    double chosen;               /* with the sources that were kept */
+    double networks;             /* of residuals with all sources that were
+                                  * trained */
+    double forgetful;            /* of residuals with all of these sources
+                                  * except the bank */
+    double chosen;               /* of residuals with the sources that were
+                                  * kept */
     double weights;              /* of the network that was kept; 0:
                                   * constants */
 } saga_rate_gain;
@@ -79,12 +82,13 @@ typedef struct saga_rate {
     real *mu_feature;            /* (coarse, F) mu at each block's last
                                   * evaluation, in the coded format, against
                                   * which features are rounded */
-    real *mu_offset;             /* (fine, 4) the same for primitives'
-                                  * offsets */
+    real *mu_offset;             /* (fine, 4) mu of primitives' offsets,
+                                  * likewise */
     real *centre;                /* (coarse, 4) values of centres */
     real *offset;                /* (fine, 5) values of fine offsets, and count
                                   * / 16 */
-    real *decoded;               /* (fine, 5) the same as decoded */
+    real *decoded;               /* (fine, 5) fine offsets as decoded, and count
+                                  * / 16 */
     real *params;                /* of the rounded entropy networks */
     double *row_bits;            /* (blocks, SAGA_N_STEPS) */
     uint32_t *list;              /* (blocks) */

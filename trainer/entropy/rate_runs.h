@@ -34,8 +34,9 @@ static inline size_t saga_rate_n_blocks(const saga_scene *s, int kind)
  * model of s. */
 size_t saga_rate_runs_most(const saga_scene *s, int kind);
 
-/* Allocates memory for that number of runs. Returns false with *error set if
- * memory is short; saga_rate_runs_free must be called in either case. */
+/* Allocates memory for the runs of a kind (saga_rate_runs_most). Returns false
+ * with *error set if memory is short; saga_rate_runs_free must be called in
+ * either case. */
 bool saga_rate_runs_alloc(saga_rate_runs *r, const saga_scene *s, int kind,
                           saga_error *error);
 void saga_rate_runs_free(saga_rate_runs *r);

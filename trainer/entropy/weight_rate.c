@@ -23,7 +23,8 @@ void saga_weights_list(saga_weights *w, const saga_net net[SAGA_N_NETS],
     int i, k;
 
     memset(w, 0, sizeof *w);
-    /* The networks of the entropy model come before and after these. */
+    /* The entropy model's networks, which come before and after these, are left
+     * out. */
     for (i = SAGA_NET_FUSE_C; i < SAGA_NET_QUERY; i++)
         for (k = 0; k < net[i].n_layers && net[i].dim[0] > 0; k++) {
             const size_t rows = (size_t)net[i].dim[k + 1];
@@ -177,16 +178,17 @@ static cost cost_of(double y, double step, double sigma)
     const double pa = saga_normal_pdf(a), pb = saga_normal_pdf(b);
     const double scale = 1 / (p * sigma * M_LN2);
 
-    /* By y: a and b change by 1 / sigma with -|y|. By ln step: they change by
-     * step / 2 / sigma, in opposite directions. */
+    /* If y changes, a and b both change by 1 / sigma times the change of -|y|.
+     * If ln step changes, they change by step / 2 / sigma, in opposite
+     * directions. */
     return (cost){ -log2(p), (y < 0 ? -1 : 1) * (pb - pa) * scale,
                    -(pa + pb) * step / 2 * scale };
 }
 
-/* Returns about what n parameters take together with the scales of their
- * deviations: log2(sigma / step sqrt(2 pi e)) each, as for a normal
- * distribution, with a 1 added under the root so that values far below a step
- * take nothing. */
+/* Returns the approximate bits of n parameters and of the scales of their
+ * deviations: log2(sigma / step sqrt(2 pi e)) for each parameter, as for a
+ * normal distribution, with a 1 added under the root so that values far below a
+ * step take nothing. */
 static double about(const deviations *d, size_t n, double step)
 {
     const double each = (double)n / (double)d->lines;

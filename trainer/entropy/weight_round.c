@@ -159,8 +159,8 @@ static void round_row(real *weight, real *bias, double *row, const work *w,
     size_t i;
 
     do {
-        /* The whole row is rounded again with 1, 2, 4, ... times the input's
-         * steps. */
+        /* If a weight is too large, the whole row is rounded again with 2, 4,
+         * ... times the input's steps. */
         times *= 2;
         for (i = 0; i < w->n; i++)
             row[i] = w->order[i] < in->n_in ? (double)weight[w->order[i]]

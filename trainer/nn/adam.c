@@ -17,7 +17,8 @@ saga_adam saga_adam_default(void)
     return (saga_adam){ R(0.9), R(0.999), R(1e-15), R(4) };
 }
 
-/* x * 0 is 0 for finite x and NaN otherwise. */
+/* Returns whether all numbers are finite: x * 0 is 0 for finite x and NaN
+ * otherwise. */
 static int part_is_finite(const real *x, size_t n)
 {
     vec sum = vec_zero();

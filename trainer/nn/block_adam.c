@@ -42,7 +42,7 @@ static real clamp(real x, real most)
     return x > most ? most : x < -most ? -most : x;
 }
 
-/* y += a x. */
+/* Adds a x to y. */
 static void add(real *restrict y, real a, const real *restrict x, size_t n)
 {
     for (size_t i = 0; i < n; i++)
@@ -56,7 +56,7 @@ static void orthogonalise(real *y, size_t k, size_t n)
     real length;
 
     /* Two passes are needed: if the result is small, the rounding error of the
-     * first is about as large. */
+     * first pass is about as large. */
     for (int pass = 0; pass < 2; pass++)
         for (size_t i = 0; i < k; i++)
             add(row, -dot(row, y + i * n, n), y + i * n, n);
@@ -77,7 +77,7 @@ static void turn(real *axes, real *m, real *v, const real *covariance,
 
     for (size_t i = 0; i < n; i++)
         trace += covariance[i * n + i];
-    /* This block had no gradient yet. */
+    /* The block had no gradient yet, so that its axes stay as they are. */
     if (!(trace > 0))
         return;
     /* Row k becomes (C + ridge) axis k. */

@@ -123,8 +123,8 @@ void saga_dense_forward(real *y, const saga_dense *layer,
                      x->width, layer->relu };
     size_t row, column, i;
 
-    /* Whole tiles first, next to them the columns that do not fill one, and
-     * then the remaining points one by one. */
+    /* Whole tiles come first, next to them the columns that do not fill a tile,
+     * and then the remaining points one by one. */
     for (row = 0; row + ROWS <= x->n; row += ROWS) {
         for (column = 0; column + WIDE_LANES <= width; column += WIDE_LANES)
             tile_wide(&t, row, column);

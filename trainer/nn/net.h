@@ -102,10 +102,11 @@ void saga_net_add_sum(saga_net *d, const saga_net_pass *pass, size_t sum);
  * twice that. */
 double saga_net_ns(const saga_net *net);
 
-/* Returns the same for all sums of m points. */
+/* Returns about how many nanoseconds all sums of gradients take after m
+ * points. */
 double saga_net_sums_ns(const saga_net *net, size_t m);
 
-/* Sets y (M, dim[n_layers]). */
+/* Sets y (M, dim[n_layers]) to the outputs for x. */
 void saga_net_forward(real *y, saga_net_work *work, const real *x, size_t m,
                       const saga_net *net);
 

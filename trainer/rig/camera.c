@@ -64,8 +64,9 @@ static bool take_lens(saga_camera *camera, const saga_shot *shot,
     const double principal[2] = { shot->cx, shot->cy };
 
     for (int i = 0; i < 2; i++) {
-        /* Pixels in Q16 with 32 bits: a focal length is below 2^15 pixels, a
-         * principal point, which may be outside the picture, within 2^14. */
+        /* Values are pixels in Q16 with 32 bits: a focal length is below 2^15
+         * pixels; a principal point, which may be outside the picture, is
+         * within 2^14. */
         if (!take(&camera->focal_q16[i], ldexp(focal[i], 16), 1.0,
                   2147483647.0))
             return out_of_range(shot, "focal length", focal[i],
@@ -134,7 +135,7 @@ void saga_shot_of_camera(saga_shot *shot, const saga_metric *metric,
     for (int i = 0; i < 3; i++) {
         const double *const r = shot->rotation + 3 * i;
 
-        /* The translation is t = -R c. */
+        /* The translation of world to camera is t = -R c. */
         shot->translation[i] =
             -(r[0] * centre[0] + r[1] * centre[1] + r[2] * centre[2]);
     }

@@ -128,7 +128,7 @@ static double focus(double *x, const saga_capture *c)
     norm = length(axis);
     norm = norm > 0 ? norm : 1;
     for (int i = 0; i < 3; i++) {
-        /* A thousandth of the weight of the axes. */
+        /* The pull has a thousandth of the weight of the axes. */
         const double pull = 1e-3 * c->n_views;
 
         a[i][i] += pull;

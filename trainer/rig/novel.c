@@ -93,7 +93,7 @@ static void place(saga_shot *out, const saga_shot *a, const saga_shot *b,
     turn(out->rotation, a->rotation, b->rotation, u);
     saga_shot_centre(from, a);
     saga_shot_centre(to, b);
-    /* The translation is t = -R c. */
+    /* The translation of world to camera is t = -R c. */
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < 3; k++)
             out->translation[i] -= out->rotation[3 * i + k] *
@@ -276,8 +276,8 @@ void saga_novel_walk(saga_novel *o, uint32_t most_primitives,
 saga_sample saga_novel_pick(const saga_pictures *p, saga_rng rng,
                             uint64_t draw)
 {
-    /* n of the pictures before this one were teachers'. This one is too if the
-     * number grows with it. */
+    /* n is the number of teachers' pictures before this one. This picture is a
+     * teacher's if the number grows with it. */
     const double part = p->novel ? p->novel->part : 0;
     const uint64_t n = (uint64_t)((double)draw * part);
     const uint64_t next = (uint64_t)((double)(draw + 1) * part);

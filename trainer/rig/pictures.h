@@ -50,8 +50,8 @@ typedef struct saga_pictures {
  * pixels. */
 typedef struct saga_sample { int view, frame, mip; } saga_sample;
 
-/* Returns false with *error set if memory is short, there is no training view,
- * or a view is too small. */
+/* Prepares a capture for training. Returns false with *error set if memory is
+ * short, there is no training view, or a view is too small. */
 bool saga_pictures_init(saga_pictures *pictures, const saga_capture *capture,
                         saga_error *error);
 void saga_pictures_free(saga_pictures *pictures);

@@ -17,8 +17,7 @@ static double find_scale(const saga_share *s, uint32_t n, double total)
     double lo = 0, hi = 0;
 
     for (uint32_t i = 0; i < n; i++)
-        /* At the largest of these values, all shares are at their upper
-         * limits. */
+        /* hi is the scale at which all shares are at their upper limits. */
         if (s[i].hi / s[i].want > hi)
             hi = s[i].hi / s[i].want;
     for (int round = 0; round < 100; round++) {

@@ -10,7 +10,7 @@
 
 typedef struct saga_share {
     double want;             /* > 0, finite; relative to the others */
-    uint32_t lo, hi;         /* limits, lo <= hi */
+    uint32_t lo, hi;         /* limits of the share, lo <= hi */
     double part;             /* scratch: the remainder after rounding down */
     uint32_t index;          /* scratch: the index in the list */
 } saga_share;

@@ -188,7 +188,7 @@ static saga_share share_of(const saga_tree *t, uint32_t rank)
     double mean[SAGA_N_PHI], time, h = 0;
     const double w = saga_tree_mean(mean, t, nd);
 
-    /* The variance of the leaf relative to that of the whole scene. */
+    /* h is the variance of the leaf, relative to that of the whole scene. */
     if (t->squares > 0)
         h = saga_tree_squares(&time, t, nd) / w / (t->squares / t->weight);
     return (saga_share){
@@ -297,8 +297,8 @@ static void write_coarse(builder *b, uint32_t rank)
     saga_coarse *const a = &b->scene->coarse[rank];
     uint32_t v[4];
 
-    /* The highest bits of the first candidate's position, which all candidates
-     * of the leaf share. */
+    /* The cell is the highest bits of the first candidate's position, which all
+     * candidates of the leaf share. */
     for (int i = 0; i < 3; i++) {
         v[i] = c->u[i] >> (SAGA_TREE_LOG2_X - nd->depth_x);
         a->cell[i] = (uint16_t)v[i];

@@ -119,7 +119,7 @@ static bool is_of(size_t source, size_t part, size_t n_parts)
     return n_parts == 1 || source / TURN % n_parts == part;
 }
 
-/* Goes through all rows, and adds to the sources of one part. */
+/* Adds all rows to the sources that belong to one part. */
 static void scatter_part(void *user, size_t part)
 {
     const scattering *const s = user;
@@ -220,7 +220,7 @@ void saga_links_supports(saga_scaffold *sc, const real *support)
         for (k = 0; k < 4; k++) {
             const real l = support[4 * (size_t)i + (size_t)k];
 
-            /* In box units or time units, at least one. */
+            /* Supports are in box units or time units, at least one. */
             sc->fine[i].support[k] = fx_max(
                 1, (int32_t)(l * (k < 3 ? R(8388608) : R(65536)) + R(0.5)));
         }

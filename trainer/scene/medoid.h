@@ -13,8 +13,8 @@
 enum { SAGA_MEDOID_MOST = SAGA_MAX_CHILDREN * SAGA_MAX_CHILDREN };
 
 typedef struct saga_medoid_division {
-    const double *distance;          /* (n, n) >= 0, symmetric; owned by the
-                                      * caller */
+    const double *distance;          /* (n, n) between members: >= 0, symmetric;
+                                      * owned by the caller */
     uint32_t n;                      /* number of members,
                                       * 1..SAGA_MEDOID_MOST */
     uint32_t k;                      /* number of medoids, 1..min(n,

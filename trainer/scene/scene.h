@@ -119,7 +119,8 @@ real saga_scene_half_x(const saga_coarse *c);
 real saga_scene_half_t(const saga_coarse *c);
 void saga_scene_cell(real centre[4], const saga_coarse *c);
 
-/* Sets o to x (x, y, z, t) relative to that centre, in half-sizes. */
+/* Sets o to the offset of x (x, y, z, t) from the centre of a coarse anchor's
+ * cell, in half-sizes of the cell. */
 void saga_scene_offset(double o[4], const saga_coarse *c, const real x[4]);
 
 /* Returns the suffix of a fine anchor, by which fine anchors are sorted. If

@@ -236,7 +236,8 @@ static int varies_in_time(const saga_tree *t, const saga_tree_node *nd)
     if (t->o->lambda_t <= 0)
         return 0;
     for (i = nd->begin; i < nd->end; i++)
-        /* The weight that is local in time. */
+        /* The sum of the candidates' weights, each times its locality in
+         * time. */
         local += t->cand[t->order[i]].w * t->cand[t->order[i]].local;
     w = saga_tree_mean(mean, t, nd);
     (void)saga_tree_squares(&time, t, nd);

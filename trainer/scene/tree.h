@@ -93,8 +93,8 @@ bool saga_tree_grow(saga_tree *t);
 double saga_tree_mean(double mean[SAGA_N_PHI], const saga_tree *t,
                       const saga_tree_node *nd);
 
-/* Returns the weighted sum of squares about that mean, and sets *time to the
- * part of tau in it (including lambda_t). */
+/* Returns the weighted sum of squares of phi about a node's mean, and sets
+ * *time to the part of tau in it (including lambda_t). */
 double saga_tree_squares(double *time, const saga_tree *t,
                          const saga_tree_node *nd);
 

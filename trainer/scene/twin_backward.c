@@ -122,7 +122,8 @@ static void colour_block(void *user, size_t block)
     for (i = 3 * of.begin; i < 3 * of.end; i++) {
         last->d_out[i] = saga_inward(w->d_attr.colour[i], w->attr.colour[i], 0,
                                      1);
-        /* The gradient is used up; the next camera starts at zero. */
+        /* The gradient has been used, and starts at zero for the next
+         * camera. */
         w->d_attr.colour[i] = 0;
     }
     back(t, SAGA_NET_COLOUR, block);
@@ -200,7 +201,7 @@ static void places_backward(const saga_twin_stage *t, size_t i)
         w->batch[SAGA_NET_GEO].d_out[at] = dt * support[3];
         d_log2[3] += dt * w->batch[SAGA_NET_GEO].out[at] * support[3] * LN2;
     }
-    /* The gradient of the position is complete now. */
+    /* The gradient of the position is complete here. */
     for (size_t k = 0; k < 4; k++)
         d_log2[k] += d_x[k] * w->prim_shift[4 * i + k] * LN2;
 }
@@ -223,7 +224,7 @@ static real *d_fused(saga_twin *w, const saga_scene *s, int tier)
     return s->net[net].n_layers ? w->batch[net].d_out : w->d_context;
 }
 
-/* Takes these gradients back to w->d_context. */
+/* Takes the gradients of d_fused back to w->d_context. */
 static void fuse_backward(const saga_twin_stage *t, int tier, size_t block)
 {
     const int net = saga_fuse_net(tier);
@@ -264,8 +265,9 @@ static void prims_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
     saga_twin_stage t = { .w = w, .d = d, .s = s };
 
     saga_twin_attribute_rows(t.rows, s);
-    /* From attributes to the networks' outputs, through the networks, and from
-     * features to the fine anchors from which they were interpolated. */
+    /* Take the gradients from attributes to the networks' outputs, through the
+     * networks, and from features to the fine anchors from which these were
+     * interpolated. */
     saga_twin_do_rows(attributes_chunk, &t, w->n.prim);
     t.nets = nets;
     t.n_nets = 3;

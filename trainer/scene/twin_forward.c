@@ -87,7 +87,8 @@ static void take_fine(const saga_twin_stage *t, size_t i)
            f * sizeof *out);
     for (k = 0; k < 4; k++) {
         const real lo = saga_twin_least_support((size_t)k), hi = 0;
-        /* log2 of the cell's half-size, to which the output is relative. */
+        /* half is log2 of the cell's half-size, to which the output is
+         * relative. */
         const real half = k < 3 ? -R(c->depth_x) : R(-1 - c->depth_t);
         const real l = saga_clamp(half + raw[k], lo, hi);
 

@@ -70,7 +70,7 @@ static const int saga_twin_colour_nets[] = {
     SAGA_NET_COLOUR, SAGA_NET_COLOUR_VIEW
 };
 
-/* Returns the index of a network's outputs for row i of its batch. */
+/* Returns the index of the first output of a network for row i of its batch. */
 static inline size_t saga_twin_out_at(const saga_scene *s, int net, size_t i)
 {
     const saga_net *const n = &s->net[net];

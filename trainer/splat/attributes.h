@@ -17,8 +17,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* The order of the members below, of what is saved, and of the networks'
- * outputs for them (SAGA_OUT_*). */
+/* The attributes, in the order of the members below, of what is saved, and of
+ * the networks' outputs (SAGA_OUT_*). */
 enum {
     SAGA_ATTR_MEAN, SAGA_ATTR_OPACITY, SAGA_ATTR_LOG2_SCALE, SAGA_ATTR_QUAT,
     SAGA_ATTR_SLOPE, SAGA_ATTR_T_CENTRE, SAGA_ATTR_LOG2_WIDTH,
@@ -29,7 +29,8 @@ enum {
 #define SAGA_ATTR_BIT(attr) (1u << (attr))
 #define SAGA_ATTRS_ALL (SAGA_ATTR_BIT(SAGA_N_ATTRS) - 1)
 
-/* Primitives, or their gradients, or anything else of the same shape. */
+/* Arrays of the attributes of N primitives, of their gradients, or of other
+ * values for each of these. */
 typedef struct saga_splat_params {
     union {
         struct {
@@ -52,7 +53,7 @@ typedef struct saga_splat_params {
             real *colour;     /* (N, 3) R, G, B, in [0, 1] */
             real *support;    /* (N, 3) unit of the motion; NULL: 1 */
         };
-        real *of[SAGA_N_ATTRS]; /* the same arrays, by SAGA_ATTR_* */
+        real *of[SAGA_N_ATTRS]; /* the arrays above, by SAGA_ATTR_* */
     };
 } saga_splat_params;
 
@@ -77,7 +78,7 @@ typedef struct saga_attribute {
     int out, n_outs;        /* networks compute it by n_outs consecutive outputs
                              * from `out` (SAGA_OUT_*) on; 0: none does */
     double zero;            /* the value for an output of 0 */
-    double first;           /* added to it in the first component */
+    double first;           /* added to `zero` in the first component */
     double start;           /* the value of new primitives in the warm-up, plus
                              * `first` in the first component */
     double lo, hi;          /* the warm-up clamps values to this range */

@@ -87,7 +87,7 @@ typedef struct saga_splat_work {
     uint32_t n_tiles_x, n_tiles_y;
     size_t n_pairs;
     saga_splat_posed posed;
-    saga_splat_2d *splat;       /* (N) */
+    saga_splat_2d *splat;       /* (N) splats */
     real *extent;               /* (N) major half-axis in pixels; 0: not
                                  * visible */
     uint32_t *order;            /* (n_visible) primitives sorted by (depth,
@@ -103,7 +103,7 @@ typedef struct saga_splat_work {
     size_t n_kept;              /* number of threads with room in kept */
     saga_splat_posed d_posed;
     void *scratch[3];
-    double *squares;            /* (tiles) sums of squared errors */
+    double *squares;            /* (tiles) sum of squared errors of each tile */
     size_t cap[18];             /* bytes allocated for each pointer above */
 } saga_splat_work;
 

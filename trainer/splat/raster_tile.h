@@ -75,7 +75,8 @@ static inline int eight_at(int half, int y)
     return (half * PAIRS + y / ROWS) * WIDE_LANES + y % ROWS * 8;
 }
 
-/* Returns how many of these eight pixels are inside the picture. */
+/* Returns how many of the eight pixels at eight_at(half, y) are inside the
+ * picture. */
 static inline int n_inside(const tile *t, int half)
 {
     const int n = t->width - 8 * half;

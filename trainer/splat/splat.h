@@ -59,9 +59,9 @@ bool saga_splat_backward(saga_splat_params *d, saga_splat_stats *stats,
                          saga_canvas *canvas, const saga_splat_params *p,
                          saga_error *error);
 
-/* Does both in one pass for the mean squared error against canvas->truth.
- * Training minimises this error, because PSNR measures it. canvas->image and
- * d_image stay unchanged. */
+/* Draws and computes the gradients in one pass, for the mean squared error
+ * against canvas->truth. Training minimises this error, because PSNR measures
+ * it. canvas->image and d_image stay unchanged. */
 bool saga_splat_learn(saga_splat_learning *learning, saga_canvas *canvas,
                       const saga_splat_params *p, uint32_t n,
                       saga_error *error);

@@ -55,7 +55,7 @@ static void animate_mean(real *out, const saga_splat_params *p, size_t i,
 
         out[a] = p->mean[3 * i + a];
         if (b)
-            /* mean + support (b1 age + b2 age^2 + b3 age^3). */
+            /* The place is mean + support (b1 age + b2 age^2 + b3 age^3). */
             out[a] += support * (((b[6] * age + b[3]) * age + b[0]) * age);
     }
 }
@@ -87,7 +87,7 @@ void saga_splat_animate_forward(saga_splat_posed *out,
             if (p->slope)
                 out->quat[4 * i + a] += p->slope[4 * i + a] * age;
         }
-        /* An opacity o means alpha = 8 / (1 + 2^(3 - o)); this is its -log2. */
+        /* An opacity o means alpha = 8 / (1 + 2^(3 - o)); q0 is its -log2. */
         out->q0[i] = softplus2(PEAK - p->opacity[i]) - PEAK;
         if (p->log2_width) {
             const real u = width_ratio(p, i, dt);

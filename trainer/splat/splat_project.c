@@ -30,13 +30,14 @@
 typedef struct {
     real view[3];          /* in camera axes */
     real ratio[2];         /* x/z, y/z */
-    real slope[2];         /* the same, clamped for the Jacobian */
+    real slope[2];         /* x/z and y/z, clamped for the Jacobian */
     real row[2][3];        /* J W */
     real quat[4];          /* of unit length */
-    real quat_recip;       /* 1 / length of the given one; 0: it was zero */
+    real quat_recip;       /* 1 / length of the given quaternion; 0: it was
+                            * zero */
     real r[9];             /* rotation matrix */
     real scale[3];
-    real u[2][3], t[2][3]; /* J W R, and the same times the scales */
+    real u[2][3], t[2][3]; /* J W R, and J W R times the scales */
     real shrink;           /* 1, or the factor that reduced T to ROW_MAX */
     real low_pass;         /* from the canvas's rules */
 } shape;
@@ -79,7 +80,7 @@ static int project_mean(real *mean, shape *s, const real *x,
         const real f = cam->focal[i];
         const real p = cam->principal[i];
 
-        /* mean = p + f x/z. */
+        /* The mean in the picture is p + f x/z. */
         s->ratio[i] = s->view[i] / s->view[2];
         if (!(s->ratio[i] < RATIO_MAX && s->ratio[i] > -RATIO_MAX))
             return 0;
@@ -133,7 +134,7 @@ static void project_shape(shape *s, const real *quat, const real *log2_scale,
         const real f = cam->focal[i] / s->view[2];
 
         for (j = 0; j < 3; j++)
-            /* J W: d(f x/z) = f/z (dx - x/z dz). */
+            /* The rows of J W follow from d(f x/z) = f/z (dx - x/z dz). */
             s->row[i][j] = f * (w[3 * i + j] - s->slope[i] * w[6 + j]);
         /* T = J W R S has a column for each axis of the primitive. */
         for (j = 0; j < 3; j++) {
@@ -162,7 +163,8 @@ static void covariance_of(covariance *v, const shape *s)
     v->a = a0 + s->low_pass;
     v->b = dot3(s->t[0], s->t[1]);
     v->c = c0 + s->low_pass;
-    /* (A0 + d)(C0 + d) - B^2, in which A0 C0 - B^2 = |t0 x t1|^2. */
+    /* The determinant is (A0 + d)(C0 + d) - B^2, in which A0 C0 - B^2 = |t0 x
+     * t1|^2. */
     v->det = dot3(v->cross, v->cross) + s->low_pass * (a0 + c0) +
              s->low_pass * s->low_pass;
 }
@@ -179,7 +181,7 @@ static void span(int16_t *lo, int16_t *hi, real mean, real half, int side)
     *hi = (int16_t)saga_clamp(b, 0, R(side));
 }
 
-/* Returns the s at which s + square s^2 = rest. */
+/* Returns the s for which s + square s^2 = rest. */
 static real reach(real rest, real square)
 {
     return square > 0 ? (sqrt(1 + 4 * square * rest) - 1) / (2 * square) : rest;
@@ -199,7 +201,7 @@ static real bound(saga_splat_2d *o, const covariance *v, real most,
          cam->width);
     span(&o->y0, &o->y1, o->mean[1], sqrt(v->c * most / K),
          cam->height);
-    /* No pixel's centre is inside. */
+    /* No pixel's centre is inside the ellipse. */
     if (o->x0 >= o->x1 || o->y0 >= o->y1) {
         o->x1 = o->x0;
         o->y1 = o->y0;
@@ -240,7 +242,8 @@ static real project_one(saga_splat_2d *o, const saga_canvas *canvas,
     covariance_of(&v, &s);
     if (!(v.det > 0 && v.det < REAL_MAX))
         return 0;
-    /* The Cholesky factor of the conic: s = (g dx - n dy)^2 + (h dy)^2. */
+    /* s = (g dx - n dy)^2 + (h dy)^2, with the Cholesky factor g, n, h of the
+     * conic. */
     o->h = sqrt(K / v.c);
     o->g = sqrt(K * (v.c / v.det));
     o->n = o->g * (v.b / v.c);

@@ -26,9 +26,10 @@ bool saga_splat_raster_reserve(saga_canvas *canvas, saga_error *error);
  * canvas->d_image. */
 void saga_splat_raster_backward(saga_canvas *canvas);
 
-/* Does the same for the loss mean of (image - truth)^2, and returns it. Each
- * tile is drawn, compared and differentiated in one visit. image and d_image
- * are neither read nor written. */
+/* Sets the records like saga_splat_raster_backward, for the loss mean of (image
+ * - truth)^2, and returns the loss. Each tile is drawn, compared and
+ * differentiated in one visit. image and d_image are neither read nor
+ * written. */
 double saga_splat_raster_learn(saga_canvas *canvas);
 
 #endif

@@ -97,8 +97,8 @@ static void add_half(sums *s, tile *t, const saga_splat_2d *o, const pass *p,
         const wide shown = wide_mul(
             weight, wide_fma(d_blue, blue, wide_fma(d_green, green,
                                                     wide_mul(d_red, red))));
-        /* D after this splat: what the splats behind it and the background
-         * give. */
+        /* D after this splat is what the splats behind it and the background
+         * add. */
         const wide rest = wide_sub(wide_load(t->rest + at), shown);
         const wide y = wide_load(p->grid.y[j]);
         /* dL/dq / ln 2 = -(alpha T b - D alpha / (1 - alpha)), where alpha T b
@@ -289,8 +289,8 @@ static void forgive(tile *t)
  * error. Returns the sum of squares. */
 static double compare(tile *t, const saga_splat_camera *cam)
 {
-    /* The factor is that of a mean over all values of the picture, including
-     * those that do not count. */
+    /* The mean is over all values of the picture, including those that do not
+     * count. */
     const wide unit = wide_set1(R(2) / R(3 * plane_size(cam)));
     wide sum = wide_zero();
     int c, i;

@@ -109,7 +109,7 @@ static void columns(int *c0, int *c1, const saga_splat_2d *o, int ya, int yb,
     real hi = R(yb) - R(0.5) - o->mean[1];
     real a, b, right, left, slack;
 
-    /* Limited to the height of the ellipse. */
+    /* The rows are limited to the height of the ellipse. */
     lo = saga_clamp(lo, -tall, tall);
     hi = saga_clamp(hi, -tall, tall);
     a = saga_clamp(peak, lo, hi);
@@ -178,8 +178,8 @@ static void count_part(void *user, size_t part)
                 count[(size_t)row * work->n_tiles_x + (size_t)c]++;
             slots += (uint32_t)(c1 - c0);
         }
-        /* One index higher, so that the sums in begin_lists become the begin of
-         * each. */
+        /* The count is written one index higher, so that the sums in
+         * begin_lists become the begin of each splat's slots. */
         work->slot_begin[work->order[r] + 1u] = slots;
     }
 }

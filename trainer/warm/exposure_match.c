@@ -59,12 +59,13 @@ static void compare(saga_exposure_pair *to, const saga_pictures *p,
     saga_plane_sweep w;
     saga_patch patch;
 
-    /* The depth at which the pixel's patch looks most like the other views. */
+    /* Find the depth at which the pixel's patch looks most like the other
+     * views. */
     if (!saga_plane_begin(&w, p, s.view, s.frame, at[0], at[1]) ||
         !sum_of(own, &w.own) || !saga_plane_find(&found, &w))
         return;
     saga_view_lift(views + s.view, w.uv, found.depth, x);
-    /* The nearest views that show this point give one pair each. */
+    /* Each of the nearest views that shows this point gives one pair. */
     for (int i = 0; i < w.n_near; i++) {
         if (!saga_view_project(views + w.near[i], x, uv, &z) ||
             !saga_patch_between(&patch, p, w.near[i], s.frame, uv[0], uv[1]) ||
@@ -86,7 +87,8 @@ static void compare_part(void *user, size_t part)
 
     for (size_t i = of.begin; i < of.end; i++) {
         /* Each pixel has three random numbers (picture, u, v), and each pass
-         * has other pixels. The result does not depend on threads. */
+         * looks at other pixels. The result does not depend on the number of
+         * threads. */
         const uint64_t k = 3 * ((uint64_t)j->pass * N_PIXELS + i);
         const saga_sample s = saga_pictures_pick(j->pictures, r, k);
         const saga_shot *const v = j->pictures->capture->views + s.view;
@@ -123,8 +125,8 @@ static bool find(saga_pictures *p, job *j, double *log_of, saga_error *error)
     double before = 0, after = 0;
 
     for (j->pass = 0; j->pass < N_PASSES; j->pass++) {
-        /* The pairs have the factors of the earlier passes applied, so the
-         * solution is what is still missing. */
+        /* The factors of earlier passes are applied to the pairs, so that the
+         * solution is the factor that is still missing. */
         compare_all(&pairs, j);
         memset(log_of, 0, n * sizeof *log_of);
         if (j->pass == 0)
@@ -138,8 +140,8 @@ static bool find(saga_pictures *p, job *j, double *log_of, saga_error *error)
     }
     for (size_t i = 0; i < n; i++)
         log_of[i] = log(p->exposure[i]);
-    /* The exposures stay exactly 1 if they agree already, or if the factors
-     * explain too little of the first pass's differences. */
+    /* The exposures stay exactly 1 if the cameras agree already, or if the
+     * factors explain too little of the first pass's differences. */
     if (!(saga_exposure_span(log_of, &pairs) > WORTH_IT &&
           after < LEFT_PART * before))
         for (size_t i = 0; i < n; i++)

@@ -331,7 +331,7 @@ static size_t list_tensors(saga_adam_tensor list[SAGA_N_ATTRS + 1],
                 .n = (size_t)k->width * f->n, .rate = rate_at(f, a)
             };
     }
-    /* The mean is the first of them. */
+    /* The mean is the first tensor of the list. */
     list[n] = list[0];
     list[n].x = f->step;
     list[0].rate = 0;
@@ -390,8 +390,8 @@ bool saga_flat_iterate(saga_flat *f, double *mse, saga_error *error)
                                          (uint64_t)f->iteration);
 
     sample.mip = saga_flat_mip_at(f, f->iteration);
-    /* The number changes first: that needs the statistics of earlier
-     * iterations, and the gradients below belong to the new set. */
+    /* The number of primitives changes first, because this needs the statistics
+     * of earlier iterations, and the gradients below belong to the new set. */
     if (!saga_flat_change_count(f, error) ||
         !look(f, mse, sample, error) || !update(f, *mse, error))
         return false;

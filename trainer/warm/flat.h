@@ -24,8 +24,8 @@ typedef struct saga_flat_options {
     uint64_t seed;
     bool temporal;             /* primitives have motion, slope and temporal
                                 * opacity; false: a still scene */
-    real growth;               /* most primitives in between, over
-                                * n_primitives */
+    real growth;               /* largest number of primitives in the course of
+                                * training, over n_primitives */
     real start;                /* primitives at the beginning, over
                                 * n_primitives */
     real coarse;               /* part of the iterations with reduced

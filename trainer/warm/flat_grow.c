@@ -77,8 +77,9 @@ static bool is_dead(const saga_flat *f, uint32_t i)
 {
     const real seen = R(f->stats.seen[i]);
 
-    /* It is too transparent; or at least four pictures may show it, and its
-     * mean weight in them is below a fiftieth of a pixel. */
+    /* A primitive is dead if it is too transparent, or if at least four
+     * pictures may show it and its mean weight in them is below a fiftieth of a
+     * pixel. */
     return f->value.opacity[i] < DEAD ||
            (seen >= 4 && f->stats.weight[i] < R(0.02) * seen);
 }
@@ -137,8 +138,8 @@ static void split(saga_flat *f, uint32_t i)
         mean[one + a] -= d;
         mean[two + a] += d;
     }
-    /* log2 0.75. The variance of both together is 0.6^2 + 0.75^2 = 0.92 of the
-     * old one. */
+    /* This is log2 0.75. The variance of both halves together is 0.6^2 + 0.75^2
+     * = 0.92 of the old one. */
     size[one + k] -= R(0.415);
     size[two + k] = size[one + k];
     saga_flat_forget(f, i);
@@ -233,8 +234,9 @@ static void look_part(void *user, size_t part)
     const saga_range of = saga_part(j->n, SAGA_PLANE_PART, part);
 
     for (size_t i = of.begin; i < of.end; i++) {
-        /* Stratified: one draw in each n-th of the sum, so that new primitives
-         * are proportional to the error, without random clusters. */
+        /* The draws are stratified, one in each n-th of the sum, so that new
+         * primitives are proportional to the error and do not form random
+         * clusters. */
         const double along = ((double)i + saga_rng_double(r, j->counter + i)) /
                              j->n;
         const size_t at = find(p->sum, pixels, along * p->sum[pixels - 1]);
@@ -334,8 +336,8 @@ static bool grow(saga_flat *f, saga_error *error)
         return true;
     if (!saga_flat_reserve(f, target, error))
         return false;
-    /* A tenth is made by splitting, where it makes sense, and the rest from
-     * pixels, which need the pictures. */
+    /* A tenth is made by splitting primitives, as far as any should be split,
+     * and the rest from pixels, which needs the pictures. */
     want = target - f->n;
     if (!split_most(f, want - (uint32_t)(FROM_PIXELS * want), false, error))
         return false;
@@ -386,8 +388,8 @@ static bool prune(saga_flat *f, int k, saga_error *error)
         return reduce(f, left, error);
     if (k + 1 < N_PRUNES)
         return true;
-    /* If too many have died, those worth most are split, repeatedly if
-     * needed. */
+    /* If too many primitives have died, those worth most are split, repeatedly
+     * if needed. */
     if (!saga_flat_reserve(f, n, error))
         return false;
     while (f->n < n)

@@ -42,7 +42,8 @@ void saga_flat_add(saga_flat *f, const saga_flat_sight *s, double sigma)
     saga_flat_bound(f, SAGA_ATTR_LOG2_WIDTH, this);
 }
 
-/* A random pixel. chance, 0..1, determines its depth if no other is known. */
+/* A random pixel. chance, 0..1, determines its depth if that cannot be
+ * found. */
 typedef struct draw { int view, frame; double uv[2], chance; } draw;
 
 static draw draw_pixel(const saga_flat *f, uint64_t counter)
@@ -226,7 +227,7 @@ static double spacing(const saga_flat_sight *s, const along *order, size_t k,
             break;
         note_neighbour(best, between(s, order, k, j));
     }
-    /* Fewer neighbours may exist than were wanted. */
+    /* There may be fewer neighbours than N_NEIGHBOURS. */
     for (int i = 0; i < N_NEIGHBOURS; i++)
         if (best[i] < INFINITY) {
             sum += best[i];

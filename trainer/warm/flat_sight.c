@@ -61,8 +61,8 @@ static void watch(saga_flat_sight *s, const saga_flat *f, const int *view,
         same += unchanged(f, then, view, uv, n, g);
     if (same >= 0.85 * n_frames)
         return;
-    /* Otherwise it exists from the first to the last frame around this one in
-     * which it looks the same. */
+    /* Otherwise the place exists from the first to the last frame, around this
+     * one, in which it looks the same. */
     while (first > 0 && unchanged(f, then, view, uv, n, first - 1))
         first--;
     while (last + 1 < n_frames && unchanged(f, then, view, uv, n, last + 1))
@@ -117,7 +117,7 @@ static void place(saga_flat_sight *s, const saga_plane_sweep *w, double depth)
         s->rgb[k] = (real)w->own.at[2 * PATCH * (PATCH + 1)][k];
 }
 
-/* Sets the place. Returns false if the depth is a guess. */
+/* Sets the position of a sight. Returns false if its depth is a guess. */
 static bool find_place(saga_flat_sight *s, const saga_plane_sweep *w)
 {
     saga_plane_found found;

@@ -32,8 +32,8 @@ struct saga_flat {
     real *worth;                /* (n) growth of the squared error without each
                                  * primitive: a sum that is halved every
                                  * epoch */
-    real *step;                 /* (n, 3) of the means, along each primitive's
-                                 * axes */
+    real *step;                 /* (n, 3) step of the means, along each
+                                 * primitive's axes */
     int iteration;
 
     saga_canvas canvas;
@@ -51,7 +51,7 @@ typedef struct saga_flat_sight {
 } saga_flat_sight;
 
 /* flat_set.c */
-/* Allocates room for n primitives and keeps the values. */
+/* Allocates room for n primitives and keeps the present values. */
 bool saga_flat_reserve(saga_flat *f, uint32_t n, saga_error *error);
 void saga_flat_free_set(saga_flat *f);
 /* Append a primitive with the attributes' initial values, or a copy of another
@@ -80,7 +80,7 @@ bool saga_flat_look_at_point(const saga_flat *f, const saga_point *p,
                              saga_flat_sight *s);
 
 /* flat_seed.c */
-/* Makes the first primitives. */
+/* Makes the first primitives of the set. */
 bool saga_flat_init(saga_flat *f, saga_error *error);
 /* Appends a primitive at the place of s, with standard deviation sigma in world
  * units. There must be room. */

@@ -148,7 +148,7 @@ static int near_views(int *near, const saga_pictures *p, int view)
         d = centre_distance(a, b);
         if (n == N_NEAR && d >= far[n - 1])
             continue;
-        /* Insertion into the sorted list of the N_NEAR nearest. */
+        /* Insert the view into the sorted list of the N_NEAR nearest views. */
         n += n < N_NEAR;
         for (at = n - 1; at > 0 && far[at - 1] > d; at--) {
             far[at] = far[at - 1];
@@ -166,7 +166,8 @@ bool saga_plane_begin(saga_plane_sweep *s, const saga_pictures *pictures,
     s->pictures = pictures;
     s->view = view;
     s->frame = frame;
-    /* The pixel's centre, where its own patch needs no interpolation. */
+    /* The pixel's centre is used, where its own patch needs no
+     * interpolation. */
     s->uv[0] = floor(u) + 0.5;
     s->uv[1] = floor(v) + 0.5;
     s->n_near = near_views(s->near, pictures, view);
@@ -221,7 +222,8 @@ static double refine(const saga_plane_sweep *s, double best, double step,
     double found = best;
 
     for (int i = -N_FINE; i <= N_FINE; i++) {
-        /* Depths between the neighbours in the sweep, both excluded. */
+        /* Depths between the neighbours of the best one are tried, both
+         * excluded. */
         const double inverse = best + step * i / (N_FINE + 1);
         const double c = inverse > 0 ? match(s, inverse) : NO_MATCH;
 

@@ -25,15 +25,15 @@ enum {
 /* A patch of R, G, B values of 0..1, row by row. */
 typedef struct saga_patch { float at[SAGA_PATCH_PIXELS][3]; } saga_patch;
 
-/* Copies the pixel at (u, v) and those around it. Returns false if the patch
- * exceeds the picture or the pixels that count. */
+/* Copies the pixel at (u, v) and the pixels around it. Returns false if the
+ * patch exceeds the picture or the pixels that count. */
 bool saga_patch_cut(saga_patch *patch, const saga_pictures *from, int view,
                     int frame, double u, double v);
-/* Does the same where (u, v) is not a pixel's centre, by linear
- * interpolation. */
+/* Copies a patch like saga_patch_cut around a place (u, v) that is not a
+ * pixel's centre, by linear interpolation. */
 bool saga_patch_between(saga_patch *patch, const saga_pictures *from, int view,
                         int frame, double u, double v);
-/* Returns the mean absolute difference. */
+/* Returns the mean absolute difference of two patches. */
 double saga_patch_distance(const saga_patch *a, const saga_patch *b);
 
 /* The sweep of one pixel. */
@@ -48,13 +48,14 @@ typedef struct saga_plane_sweep {
 typedef struct saga_plane_found {
     double depth;           /* world units */
     double cost, contrast;  /* of the best match; contrast: mean cost over all
-                             * depths, over that */
+                             * depths, divided by the best cost */
 } saga_plane_found;
 
-/* Returns false if the patch exceeds the picture or the pixels that count. */
+/* Begins the sweep of a pixel. Returns false if its patch exceeds the picture
+ * or the pixels that count. */
 bool saga_plane_begin(saga_plane_sweep *sweep, const saga_pictures *pictures,
                       int view, int frame, double u, double v);
-/* Finds the depth. Returns false if it is a guess. */
+/* Finds the depth of the pixel. Returns false if the depth is a guess. */
 bool saga_plane_find(saga_plane_found *found, const saga_plane_sweep *sweep);
 
 #endif
