@@ -454,6 +454,15 @@ dist:
 	    >$(DIST)/saga-$(RELEASE).tar.gz
 	@cd $(DIST) && sha256sum *.whl *.tgz *.tar.gz >SHA256SUMS && cat SHA256SUMS
 
+# What somebody who writes another decoder needs.
+.PHONY: conformance
+CONFORMANCE = saga-conformance-$(RELEASE)
+conformance:
+	@mkdir -p $(DIST)
+	@git archive --prefix=$(CONFORMANCE)/ HEAD LICENSE vectors \
+	    $(addprefix docs/,bitstream.md arithmetic.md bitstream.ksy \
+	    decoder-in-a-day.md levels.md) | gzip -n >$(DIST)/$(CONFORMANCE).tar.gz
+
 # ---------------------------------------------------------------- tests
 
 # run-tests runs every test program, in parallel with -j and past failures. Its
@@ -647,6 +656,8 @@ make uninstall   removes what make install has put there
 make wheel       the Python module with its library, in $(BUILD)/dist
 make npm         the packages for browsers and engines, in $(BUILD)/dist
 make dist        both, and the source, with their checksums; needs a clone
+make conformance what another decoder is written and tested with: documents,
+                 vectors, a program that compares; in $(BUILD)/dist
 make shared      $(SHARED), which a program or a module loads
 make numerics    what operators cost and how exact they are; a CPU minute
 make web         the page and the decoder for browsers, in $(BUILD)/web

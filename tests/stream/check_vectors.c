@@ -7,6 +7,8 @@
  * failure. Then every line of DIR/REFUSALS is checked. Prints `N passed, N
  * failed`.
  *
+ * check_vectors --answer: answers the questions of vectors/conform.py.
+ *
  * Symbols are read by ref_recorder.h and the shared traversal, everything else
  * through saga.h.
  */
@@ -48,7 +50,7 @@ static uint8_t *read_file(const char *dir, const char *name, size_t *n)
     uint8_t *p;
     long size;
 
-    snprintf(path, sizeof path, "%s/%s", dir, name);
+    snprintf(path, sizeof path, "%s%s%s", dir, *dir ? "/" : "", name);
     f = fopen(path, "rb");
     if (!f)
         return NULL;
@@ -282,6 +284,55 @@ static int check_refusal(const char *dir, const char *line)
     return ok;
 }
 
+/* --- Answers to vectors/conform.py ---------------------------------------- */
+
+/* Answers `SEGMENT T CAMERA` by the CRCs of a good file, or the status that is
+ * not 0. */
+static void answer_good(const uint8_t *bytes, size_t n, unsigned number,
+                        int t, unsigned camera)
+{
+    saga_stages got;
+    const saga_status s = saga_stages_of(&got, bytes, n, number, t, camera,
+                                         pixels, sizeof pixels);
+
+    if (s || !read_symbols(&got.symbols, bytes, n, number))
+        printf("%d\n", (int)s);
+    else
+        printf("%08" PRIx32 " %08" PRIx32 " %08" PRIx32 " %08" PRIx32
+               " %08" PRIx32 " %08" PRIx32 " %08" PRIx32 "\n", got.symbols,
+               got.final_range[0], got.final_range[1], got.final_range[2],
+               got.primitives, got.splats, got.frame);
+}
+
+/* Answers every line of the standard input; returns 0 if one has no file. */
+static int answer(void)
+{
+    static char line[LINE];
+    char kind[16];
+    unsigned number, camera;
+    int t, at = 0;
+    size_t n = 0;
+
+    while (fgets(line, sizeof line, stdin)) {
+        uint8_t *bytes;
+        const int is_good =
+            sscanf(line, "%u %d %u %n", &number, &t, &camera, &at) == 3;
+
+        if (!is_good && sscanf(line, "%15s %n", kind, &at) != 1)
+            return 0;
+        line[strcspn(line, "\n")] = '\0';
+        bytes = read_file("", line + at, &n);
+        if (!bytes)
+            return 0;
+        if (is_good)
+            answer_good(bytes, n, number, t, camera);
+        else
+            printf("%d\n", (int)refusal(kind, bytes, n));
+        free(bytes);
+    }
+    return 1;
+}
+
 /* --- Both lists ---------------------------------------------------------- */
 
 /* Selects a path; returns 0 if the machine lacks it. */
@@ -330,13 +381,16 @@ int main(int argc, char **argv)
     int ok;
 
     if (argc < 2 || argc > 3) {
-        fprintf(stderr, "usage: check_vectors DIR [plain | x4 | avx2]\n");
+        fprintf(stderr, "usage: check_vectors DIR [plain | x4 | avx2]\n"
+                        "       check_vectors --answer\n");
         return 2;
     }
     if (!choose_path(argc > 2 ? argv[2] : NULL)) {
         printf("FAIL %s: this machine has no such path\n", argv[2]);
         return 1;
     }
+    if (strcmp(argv[1], "--answer") == 0)
+        return !answer();
     ok = check_list(argv[1], "MANIFEST", check_line) &
          check_list(argv[1], "REFUSALS", check_refusal);
     n_failed += !ok;
