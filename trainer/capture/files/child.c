@@ -151,7 +151,8 @@ bool saga_child_write(saga_child *child, const void *buffer, size_t n)
     return true;
 }
 
-/* Waits until there is output, or until it ends. */
+/* Waits until there is output or the output ends. Returns false if neither
+ * happens in time. */
 static bool has_output(saga_child *child)
 {
     struct pollfd p = {.fd = child->out, .events = POLLIN};

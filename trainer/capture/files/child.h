@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * Runs a child process whose standard output we read, or whose standard input
- * we write: no shell, the other one is empty, standard error goes to an
- * unnamed file from which the last line can be quoted.
+ * Runs a child process whose standard output this program reads, or whose
+ * standard input it writes. No shell is involved. The other of the two streams
+ * is empty. Standard error goes to an unnamed file, from which the last line
+ * can be quoted.
  */
 #ifndef SAGA_CHILD_H
 #define SAGA_CHILD_H
@@ -28,7 +29,7 @@ typedef struct saga_child {
 /* Starts a program, which is looked up in PATH; argv ends with NULL. */
 bool saga_child_start(saga_child *child, const char *const *argv,
                       saga_error *error);
-/* Does the same, with a pipe to the child's standard input. */
+/* Starts a program like saga_child_start, with a pipe to its standard input. */
 bool saga_child_start_fed(saga_child *child, const char *const *argv,
                           saga_error *error);
 /* Writes n bytes; returns false if the child accepts no more. */

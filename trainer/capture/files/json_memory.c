@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* jansson passes us no context. */
+/* jansson's allocator gets no context, so that these flags are thread-local. */
 static _Thread_local bool starved, lost;
 
 static void *allocate(size_t nbytes)

@@ -16,15 +16,15 @@
 
 /* Begins to record jansson's failures in this thread. */
 void saga_json_watch(void);
-/* Returns whether an allocation has failed since then. */
+/* Returns whether an allocation has failed since saga_json_watch. */
 bool saga_json_starved(void);
-/* Returns whether one of the functions below has failed since then, so that a
- * value is missing. */
+/* Returns whether one of the functions below has failed since saga_json_watch,
+ * so that a value is missing. */
 bool saga_json_lost(void);
 
-/* These do the same as jansson's json_object_set_new_nocheck,
- * json_array_append_new and json_object_update_new, and record failures. The
- * first two return false on failure, and have released the value then. */
+/* These functions do what jansson's json_object_set_new_nocheck,
+ * json_array_append_new and json_object_update_new do, and record failures. The
+ * first two return false on failure; the value has been released then. */
 bool saga_json_set_value(json_t *object, const char *key, json_t *value);
 bool saga_json_append_item(json_t *array, json_t *value);
 void saga_json_merge_object(json_t *object, json_t *other);
@@ -34,8 +34,8 @@ void saga_json_merge_object(json_t *object, json_t *other);
  * not JSON (with the line). */
 json_t *saga_json_read(const char *path, saga_error *error);
 
-/* Does the same with a text that is a part of a file: a NUL follows somewhere
- * behind it. */
+/* Parses a text like saga_json_read. The text is a part of a file: a NUL
+ * follows somewhere after it. */
 json_t *saga_json_parse(const saga_bytes *text, const char *path,
                         saga_error *error);
 

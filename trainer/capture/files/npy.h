@@ -20,7 +20,7 @@ typedef struct saga_npy {
 /* Reads a file with an array of one or two dimensions. */
 bool saga_npy_read(saga_npy *npy, const char *path, saga_error *error);
 
-/* Parses the contents of such a file, with up to four dimensions; an array of
+/* Parses the contents of a .npy file with up to four dimensions. An array of
  * more than two must be in C order. `path` is the name for messages. */
 bool saga_npy_parse(saga_npy *npy, const uint8_t *bytes, size_t nbytes,
                     const char *path, saga_error *error);

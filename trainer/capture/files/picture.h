@@ -22,7 +22,7 @@ bool saga_picture_probe(const char *path, int *width, int *height,
 bool saga_picture_read(const char *path, int width, int height, uint8_t *rgb,
                        saga_error *error);
 
-/* Reads the opacity instead, into R, G and B alike; 255 if the picture has
+/* Reads the opacity of a picture into R, G and B alike; 255 if the picture has
  * none. PNG only. */
 bool saga_picture_read_alpha(const char *path, int width, int height,
                              uint8_t *rgb, saga_error *error);
@@ -36,7 +36,7 @@ bool saga_png_read_alpha(const char *path, int width, int height, uint8_t *rgb,
 bool saga_png_write(const char *path, int width, int height,
                     const uint8_t *rgb, saga_error *error);
 
-/* Writes grey, (height, width), with 16 bits. */
+/* Writes a PNG of grey, (height, width), with 16 bits. */
 bool saga_png_write_grey(const char *path, int width, int height,
                          const uint16_t *grey, saga_error *error);
 
@@ -45,7 +45,7 @@ bool saga_jpeg_probe(const char *path, int *width, int *height,
 bool saga_jpeg_read(const char *path, int width, int height, uint8_t *rgb,
                     saga_error *error);
 
-/* Encodes a JPEG of good quality; the caller releases *bytes with free(). */
+/* Encodes a JPEG of good quality. The caller frees *bytes with free(). */
 bool saga_jpeg_encode(uint8_t **bytes, size_t *nbytes, int width, int height,
                       const uint8_t *rgb, saga_error *error);
 

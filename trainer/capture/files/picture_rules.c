@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Readers of all kinds of pictures keep to these rules: the bounds of a size,
- * and sRGB.
+ * Rules that the readers of all kinds of pictures share: the bounds of a size,
+ * and the sRGB transfer function.
  */
 #include "picture.h"
 

@@ -122,7 +122,7 @@ static bool header_is_whole(const ply_header *h, const ply_state *s,
     return true;
 }
 
-/* h->names and n_fields are set. */
+/* Parses the header. h->names and h->n_fields must be set. */
 static bool parse_header(ply_header *h, saga_cursor *c, const char *path,
                          saga_error *error)
 {
@@ -134,7 +134,7 @@ static bool parse_header(ply_header *h, saga_cursor *c, const char *path,
     if (!take_line(c, line) || strcmp(line, "ply") != 0)
         return saga_fail(error, path, "export the points as PLY",
                          "is no PLY file");
-    /* One line at a time until end_header, whose checks need all of them. */
+    /* Lines are read up to end_header, where the checks need all of them. */
     while (take_line(c, line)) {
         if (strcmp(line, "end_header") == 0)
             return header_is_whole(h, &s, path, error);
@@ -175,7 +175,8 @@ static bool take_binary(saga_cursor *c, const ply_header *h, double *values)
     return true;
 }
 
-/* The buffer ends in NUL, so strtod stops there at the latest. */
+/* Reads the values of a vertex from text. The buffer ends in NUL, so that
+ * strtod stops there at the latest. */
 static bool take_ascii(saga_cursor *c, const ply_header *h, double *values)
 {
     for (int i = 0; i < h->n_properties; i++) {
@@ -196,7 +197,7 @@ static uint8_t colour_byte(double v, int type)
     const double unit = type == PLY_F32 || type == PLY_F64 ? 255.0
                         : type == PLY_U16                  ? 1.0 / 257.0
                                                            : 1.0;
-    /* 65535 / 257 is 255. */
+    /* 16-bit colours are divided by 257, since 65535 / 257 is 255. */
     const double x = v * unit + 0.5;
     return x >= 255.0 ? 255 : x > 0.0 ? (uint8_t)x : 0;
 }

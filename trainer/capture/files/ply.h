@@ -21,8 +21,8 @@ bool saga_ply_read(const char *path, saga_point **points, size_t *n_points,
 bool saga_ply_columns(const saga_bytes *bytes, const char *path,
                       const char *const *names, int n_names, float **columns,
                       size_t *n, saga_error *error);
-/* Writes binary little-endian with float positions; the file appears completely
- * or not at all. */
+/* Writes a binary little-endian PLY with float positions. The file appears
+ * completely or not at all. */
 bool saga_ply_write(const char *path, const saga_point *points,
                     size_t n_points, saga_error *error);
 

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * Reads what calibration files use of TOML 1.0: tables; keys with strings of
- * one line, numbers, true and false; lists of these, also over several lines;
- * comments. Dates, dotted keys, inline tables, lists of tables and strings of
- * several lines are refused.
+ * Reads those parts of TOML 1.0 that calibration files use: tables; keys with
+ * strings of one line, numbers, true and false; lists of these, also over
+ * several lines; comments. Dates, dotted keys, inline tables, lists of tables
+ * and strings of several lines are refused.
  */
 #ifndef SAGA_TOML_H
 #define SAGA_TOML_H

@@ -190,17 +190,17 @@ static bool start_ffmpeg(saga_video *video, saga_error *error)
                    "flags=bicubic+accurate_rnd+full_chroma_int+bitexact",
                    video->info.matrix,
                    video->info.full_range ? "full" : "limited");
-    /* If all frames are wanted, one more is requested, so that a surplus is
-     * detected. */
+    /* If all frames are wanted, one more is requested, so that a surplus frame
+     * is detected. */
     const bool all = video->n_wanted == video->info.n_frames;
     (void)snprintf(count, sizeof count, "%d", video->n_wanted + (all ? 1 : 0));
     char *const url = saga_child_path(video->path, error);
     if (!url)
         return false;
     const char *argv[MOST_ARGUMENTS] = {"ffmpeg", "-nostdin", "-v", "error"};
-    /* One thread per video, since other cameras are decoded at the same time.
-     * "passthrough" keeps ffmpeg from doubling or dropping frames to match the
-     * rate. */
+    /* Each video is decoded with one thread, since other cameras are decoded at
+     * the same time. "passthrough" keeps ffmpeg from doubling or dropping
+     * frames to match the rate. */
     const char *const rest[] = {
         "-threads", "1", "-i", url,
         "-map", "0:v:0", "-frames:v", count,
@@ -277,8 +277,8 @@ bool saga_video_close(saga_video *video, bool ok, saga_error *error)
                          video->info.height);
     }
     const int status = saga_child_end(&video->child, false);
-    /* Messages with status 0 mean that ffmpeg concealed damage. That is
-     * reported, because smeared pictures must not be trained on. */
+    /* Messages with status 0 mean that ffmpeg concealed damage. This is
+     * reported as an error, because smeared pictures must not be trained on. */
     if (status == 0 && video->child.tail[0] == '\0')
         return true;
     return saga_fail(error, video->path, "copy or encode the video again",

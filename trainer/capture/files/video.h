@@ -49,7 +49,7 @@ typedef struct saga_video {
 bool saga_video_open(saga_video *video, const char *path,
                      const saga_video_info *info, int n_wanted,
                      saga_error *error);
-/* Reads the next frame, (height, width, 3). */
+/* Reads the next frame into rgb, (height, width, 3). */
 bool saga_video_next(saga_video *video, uint8_t *rgb, saga_error *error);
 /* Ends ffmpeg. If ok, checks that ffmpeg has no more frames and reported no
  * error; otherwise kills it. Returns false if anything failed. */

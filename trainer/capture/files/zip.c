@@ -57,7 +57,7 @@ bool saga_zip_open(saga_zip *zip, const saga_bytes *bytes, const char *path)
     return find_directory(zip);
 }
 
-/* Tells whether the n bytes at p are the name. */
+/* Tells whether the n bytes at p are `name`. */
 static bool is_name(const uint8_t *p, size_t n, const char *name)
 {
     return n == strlen(name) && memcmp(p, name, n) == 0;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Reads Blender's synthetic scenes and D-NeRF's. Their files have the form of
- * transforms.json; the pictures that a second file lists are held out.
+ * Reads Blender's synthetic scenes and those of D-NeRF. Their files have the
+ * form of transforms.json; the pictures that a second file lists are held out.
  */
 #include "error.h"
 #include "file.h"

@@ -46,8 +46,9 @@ typedef struct calibration {
 
 /* ---------------------------------------------------------------- the file */
 
-/* "calibration.toml", "Calib_scene.toml", "x_camera_calibration.toml" and
- * "camera_array_aniposelib.toml" are calibrations. */
+/* Tells whether a file name is that of a calibration, such as
+ * "calibration.toml", "Calib_scene.toml", "x_camera_calibration.toml" and
+ * "camera_array_aniposelib.toml". */
 static bool is_calibration(const char *name)
 {
     const char *const begin = strrchr(name, '_');
@@ -137,8 +138,8 @@ static bool read_distortion(const calibration *c, saga_source *s,
     size_t n;
     if (!get_numbers(list, k, MOST, &n))
         return bad_value(c, s, "distortions", "a list of numbers");
-    /* Longer models (rational, tilted sensor) with zeros equal the short
-     * one. */
+    /* The additional coefficients of longer lens models (rational, tilted
+     * sensor) must be 0, where these models equal the short one. */
     for (size_t i = n_known; i < n; i++)
         if (k[i] != 0.0)
             return saga_fail(c->error, c->path, s->lens.fisheye
@@ -488,7 +489,8 @@ static bool fill_in(calibration *c, const saga_capture_options *options)
     free(kept_as);
     if (!ok)
         return false;
-    /* Names and units, then the frames that all videos have. */
+    /* Names and the unit of length are settled first, then the frames that all
+     * videos have. */
     saga_listing_tell_apart(l);
     tell_unit(l);
     saga_note(l->notes, "points: none (a calibration has none)");

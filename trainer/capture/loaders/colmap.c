@@ -36,8 +36,8 @@ static saga_lens lens_of(int model, const double *p)
     if (model == 4)
         return (saga_lens){.fx = p[0], .fy = p[1], .cx = p[2], .cy = p[3],
                            .k1 = p[4], .k2 = p[5], .p1 = p[6], .p2 = p[7]};
-    /* The other models have one focal length for both axes, then cx, cy, then
-     * k1 (SIMPLE_RADIAL) or k1 and k2 (RADIAL). */
+    /* The other camera models have one focal length for both axes, then cx, cy,
+     * then k1 (SIMPLE_RADIAL) or k1 and k2 (RADIAL). */
     return (saga_lens){.fx = p[0], .fy = p[0], .cx = p[1], .cy = p[2],
                        .k1 = model >= 2 ? p[3] : 0.0,
                        .k2 = model == 3 ? p[4] : 0.0};

@@ -65,8 +65,8 @@ static int by_pose(const void *a, const void *b)
     const image_pointer y = *(const image_pointer *)b;
     if (x->camera != y->camera)
         return x->camera < y->camera ? -1 : 1;
-    /* Only poses that agree in all bits are equal. For other poses any order
-     * will do. */
+    /* Only poses that agree in all bits are equal. For other poses, the order
+     * does not matter. */
     const int r = memcmp(x->rotation, y->rotation, sizeof x->rotation);
     return r ? r
              : memcmp(x->translation, y->translation, sizeof x->translation);
@@ -133,7 +133,7 @@ static bool group_images(folder_reader *r)
 
 /* ----------------------------------------------------------------- pictures */
 
-/* Tells whether each image is the only one of the model in its folder. */
+/* Tells whether each image of the model is alone in its folder. */
 static bool own_folders(const folder_reader *r)
 {
     const int n = r->listing->n_sources;

@@ -31,7 +31,7 @@ static bool find_frame_folders(saga_finds *finds, const char *path,
                                saga_error *error)
 {
     DIR *dir;
-    /* A path that cannot be opened has no frames. */
+    /* A path that cannot be opened has no frame folders. */
     bool ok = saga_folder_try(&dir, path, error);
     for (struct dirent *e; dir && ok && (e = readdir(dir)) != NULL;) {
         uint64_t number;

@@ -125,7 +125,8 @@ static bool parse_texture(const char *s, saga_video_info *info)
     return info->raw != NULL;
 }
 
-/* Does the same for the part after "_depth_". */
+/* Reads size and pixel format like parse_texture from the part of a name after
+ * "_depth_". */
 static bool parse_depth(const char *s, miv_camera *c)
 {
     char format[24];
@@ -290,7 +291,8 @@ static bool add_face(const miv_reader *r, const miv_camera *c,
                      const char *suffix)
 {
     const double cy = cos(yaw), sy = sin(yaw), cp = cos(pitch), sp = sin(pitch);
-    /* Right, down and forward; -y, -z and x if yaw and pitch are 0. */
+    /* The axes are right, down and forward, which are -y, -z and x of the
+     * camera if yaw and pitch are 0. */
     const double axes[3][3] = {
         {sy, -cy, 0.0}, {cy * sp, sy * sp, -cp}, {cy * cp, sy * cp, sp}};
     saga_source *const s = add_source(r, c, axes, suffix);
@@ -352,7 +354,7 @@ static bool get_directions(const miv_reader *r, const miv_camera *c,
         if (!get_numbers(r, c, "Focal", 2, h) ||
             !get_numbers(r, c, "Principle_point", 2, v))
             return false;
-        /* Slopes: (cx - u) / fx to the left and (cy - v) / fy upwards. */
+        /* Slopes are (cx - u) / fx to the left and (cy - v) / fy upwards. */
         const double a[4] = {v[0] / h[0], -1.0 / h[0], v[1] / h[1],
                              -1.0 / h[1]};
         memcpy(d->a, a, sizeof a);

@@ -9,7 +9,8 @@
 #include <string.h>
 #include <strings.h>
 
-/* Only the last 18 digits count, because 18 digits always fit in 64 bits. */
+/* Only the last 18 digits of a number count, because they always fit in 64
+ * bits. */
 bool saga_last_number(const char *s, size_t n, uint64_t *number)
 {
     while (n > 0 && (s[n - 1] < '0' || s[n - 1] > '9'))

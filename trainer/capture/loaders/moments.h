@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * A loader finds pictures in folders and in lists, each of one source and of
- * one moment, which is a number in its name. Here they become the frames of the
- * sources; where a source lacks a moment, its picture is missing.
+ * A loader finds pictures in folders and lists. Each belongs to a source and to
+ * a moment, which is a number in its name. This file makes frames of them. If a
+ * source lacks a moment, its picture is missing there.
  */
 #ifndef SAGA_MOMENTS_H
 #define SAGA_MOMENTS_H
@@ -20,25 +20,26 @@ typedef struct saga_finds {
     size_t n;
 } saga_finds;
 
-/* Finds the last number in the n characters at s; false and 0 if there is
- * none. */
+/* Finds the last number in the n characters at s. Returns false and sets 0 if
+ * there is none. */
 bool saga_last_number(const char *s, size_t n, uint64_t *number);
 
-/* Tells from its ending whether a file is a still picture that can be read. */
+/* Tells by a file name's extension whether it is a still picture that can be
+ * read. */
 bool saga_is_picture_name(const char *name);
 
-/* Adds one; takes path over, also on failure. path may be NULL: there was no
- * memory for it. */
+/* Adds a picture. It takes ownership of path, also on failure. path may be
+ * NULL, which means that its allocation failed. */
 bool saga_finds_add(saga_finds *finds, int source, uint64_t moment, char *path,
                     saga_error *error);
-/* Adds every picture of a folder, with the last number in its name. */
+/* Adds all pictures of a folder. The last number in a name is the moment. */
 bool saga_finds_add_folder(saga_finds *finds, int source, const char *folder,
                            saga_error *error);
 void saga_finds_free(saga_finds *finds);
 
-/* Sets n_frames of the listing and pictures of its sources, ordered by moment;
- * empties finds. Where no source has two pictures, all are of one moment. Two
- * pictures of a source and a moment are an error. */
+/* Sets n_frames of the listing and the pictures of its sources, in order of
+ * moments, and empties finds. If no source has two pictures, all belong to one
+ * moment. Two pictures of one source at one moment are an error. */
 bool saga_listing_take_finds(saga_listing *listing, saga_finds *finds,
                              saga_error *error);
 

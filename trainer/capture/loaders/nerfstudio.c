@@ -161,7 +161,7 @@ static bool fill_pictures(saga_transforms *r, saga_source *s,
                                                           : at[k]->file;
             r->n_missing++;
         }
-        /* Its depth and its mask, if the entry names them. */
+        /* Set the depth and the mask that the entry names. */
         if (ok && at[k] && at[k]->depth) {
             s->depths[k] = join(r, at[k]->depth);
             ok = s->depths[k] != NULL;

@@ -86,7 +86,7 @@ static bool list_videos(saga_listing *listing, const char *folder,
               sizeof *listing->sources, by_name);
     for (int i = 0; ok && i < listing->n_sources; i++)
         ok = saga_probe_video(&listing->sources[i], listing, error);
-    /* A single camera must be trained on, so it is not held out. */
+    /* A single camera is needed for training, so that it is not held out. */
     if (listing->n_sources == 1)
         listing->sources[0].held_out = false;
     return ok;
@@ -211,7 +211,7 @@ static double disagreement(const saga_listing *listing,
         if (image_of[i] < 0)
             continue;
         const saga_colmap_image *const m = &model->images[image_of[i]];
-        /* How far apart the two centres of this camera are. */
+        /* The distance between this camera's two centres counts. */
         saga_pose_centre(m->rotation, m->translation, b);
         for (int k = 0; k < 3; k++)
             d2 += (a[k] - b[k]) * (a[k] - b[k]);

@@ -282,7 +282,7 @@ static bool read_points(saga_listing *l, const char *folder, saga_error *error)
     if (!path)
         return false;
     bool ok = true;
-    /* The file is optional. */
+    /* init_pt_cld.npz is optional. */
     if (!saga_path_is_file(path)) {
         saga_note(l->notes, "points: none (no init_pt_cld.npz)");
     } else {

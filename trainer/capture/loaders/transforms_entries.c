@@ -231,7 +231,7 @@ int saga_transforms_n_timed(const saga_transforms *r)
     return n;
 }
 
-/* Orders by camera, then by time, then by name. */
+/* Orders entries by camera, then by time, then by name. */
 static int entry_order(const void *a, const void *b)
 {
     const saga_entry *const x = a, *const y = b;

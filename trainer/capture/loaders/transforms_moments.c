@@ -52,8 +52,8 @@ static bool find_moment(const saga_transforms *r, const saga_entry *e,
 }
 
 /* Sets the table of entries by view and moment. Entries are sorted by view and
- * time, and those of the fullest view define the moments. Without times and
- * gaps the order is enough. */
+ * time, and those of the fullest view define the moments. If there are no times
+ * and no gaps, the order of entries gives their moments. */
 static bool place_entries(saga_transforms *r, int n, bool timed)
 {
     const saga_entry *const ref = &r->entries[r->view_first[r->fullest]];
@@ -118,7 +118,8 @@ static bool place(saga_transforms *r, int n)
     const bool holes = r->n_entries < n * r->n_views;
     if (r->n_moments > 0)
         return place_moving(r, n);
-    /* Without times the order is enough, unless pictures are not listed. */
+    /* If there are no times, the order of entries gives their moments, unless
+     * some pictures are not listed. */
     if (holes && !timed)
         take_numbers_for_times(r);
     return place_entries(r, n, (timed || holes) && !r->videos);

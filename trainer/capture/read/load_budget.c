@@ -33,7 +33,7 @@ static double picture_nbytes(const saga_load_job *job, int v, double scale)
     const saga_remap *const m = &job->remaps[v];
     const double px =
         floor(m->full_width / scale) * floor(m->full_height / scale);
-    /* 3 bytes of colour per pixel, and one more if there are masks. */
+    /* Pictures take 3 bytes per pixel, and masks one more. */
     double n = (saga_load_has_masks(job, s) ? 4.0 : 3.0) * px *
                (saga_load_is_single(job, s) ? 1 : job->capture->n_frames);
     /* Depth takes 4 bytes per pixel, for each frame that has it, even in a view
@@ -109,11 +109,11 @@ static void say_remedy(const saga_load_job *job, double need, char *text,
     const double budget = (double)job->options->memory_nbytes;
     const double frames = need - scratch_nbytes(job);
     int scale = job->options->scale;
-    /* The largest picture size, at 1/scale, that fits. */
+    /* Find the largest picture size, 1/scale, that fits. */
     while (scale < SAGA_MAX_SCALE && forecast(job, scale) > budget)
         scale++;
-    /* The number of frames that fit at the wanted scale, after the threads'
-     * memory, which does not depend on the number of frames. */
+    /* fit is the number of frames that fit at the wanted scale, after the
+     * threads' memory, which does not depend on the number of frames. */
     const int fit = (int)floor((budget - scratch_nbytes(job)) / frames *
                                job->capture->n_frames);
     size_t used = (size_t)snprintf(text, n, "use ");

@@ -11,25 +11,30 @@
 
 enum {
     N = SAGA_BUNDLE_N,
-    MOST_STEPS = 40,         /* of Levenberg and Marquardt */
-    MOST_TRIES = 8           /* larger dampings before a step is given up */
+    MOST_STEPS = 40,         /* steps of the Levenberg-Marquardt method */
+    MOST_TRIES = 8           /* increases of the damping before a step is given
+                              * up */
 };
 
-/* How far a camera may be from where it began, as standard deviations: radians,
- * parts of the median depth, logarithm, parts of the focal length. They hold
- * the world in its place, and the centre where few places tell it from a turn;
- * beside a hundred sights of half a pixel they count little. */
+/* Standard deviations of a camera's change, which enter the cost: of its
+ * rotation in radians, of its shift in parts of the median depth, of the
+ * logarithm of its focal length, and of its centre in parts of the focal
+ * length. They keep the world in place, and also the centre, if few sights
+ * distinguish it from a rotation. Against a hundred sights of half a pixel they
+ * count little. */
 static const double loose_turn = 0.02, loose_shift = 0.02, loose_focal = 0.03,
                     loose_centre = 0.005;
-static const double enough = 1e-7;   /* of the cost: a smaller gain ends it */
-static const double cos_parallel = 0.99985; /* 1 degree */
+static const double enough = 1e-7;   /* a smaller relative gain of the cost ends
+                                      * the adjustment */
+static const double cos_parallel = 0.99985; /* cosine of 1 degree */
 
 typedef struct work {
     saga_bundle *b;
-    size_t n;                /* unknowns of all cameras */
-    double *s;               /* (n, n) the cameras' reduced matrix, lower */
-    double *g;               /* (n) its right side; then the step */
-    double (*moved)[N];      /* (n_cameras) from the beginning */
+    size_t n;                /* number of unknowns of all cameras */
+    double *s;               /* (n, n) lower triangle of the reduced matrix */
+    double *g;               /* (n) right side of the equations; then the
+                              * step */
+    double (*moved)[N];      /* (n_cameras) change since the beginning */
     double *strict;          /* (n_cameras, N) 1 / deviation^2 */
     saga_pinhole *cameras;   /* (n_cameras) before a step */
     double (*places)[3];     /* (n_places) before a step */
@@ -71,13 +76,15 @@ bool saga_bundle_differ(double off[2], double by_camera[2][SAGA_BUNDLE_N],
     if (!(x[2] > 1e-9))
         return false;
     for (int k = 0; k < 2; k++) {
-        /* u = f x / z + c; du / dX = f / z (1, 0, -x / z), for v (0, 1, ...) */
+        /* With u = f x / z + c, du / dX = f / z (1, 0, -x / z), and likewise dv
+         * / dX. */
         const double f = camera->lens[k] / x[2], ratio = x[k] / x[2];
         double *const c = by_camera[k];
         double d[3] = {0.0, 0.0, -f * ratio};
         d[k] = f;
         off[k] = camera->lens[k] * ratio + camera->lens[2 + k] - at[k];
-        /* dX / dturn_i = e_i x X, dX / dshift = I, dX / dplace = R */
+        /* The derivatives of X are e_i x X by turn_i, I by the shift, and R by
+         * the place. */
         c[0] = d[2] * x[1] - d[1] * x[2];
         c[1] = d[0] * x[2] - d[2] * x[0];
         c[2] = d[1] * x[0] - d[0] * x[1];
@@ -142,9 +149,9 @@ bool saga_bundle_meet(double place[3], const saga_pinhole *cameras,
 
 /* --------------------------------------------------------------------- cost */
 
-/* The cost of a sight is s^2 log(1 + off^2 / s^2), Cauchy's: a wrong match
- * pulls less the farther it is off. Least squares with the weight
- * 1 / (1 + off^2 / s^2) have its gradient. */
+/* The cost of a sight is Cauchy's, s^2 log(1 + off^2 / s^2): the pull of a
+ * wrong match falls with its distance. Least squares with the weight 1 / (1 +
+ * off^2 / s^2) have the same gradient. */
 static double cost_of(const work *w)
 {
     const saga_bundle *const b = w->b;
@@ -167,7 +174,7 @@ static double cost_of(const work *w)
 
 /* --------------------------------------------------------------------- step */
 
-/* One sight's part of the normal equations. */
+/* The part of one sight in the normal equations. */
 typedef struct part {
     double off[2], by_camera[2][N], by_place[2][3], weight;
     double cross[N][3];      /* W = weight by_camera^T by_place */
@@ -189,8 +196,8 @@ static part part_of(const work *w, const saga_sight *s)
     return p;
 }
 
-/* Sums V = sum of weight J^T J and its right side -weight J^T off of a place,
- * and inverts V, damped. */
+/* Sums, for a place, V = sum of weight J^T J and the right side -weight J^T
+ * off. Inverts V with damping. */
 static void invert_place(double inverse[3][3], double right[3], const work *w,
                          const part *p, size_t n)
 {
@@ -219,8 +226,8 @@ static void invert_place(double inverse[3][3], double right[3], const work *w,
         inverse[i / 3][i % 3] /= det > 0.0 ? det : 1e300;
 }
 
-/* Adds a place to the cameras' equations without it (Schur's complement):
- * S += U - W V^-1 W^T, g += right_camera - W V^-1 right_place. */
+/* Eliminates a place from the cameras' equations by Schur's complement: S += U
+ * - W V^-1 W^T, g += right_camera - W V^-1 right_place. */
 static void reduce_place(work *w, const saga_sight *s, const part *p, size_t n)
 {
     double inverse[3][3], right[3];
@@ -250,7 +257,7 @@ static void reduce_place(work *w, const saga_sight *s, const part *p, size_t n)
     }
 }
 
-/* Moves a place by V^-1 (right - sum of W^T step). */
+/* Moves a place by V^-1 (right - sum of W^T step), for the cameras' step. */
 static void move_place(work *w, const saga_sight *s, const part *p, size_t n)
 {
     double inverse[3][3], right[3];
@@ -266,8 +273,8 @@ static void move_place(work *w, const saga_sight *s, const part *p, size_t n)
                 inverse[i][2] * right[2];
 }
 
-/* Calls a function with every place's sights and their parts. A place is seen
- * once by a camera at most, so that its parts fit. */
+/* Calls a function for every place with its sights and their parts. A camera
+ * sees a place at most once, so that there are enough parts. */
 static void each_place(work *w, part *parts,
                        void (*visit)(work *, const saga_sight *, const part *,
                                      size_t))
@@ -302,7 +309,7 @@ static void solve(double *s, double *x, size_t n)
     }
 }
 
-/* Takes one damped step from the cameras and places that are kept. */
+/* Takes one damped step from the cameras and places that were kept. */
 static void step(work *w, part *parts)
 {
     memset(w->s, 0, w->n * w->n * sizeof *w->s);
@@ -314,7 +321,8 @@ static void step(work *w, part *parts)
         w->g[k] -= w->strict[k] * w->moved[k / N][k % N];
     }
     solve(w->s, w->g, w->n);
-    /* Places first: their equations are those of the cameras as they were. */
+    /* Places are moved first, because their equations refer to the cameras
+     * before the step. */
     each_place(w, parts, move_place);
     for (int i = 0; i < w->b->n_cameras; i++) {
         saga_bundle_move(&w->b->cameras[i], w->g + i * N);
@@ -341,7 +349,8 @@ static void descend(work *w, part *parts)
     w->damping = 1e-3;
     for (int i = 0; more && i < MOST_STEPS; i++) {
         more = false;
-        /* A step that raises the cost is taken back and damped more. */
+        /* A step that raises the cost is undone and tried again with more
+         * damping. */
         for (int k = 0; k < MOST_TRIES; k++) {
             keep(w, false);
             step(w, parts);

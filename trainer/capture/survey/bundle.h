@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * Bundle adjustment: cameras and places are moved until the cameras see the
- * places at the pixels where they were found (Hartley and Zisserman, chapter
- * 18). Every camera is also drawn to where it began, weakly, so that the world
- * neither moves, turns nor grows.
+ * Bundle adjustment: cameras and places are changed until the places are
+ * projected to the pixels at which the cameras saw them (Hartley and Zisserman,
+ * chapter 18). A weak prior pulls each camera to its initial pose, so that the
+ * world as a whole is not moved, rotated or scaled.
  */
 #ifndef SAGA_BUNDLE_H
 #define SAGA_BUNDLE_H
@@ -15,11 +15,11 @@
 
 /* Parameters of a camera: a rotation vector about it, in radians; a shift along
  * its axes, in the capture's unit; the logarithm of both focal lengths; the
- * centre of the picture, in pixels. */
+ * principal point, in pixels. */
 enum { SAGA_BUNDLE_TURN, SAGA_BUNDLE_SHIFT = 3, SAGA_BUNDLE_FOCAL = 6,
        SAGA_BUNDLE_CENTRE, SAGA_BUNDLE_N = 9 };
 
-/* A camera sees a place at a pixel. */
+/* A sight: a camera sees a place at a pixel. */
 typedef struct saga_sight {
     int camera;
     size_t place;
@@ -29,26 +29,28 @@ typedef struct saga_sight {
 typedef struct saga_bundle {
     saga_pinhole *cameras;   /* (n_cameras) */
     int n_cameras;
-    double (*places)[3];     /* (n_places) world */
+    double (*places)[3];     /* (n_places) positions in the world */
     size_t n_places;
     saga_sight *sights;      /* (n_sights), those of a place together */
     size_t n_sights;
-    double within;           /* pixels: a sight this far off counts half */
+    double within;           /* distance in pixels at which a sight counts
+                              * half */
 } saga_bundle;
 
-/* Moves a camera by some of each parameter: X becomes exp(turn) X + shift in
- * its axes. */
+/* Changes a camera by `by`, which has all its parameters: X becomes exp(turn) X
+ * + shift in the camera's axes. */
 void saga_bundle_move(saga_pinhole *camera, const double by[SAGA_BUNDLE_N]);
 
-/* Computes the distance of what a camera sees of a place from a pixel, and its
- * derivatives by the camera's parameters and by the place. Returns false behind
- * the camera. */
+/* Computes the difference between the projection of a place and a pixel, and
+ * its derivatives by the camera's parameters and by the place. Returns false if
+ * the place is behind the camera. */
 bool saga_bundle_differ(double off[2], double by_camera[2][SAGA_BUNDLE_N],
                         double by_place[2][3], const saga_pinhole *camera,
                         const double place[3], const double at[2]);
 
-/* Finds the place from which the rays of n sights are least far; false if two
- * of them open by less than a degree or it is behind a camera. */
+/* Finds the place with the least distances from the rays of n sights. Returns
+ * false if these rays are within a degree of each other, or if the place is
+ * behind a camera. */
 bool saga_bundle_meet(double place[3], const saga_pinhole *cameras,
                       const saga_sight *sights, size_t n);
 

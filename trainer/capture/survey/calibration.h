@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: MIT
  *
- * Whether the poses and lenses of a capture fit its pictures, found without
- * points: features of every two cameras are matched, those are kept that some
- * pair of pinholes may have seen, and the distance is taken of each from the
- * line on which the capture's own cameras would see it (the epipolar line).
+ * Checks without points whether the poses and lenses of a capture fit its
+ * pictures. Features are matched between pairs of views, and the matches that
+ * some two pinholes could have seen are kept. The error of a match is its
+ * distance from the epipolar lines of the capture's cameras.
  *
- * Where the distances are large, the usual mistakes are undone one after the
- * other; the one after which the pictures fit is named. Nothing is said of
- * cameras that see too little in common.
+ * If errors are large, the usual mistakes are undone one after the other, and
+ * the one after which the pictures fit is reported. Nothing is reported of
+ * cameras that have too little in common.
  */
 #ifndef SAGA_CALIBRATION_H
 #define SAGA_CALIBRATION_H
@@ -15,55 +15,64 @@
 #include "capture.h"
 #include "refine.h"
 
-/* How camera-to-world matrices (A, b) of a file came to be: rotation A and
- * centre b would be right. */
+/* The form of the matrices in a file, whose rotation A and centre b should be
+ * those of camera to world. */
 typedef enum saga_pose_form {
     SAGA_POSE_RIGHT,
-    SAGA_POSE_INVERSE,           /* they are world to camera */
-    SAGA_POSE_TRANSPOSED,        /* A is that of world to camera, b right */
-    SAGA_POSE_TRANSLATION,       /* A is right, b the translation of world to
+    SAGA_POSE_INVERSE,           /* A and b are those of world to camera */
+    SAGA_POSE_TRANSPOSED,        /* A is that of world to camera; b is right */
+    SAGA_POSE_TRANSLATION,       /* A is right; b is the translation of world to
                                   * camera */
     SAGA_POSE_FORMS
 } saga_pose_form;
 
-/* A mistake is undone for all cameras alike. */
+/* A mistake that all cameras share. */
 typedef struct saga_mistake {
-    bool before, after;          /* of the form: camera axes have y and z
-                                  * reversed, OpenCV's for OpenGL's */
+    bool before, after;          /* y and z of the camera axes are reversed,
+                                  * before or after the form was applied, as if
+                                  * OpenCV's axes were taken for OpenGL's or the
+                                  * other way round */
     saga_pose_form form;
-    double focal;                /* lengths of focus times that are right; 1 */
-    bool centre;                 /* and centres of the pictures times that */
-    int swapped[2];              /* cameras whose pictures are exchanged; -1 */
+    double focal;                /* factor by which focal lengths must be
+                                  * multiplied; 1: they are right */
+    bool centre;                 /* principal points must be multiplied, too */
+    int swapped[2];              /* cameras with exchanged pictures; -1: none */
 } saga_mistake;
 
 typedef struct saga_calibration {
-    double *off;                 /* (n_views) pixels, the median over the
-                                  * cameras it shares matches with of the median
-                                  * over these; NaN: too few matches */
-    bool *odd;                   /* (n_views) without these, the others fit */
-    double *stops;               /* (n_views) exposure against the others', log2
-                                  * of light; NaN: too few matches */
-    int *shared;                 /* (n_views, n_views) matches that agree; -1:
-                                  * not looked for */
-    int *n_features;             /* (n_views) corners of its picture */
-    double typical;              /* median of all pairs; NaN: of too few */
-    double within;               /* pixels: what is below fits */
-    int n_pairs, n_fit;          /* pairs with enough matches; that fit */
-    bool bad;                    /* too few of them fit */
-    bool found;                  /* mistake, with which n_fit becomes */
+    double *off;                 /* (n_views) error in pixels: the median over
+                                  * the pairs of a view of their median; NaN:
+                                  * too few matches */
+    bool *odd;                   /* (n_views) the others fit without these */
+    double *stops;               /* (n_views) exposure relative to the others,
+                                  * as log2 of light; NaN: too few matches */
+    int *shared;                 /* (n_views, n_views) number of matches that
+                                  * agree; -1: not compared */
+    int *n_features;             /* (n_views) number of corners in the
+                                  * picture */
+    double typical;              /* median error of all pairs; NaN: too few
+                                  * pairs */
+    double within;               /* errors below this, in pixels, count as a
+                                  * fit */
+    int n_pairs, n_fit;          /* number of pairs with enough matches, and of
+                                  * those that fit */
+    bool bad;                    /* too few pairs fit */
+    bool found;                  /* `mistake` was found; undone, n_fit_then
+                                  * fit */
     saga_mistake mistake;
     int n_fit_then;
-    saga_refinement refinement;  /* of small errors; none if a mistake was
+    saga_refinement refinement;  /* of small errors; empty if a mistake was
                                   * found */
 } saga_calibration;
 
-/* Fills *calibration; saga_calibration_free also after a failure. */
+/* Checks the calibration. saga_calibration_free must be called also after a
+ * failure. */
 bool saga_calibration_find(saga_calibration *calibration,
                            const saga_capture *capture, saga_error *error);
 void saga_calibration_free(saga_calibration *calibration);
 
-/* Undoes the mistake of poses and lens in a camera: world to camera rotation,
- * translation, and fx, fy, cx, cy. It leaves exchanged pictures alone. */
+/* Undoes the mistake in a camera's pose (rotation and translation of world to
+ * camera) and lens (fx, fy, cx, cy). Exchanged pictures are not changed. */
 void saga_mistake_undo(const saga_mistake *mistake, double rotation[9],
                        double translation[3], double lens[4]);
 

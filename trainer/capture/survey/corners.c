@@ -31,7 +31,8 @@ enum {
     TURNS = 8            /* direction bins in each cell */
 };
 
-#define SHRINK 0.70710678118654752 /* each copy is 1 / sqrt(2) as large */
+#define SHRINK 0.70710678118654752 /* size of each copy relative to the previous
+                                    * one: 1 / sqrt(2) */
 #define PLACE_WIDTH 4.0            /* pixels per cell of a descriptor */
 #define LEAST_CORNER 2e-5          /* least strength, in squared grey levels
                                     * from 0 to 1; weaker corners are camera
@@ -126,7 +127,8 @@ static bool shrink(image *to, const image *from, saga_error *error)
     const double step_y = (double)from->height / to->height;
     for (int y = 0; to->at && y < to->height; y++)
         for (int x = 0; x < to->width; x++) {
-            /* Bilinear between the centres of the four nearest pixels. */
+            /* The value is interpolated between the centres of the four nearest
+             * pixels. */
             const double u = (x + 0.5) * step_x - 0.5;
             const double v = (y + 0.5) * step_y - 0.5;
             const int i = (int)floor(u), j = (int)floor(v);
@@ -162,7 +164,7 @@ static void find_strengths(float *strength, const image *a, float *scratch)
         image one = {sums[k], a->width, a->height, a->scale};
         filter(&one, box, scratch + 2 * n);
     }
-    /* The smaller eigenvalue of ((xx, xy), (xy, yy)). */
+    /* The strength is the smaller eigenvalue of ((xx, xy), (xy, yy)). */
     for (size_t i = 0; i < n; i++) {
         const float half = (xx[i] - yy[i]) / 2;
         strength[i] = (xx[i] + yy[i]) / 2 - sqrtf(half * half + xy[i] * xy[i]);
@@ -222,7 +224,8 @@ static size_t spread(corner *list, size_t n, const image *images, int n_images)
     size_t taken[N_SIZES][GRID * GRID] = {{0}}, most[N_SIZES];
     double area = 0.0;
     size_t kept = 0;
-    /* The limit for each cell, by the image's fraction of the total area. */
+    /* Limit the number of each cell by the image's fraction of the total
+     * area. */
     for (int i = 0; i < n_images; i++)
         area += (double)n_pixels(&images[i]);
     for (int i = 0; i < n_images; i++)
@@ -312,8 +315,8 @@ static void describe(saga_feature *f, const image *a, const corner *c)
 {
     const double direction = strongest_direction(a, c);
     const double cosine = cos(direction), sine = sin(direction);
-    /* Half the diagonal of PLACES + 1 cells, since the grid may be turned by 45
-     * degrees. */
+    /* The patch reaches half the diagonal of PLACES + 1 cells, since the grid
+     * may be rotated by 45 degrees. */
     const int reach = (int)(PLACE_WIDTH * (PLACES + 1) * SHRINK + 1.0);
     *f = (saga_feature){.x = c->x * a->scale, .y = c->y * a->scale};
     for (int y = (int)c->y - reach; y <= (int)c->y + reach; y++)

@@ -12,7 +12,7 @@ saga_pinhole saga_pinhole_of(const saga_shot *s)
     return c;
 }
 
-/* c = a b^T for 3 x 3 matrices. */
+/* Sets c = a b^T for 3 x 3 matrices. */
 static void times_transposed(double c[9], const double a[9], const double b[9])
 {
     for (int i = 0; i < 3; i++)

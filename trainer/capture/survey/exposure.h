@@ -26,17 +26,19 @@
 
 /* --- Of a place that may be hidden ---------------------------------------- */
 
-/* Gives the stops by which R, G, B of a place are above those of the others;
- * false where one of the two is so dark or bright that it tells nothing. 0 to
- * 255. */
+/* Sets *stops to how much brighter R, G, B of a place are than `others`, in
+ * stops. Values are 0 to 255. Returns false if either is so dark or bright that
+ * the comparison means nothing. */
 bool saga_exposure_compare(double *stops, const double rgb[3],
                            const double others[3]);
-/* Returns by what such stops multiply display values. */
+/* Returns the factor on display values that corresponds to a number of
+ * stops. */
 double saga_exposure_gain(double stops);
 
 /* --- Of patches that match ------------------------------------------------ */
 
-/* View a saw a place brighter than view b, by these logarithms of channels. */
+/* A place that views a and b see, with the logarithm of a's value over b's for
+ * each channel. */
 typedef struct saga_exposure_pair {
     int a, b;
     double log[3];
@@ -46,31 +48,37 @@ typedef struct saga_exposure_pairs {
     saga_exposure_pair *at;  /* (n) */
     size_t n;
     int n_views;
-    const int *train;        /* (n_train) views whose mean logarithm is 0 */
+    const int *train;        /* (n_train) training views, whose mean logarithm
+                              * is 0 */
     int n_train;
 } saga_exposure_pairs;
 
-/* Finds the logarithms of the factors, (n_views, 3), that even the pairs out;
- * 0 of a view in few pairs. Fails where memory is short. */
+/* Finds the logarithms of factors, (n_views, 3), with which the views of each
+ * pair agree. Those of a view in few pairs are 0. Returns false with *error set
+ * if memory is short. */
 bool saga_exposure_solve(double *log, const saga_exposure_pairs *pairs,
                          saga_error *error);
-/* Returns by how much the pairs differ in all, given such logarithms. */
+/* Returns the sum of the differences that remain in the pairs with these
+ * logarithms. */
 double saga_exposure_left(const saga_exposure_pairs *pairs, const double *log);
-/* Returns the widest range of the training views' logarithms in a channel. */
+/* Returns the widest range, over the channels, of the training views'
+ * logarithms. */
 double saga_exposure_span(const double *log, const saga_exposure_pairs *pairs);
 
 /* --- Of the same pixels --------------------------------------------------- */
 
-/* Sums of products over all pixels of a channel. */
+/* Sums of products over all pixels of a channel: of the drawn picture (made)
+ * and of the true one. */
 typedef struct saga_exposure_sums {
     uint64_t made_made, made_true, true_true;
 } saga_exposure_sums;
 
-/* Adds a picture of n pixels, R, G, B, to the sums of the three channels; of
- * those that count in mask, NULL: all. Returns their number. */
+/* Adds a picture of n pixels, R, G, B, to the sums of the three channels. Only
+ * pixels that count in mask are added; NULL: all. Returns their number. */
 size_t saga_exposure_add(saga_exposure_sums sums[3], const uint8_t *made,
                          const uint8_t *truth, const uint8_t *mask, size_t n);
-/* Returns the sum of (f x made - truth)^2 with the best f of each channel. */
+/* Returns the sum of (f x made - truth)^2 over the channels, with the best
+ * factor f for each. */
 double saga_exposure_error(const saga_exposure_sums sums[3]);
 
 #endif

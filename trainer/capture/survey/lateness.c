@@ -87,10 +87,10 @@ static void fill_row(double *row, const saga_capture *c, int v)
         row[k] = saga_change_at(c, v, k, 5);
         mean += row[k] / n;
     }
-    /* Logarithms of the changes, relative to their mean. */
+    /* The row has logarithms of the changes, relative to their mean. */
     for (int k = 0; k < n; k++)
         row[k] = mean > 0.0 ? log(row[k] / mean + 0.02) : 0.0;
-    /* Differences of consecutive logarithms, which leaves one number fewer. */
+    /* The row becomes the differences of consecutive logarithms, one fewer. */
     for (int k = 0; k + 1 < n; k++)
         row[k] = row[k + 1] - row[k];
     normalise(row, n - 1);
@@ -205,7 +205,7 @@ static bool stands_out(const matcher *m, const double *r)
     for (int i = 0; i <= 2 * m->most; i++)
         if (abs(i - best) > 1)
             second = fmax(second, r[i]);
-    /* The overlap is shorter by the shift. */
+    /* The number of overlapping steps is smaller by the shift. */
     const double n = m->n - abs(best - m->most);
     /* At an end of the range the true maximum may lie outside. */
     return best > 0 && best < 2 * m->most &&

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * Finds by how many frames a camera of a capture runs behind the others, by
- * how much changes from picture to picture, and how sure that is. What is seen
- * to move differs from side to side, so most of the work is to know when
- * nothing can be told.
+ * Finds by how many frames cameras run behind the others, from the amount of
+ * change between consecutive pictures, and how certain this is. The visible
+ * motion differs between cameras, so that most of the work is to recognise when
+ * nothing can be concluded.
  */
 #ifndef SAGA_LATENESS_H
 #define SAGA_LATENESS_H
@@ -11,14 +11,14 @@
 #include "capture.h"
 
 typedef struct saga_lateness {
-    double frames;           /* behind the others, below 0: before them; NaN:
-                              * cannot be told */
-    double tolerance;        /* of that, frames: 2.4 standard errors and 0.1;
-                              * NaN likewise */
+    double frames;           /* delay behind the others, < 0: ahead; NaN:
+                              * unknown */
+    double tolerance;        /* 0.1 frames plus 2.4 standard errors of the
+                              * delay; NaN: unknown */
 } saga_lateness;
 
-/* Sets late (n_views). Nothing can be told of fewer than three views or twelve
- * frames, nor of a camera that moves. */
+/* Sets late (n_views). It is NaN for fewer than three views, for fewer than
+ * twelve frames, and for a camera that moves. */
 bool saga_lateness_find(saga_lateness *late, const saga_capture *capture,
                         saga_error *error);
 
@@ -27,8 +27,8 @@ bool saga_lateness_find(saga_lateness *late, const saga_capture *capture,
 double saga_change_at(const saga_capture *capture, int view, int k,
                       size_t pixels);
 
-/* Returns the variance of a mean, estimated from n results, each without one of
- * n groups. */
+/* Returns the variance of a mean by the jackknife: x has n results, each
+ * without one of n groups. */
 double saga_jackknife(const double *x, int n);
 
 #endif

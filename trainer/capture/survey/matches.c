@@ -36,8 +36,8 @@ enum {
 
 /* ------------------------------------------------------------------ pairing */
 
-/* Returns the cosine of two descriptors. The eight partial sums let a compiler
- * use vectors. */
+/* Returns the cosine of two descriptors. Eight partial sums let the compiler
+ * use SIMD. */
 static float alike(const saga_feature *a, const saga_feature *b)
 {
     float sum[8] = {0.0f};
@@ -75,7 +75,7 @@ static size_t nearest(const saga_feature *f, const saga_features *to,
     for (size_t i = 0; i < to->n; i++)
         if (cosine[i] > second && !same_place(&to->list[i], &to->list[best]))
             second = cosine[i];
-    /* |a - b|^2 = 2 - 2 cos for unit vectors. */
+    /* For unit vectors, |a - b|^2 = 2 - 2 cos. */
     *doubt = sqrt(fmax(1.0 - (double)cosine[best], 0.0) /
                   fmax(1.0 - (double)second, 1e-9));
     return best;

@@ -9,24 +9,28 @@
 #include <stdlib.h>
 
 enum {
-    APART = 5,               /* one place in five is kept apart */
-    FEW_PLACES = 60,         /* or there is too little to go by */
-    MOST_VIEWS = 100         /* their equations have 6.5 MB */
+    APART = 5,               /* one place in five is kept for the test */
+    FEW_PLACES = 60,         /* with fewer places nothing is refined */
+    MOST_VIEWS = 100         /* above this number of views nothing is refined;
+                              * their equations take 6.5 MB */
 };
 
-/* Right cameras gain a few hundredths of a pixel of noise. */
+/* Refinement must reduce the error to this part to count as a help, since right
+ * cameras also gain a few hundredths of a pixel from fitting noise. */
 static const double clearly = 0.8;
 
-/* Features of all views are numbered, view after view; a feature's parent leads
- * to the first feature of the place that both show. */
+/* Features of all views are numbered, view after view. The parents form trees,
+ * whose root is the first feature of the place that all features of the tree
+ * show. */
 typedef struct tracks {
     const saga_pairs *pairs;
-    size_t *first;           /* (n_views + 1) number of a view's first one */
+    size_t *first;           /* (n_views + 1) number of a view's first
+                              * feature */
     size_t *parent;          /* (n) */
     size_t n;
     saga_sight *sights;      /* (n) sorted by place */
     size_t n_sights, n_places;
-    double *off;             /* (n_off) room for distances */
+    double *off;             /* (n_off) scratch for distances */
 } tracks;
 
 /* ------------------------------------------------------------------- tracks */
@@ -47,7 +51,8 @@ static void link_matches(tracks *t)
                                         (size_t)p->matches[k].of_a);
             const size_t b = root_of(t, t->first[p->b] +
                                         (size_t)p->matches[k].of_b);
-            /* The lowest number is the root, whatever the order. */
+            /* The lowest number becomes the root, whatever the order of the
+             * pairs. */
             t->parent[a > b ? a : b] = a > b ? b : a;
         }
     }
@@ -61,8 +66,8 @@ static int by_place(const void *a, const void *b)
     return x->camera - y->camera;
 }
 
-/* Tells whether sights of one place, sorted by camera, are two cameras' at
- * least and no camera's twice: then a match among them is wrong. */
+/* Tells whether the sights of a place, sorted by camera, are of two cameras at
+ * least and of none twice, in which case a match among them is wrong. */
 static bool is_sound(const saga_sight *s, size_t n)
 {
     for (size_t k = 1; k < n; k++)
@@ -90,7 +95,7 @@ static void collect(tracks *t)
             ;
         if (!is_sound(t->sights + i, n))
             continue;
-        /* kept <= i: nothing is overwritten before it has moved. */
+        /* Since kept <= i, no sight is overwritten before it has moved. */
         for (size_t k = 0; k < n; k++) {
             t->sights[kept] = t->sights[i + k];
             t->sights[kept++].place = t->n_places;
@@ -125,7 +130,8 @@ static bool make_tracks(tracks *t, saga_error *error)
 
 /* ------------------------------------------------------------------ judging */
 
-/* Returns how far a pair of sights is off, given cameras. */
+/* Returns the epipolar distance in pixels of two sights of a place, for the
+ * given cameras. */
 static double off_of(const saga_pinhole *cameras, const saga_sight *a,
                      const saga_sight *b)
 {
@@ -138,8 +144,8 @@ static double off_of(const saga_pinhole *cameras, const saga_sight *a,
     return saga_epipolar_off(ca, cb, &between, &m, 1.0, &front);
 }
 
-/* Returns the median over the places kept apart, of every sight with the next
- * one; NaN if they are few. */
+/* Returns the median error over the test places, comparing every sight with the
+ * next one; NaN if they are too few. */
 static double judge(const tracks *t, const saga_pinhole *cameras)
 {
     size_t n = 0;
@@ -152,7 +158,8 @@ static double judge(const tracks *t, const saga_pinhole *cameras)
 
 /* -------------------------------------------------------------- adjustment */
 
-/* Fills the bundle with the places that are not kept apart, where rays meet. */
+/* Fills the bundle with the places that are not kept for the test and whose
+ * rays meet. */
 static void fill(saga_bundle *b, const tracks *t)
 {
     for (size_t i = 0, n; i < t->n_sights; i += n) {

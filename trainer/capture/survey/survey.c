@@ -25,7 +25,8 @@ enum {
 
 /* Limits of the judgements; each is an estimate from the captures that we
  * have. */
-/* In degrees. Views further apart rarely show the same primitives. */
+/* In degrees between neighbouring views. Views further apart rarely show the
+ * same primitives. */
 #define FAR_APART 25.0
 #define FEW_VIEWS 6
 #define LITTLE_OVERLAP 0.25
@@ -116,7 +117,7 @@ static void lift_grid(places *p, const saga_capture *c)
         const saga_shot *const s = &c->views[v];
         const double far = 4.0 * (size > 0.0 ? size : 1.0);
         double cam[3] = {0.0, 0.0, far};
-        /* The depth at which the axes meet, if that is in front of this
+        /* z is the depth at which the axes meet, if that is in front of this
          * camera. */
         if (meet)
             saga_view_transform(s, meeting, cam);
@@ -274,7 +275,7 @@ static void compare_view(saga_survey_view *one, const saga_capture *c, int v,
 {
     size_t n = 0;
     double rgb[3];
-    /* Exposure: the median of log2 of the light relative to the common
+    /* The exposure is the median of log2 of the light relative to the common
      * colours. */
     for (size_t i = 0; i < p->n; i++)
         if (!isnan(common[3 * i]) && colour_at(c, v, p->at[i], rgb) &&
@@ -283,7 +284,8 @@ static void compare_view(saga_survey_view *one, const saga_capture *c, int v,
     one->stops = n >= FEW_COLOURS ? saga_median(x, n) : (double)NAN;
     const double gain = isnan(one->stops)
         ? 1.0 : saga_exposure_gain(one->stops);
-    /* Colour: the difference that remains after the exposure is corrected. */
+    /* The colour is the difference that remains after the exposure is
+     * corrected. */
     n = 0;
     for (size_t i = 0; i < p->n; i++) {
         if (isnan(common[3 * i]) || !colour_at(c, v, p->at[i], rgb))
@@ -429,7 +431,7 @@ static void judge_calibration(saga_survey *s, const saga_capture *c)
                  c->views[v].name, fit->off[v]);
 }
 
-/* Says how far small errors of poses and lenses can be undone. */
+/* Notes by how much refinement can reduce small errors of poses and lenses. */
 static void judge_refinement(saga_survey *s)
 {
     const saga_refinement *const r = &s->calibration.refinement;
@@ -541,7 +543,7 @@ bool saga_survey_make(saga_survey *survey, const saga_capture *capture,
                                 sizeof *survey->views, "the views", error);
     for (int v = 0; survey->views && v < capture->n_views; v++)
         survey->views[v].stops = survey->views[v].colour = (double)NAN;
-    /* Measurements, which can fail. */
+    /* Measurements come first and can fail. */
     const bool ok = survey->views && measure(survey, capture, &p, error) &&
                     saga_calibration_find(&survey->calibration, capture,
                                           error) &&
@@ -553,7 +555,7 @@ bool saga_survey_make(saga_survey *survey, const saga_capture *capture,
     for (int v = 0; v < capture->n_views; v++)
         if (isnan(survey->views[v].stops))
             survey->views[v].stops = survey->calibration.stops[v];
-    /* Judgements, which only add notes. */
+    /* Judgements come last and only add notes. */
     judge_calibration(survey, capture);
     judge_refinement(survey);
     judge_rig(survey, capture);

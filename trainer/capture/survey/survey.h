@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: MIT
  *
- * A survey of a loaded capture finds out before any training what will go
- * wrong: cameras that see nothing in common or stand far apart, poses that do
- * not fit the points, exposures that differ, cameras that run late.
+ * A survey of a loaded capture finds, before any training, what will go wrong:
+ * cameras that have nothing in common or are far apart, poses that do not fit
+ * the points, exposures that differ, cameras that run late.
  *
- * It looks at places: the capture's points, or without them a grid of rays of
- * every camera, ended where the cameras look. Nothing tells what hides a place,
- * so all that is said of colours is a median. Whether poses and lenses fit the
- * pictures is found from matches between these, with points or without.
+ * It uses places: the capture's points or, without points, a grid on the rays
+ * of every camera, at the depth where the cameras look. Occlusion is not known,
+ * so that only medians of colours are used. Whether poses and lenses fit the
+ * pictures is found by matches, with or without points.
  */
 #ifndef SAGA_SURVEY_H
 #define SAGA_SURVEY_H
@@ -19,30 +19,33 @@
 enum { SAGA_SURVEY_NOTES = 16, SAGA_SURVEY_NOTE_NBYTES = 400 };
 
 typedef struct saga_survey_view {
-    int nearest;         /* view that stands nearest by angle, -1: none */
-    double angle;        /* to it, degrees, from the middle of the places; NaN
-                          * of one camera alone, as is: */
-    double overlap;      /* share of the places it sees that the view with most
-                          * in common sees too */
-    double seen;         /* share of all places that it sees */
-    double stops;        /* exposure against the others: log2 of light, at
-                          * points, or without them at matches; NaN: unknown */
-    double colour;       /* median difference to the others at the places after
-                          * that, 8-bit levels; NaN: unknown */
+    int nearest;         /* nearest view by angle; -1: none */
+    double angle;        /* angle to it in degrees, from the middle of the
+                          * places; NaN: there is only one camera */
+    double overlap;      /* part of the places it sees that the view with most
+                          * in common sees too; NaN: one camera */
+    double seen;         /* part of all places that it sees */
+    double stops;        /* exposure relative to the others, as log2 of light,
+                          * at points, otherwise at matches; NaN: unknown */
+    double colour;       /* median difference from the others at the places once
+                          * exposure is corrected, in 8-bit levels; NaN:
+                          * unknown */
     saga_lateness late;
 } saga_survey_view;
 
 typedef struct saga_survey {
     saga_survey_view *views;     /* (n_views of the capture) */
     saga_calibration calibration;
-    double typical_angle;        /* median of the views' angles; NaN of one */
-    bool free_views;             /* what is between the cameras may be good, of
-                                  * what stands still where one camera moves */
-    int n_notes;                 /* what to mind, worst first */
+    double typical_angle;        /* median of the views' angles; NaN: one
+                                  * view */
+    bool free_views;             /* views between the cameras may be good; if
+                                  * one camera moves, of what stands still */
+    int n_notes;                 /* number of notes, the worst first */
     char note[SAGA_SURVEY_NOTES][SAGA_SURVEY_NOTE_NBYTES];
 } saga_survey;
 
-/* Fills *survey; saga_survey_free frees it, also after a failure. */
+/* Surveys a capture. The caller frees *survey by saga_survey_free, also after a
+ * failure. */
 bool saga_survey_make(saga_survey *survey, const saga_capture *capture,
                       saga_error *error);
 void saga_survey_free(saga_survey *survey);

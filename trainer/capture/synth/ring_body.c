@@ -68,7 +68,7 @@ typedef struct pose {
     int n;
 } pose;
 
-/* Sets out = from + f forward + l left + u up. */
+/* Sets out = from + f forward + l left + u up, where flu has f, l and u. */
 static void reach(double out[3], const double from[3], double axes[3][3],
                   const double flu[3])
 {
@@ -99,7 +99,7 @@ static void add(pose *p, const double a[3], const double b[3], double radius,
 {
     const double v[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
     const double left = dot(v, p->axes[1]);
-    /* Its second axis must not be parallel to the capsule. */
+    /* The second axis of the capsule must not be parallel to the first. */
     const int side = left * left > 0.8 * dot(v, v) ? 0 : 1;
     p->to[p->n++] = saga_ring_capsule(a, b, radius * p->plan->girth,
                                       p->axes[side], object);
@@ -131,7 +131,8 @@ static void bend_leg(leg *l, pose *p, const double pelvis[3], int side)
     saga_synth_sin_cos(phase + 0.06, &unused, &lift);
     lift = lift > 0.0 ? lift * lift : 0.0;
     const double thigh = 0.03 + 0.11 * swing;
-    /* In turns: a lifted foot bends the knee by up to a quarter turn. */
+    /* Angles are in turns: a lifted foot bends the knee by up to a quarter
+     * turn. */
     const double shin = thigh - 0.03 - 0.25 * lift;
     const double at[3] = {0.0, 0.10 * k * sign, 0.0};
     reach(l->hip, pelvis, p->axes, at);
@@ -161,7 +162,7 @@ static void stand(pose *p, leg legs[2])
         low = legs[side].ankle[2] < low ? legs[side].ankle[2] : low;
         low = legs[side].toe[2] < low ? legs[side].toe[2] : low;
     }
-    /* The pelvis is raised by that, and by the radius of a foot. */
+    /* The pelvis is raised by this, and by the radius of a foot. */
     p->pelvis[2] = 0.046 * p->plan->girth - low;
     for (int side = 0; side < 2; side++)
         bend_leg(&legs[side], p, p->pelvis, side);

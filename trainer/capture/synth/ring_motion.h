@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Draws the random parameters of the scene "ring" from a seed, and computes
- * where everything is at a time.
+ * Draws the random parameters of the scene "ring" from a seed, and computes the
+ * positions of all objects at a time.
  */
 #ifndef SAGA_RING_MOTION_H
 #define SAGA_RING_MOTION_H
@@ -14,7 +14,8 @@ double saga_ring_draw(uint32_t seed, int index, double lo, double hi);
 void saga_ring_draw_plan(saga_ring_plan *plan, uint32_t seed);
 
 /* Appends the runner's shapes to `to`, which has room for
- * SAGA_RING_BODY_SHAPES; sets `hand` to where a ball in the right hand lies. */
+ * SAGA_RING_BODY_SHAPES, and sets `hand` to the place of a ball in the right
+ * hand. */
 enum { SAGA_RING_BODY_SHAPES = 22 };
 int saga_ring_body(saga_ring_shape *to, double hand[3],
                    const saga_ring_plan *plan, double seconds);

@@ -45,7 +45,8 @@ static void trousers(const saga_ring_plan *p, const double at[3],
     brighten(rgb, 1.0 + 0.5 * grain(18.0 * at[0], 3.0 * at[2], p->salt + 2));
 }
 
-/* `at` is forward, left, up. */
+/* Sets rgb to the colour of the head at a place, whose coordinates are forward,
+ * left and up. */
 static void head(const saga_ring_plan *p, const double at[3], double rgb[3])
 {
     const double l = fabs(at[1]), u = at[2], f = at[0];

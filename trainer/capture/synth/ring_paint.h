@@ -1,14 +1,15 @@
 /* SPDX-License-Identifier: MIT
  *
- * Says what things of the scene "ring" look like from near.
+ * Computes the colours of surfaces in the scene "ring".
  */
 #ifndef SAGA_RING_PAINT_H
 #define SAGA_RING_PAINT_H
 
 #include "synth_ring.h"
 
-/* Finds the share of light that a place gives back, each channel 0..1; of a
- * display's picture the light itself, and true. */
+/* Sets rgb to the albedo of a surface, each channel 0..1, and returns false.
+ * For the picture of a display, sets rgb to the light that it emits, and
+ * returns true. */
 bool saga_ring_albedo(const saga_ring_state *state, const saga_ring_hit *hit,
                       double rgb[3]);
 

@@ -27,33 +27,35 @@ typedef enum saga_synth_scene {
 typedef struct saga_synth_options {
     saga_synth_scene scene;
     int width, height;       /* 8..4096 */
-    int n_cameras;           /* 2..99, on an arc, or all round; heights
-                              * alternating */
-    int n_hold_out;          /* spread over them; at least 2 remain */
+    int n_cameras;           /* 2..99, on an arc or all round, with alternating
+                              * heights */
+    int n_hold_out;          /* held-out cameras, spread over all; at least 2
+                              * others remain */
     int n_frames;            /* 1..100000 */
     double fps;
-    int samples;             /* per pixel and axis, 1..8 */
-    int depth_every;         /* 0: no depth */
-    int n_points;            /* 0..1000000; fewer where it is hard */
-    uint32_t seed;           /* of the points' places and noise; and of all
-                              * that the ring is */
+    int samples;             /* samples per pixel and axis, 1..8 */
+    int depth_every;         /* frames between two depth maps; 0: no depth */
+    int n_points;            /* 0..1000000; fewer if too few places have
+                              * texture */
+    uint32_t seed;           /* of the points' places and noise; in the ring, of
+                              * everything */
     bool exr;                /* pictures as EXR */
-    int n_threads;           /* 0: as many as OpenMP gives */
+    int n_threads;           /* 0: OpenMP's default */
     saga_progress_fn *progress; /* or NULL */
     void *progress_user;
 } saga_synth_options;
 
-/* Returns cameras of 320x180, 2 held out, depth every 12th frame, 3,000 points.
- * The room: 10 cameras, 24 frames at 24 fps, 2 x 2 samples; the ring: 14
- * cameras, 32 frames at 30 fps, 3 x 3 samples. */
+/* Returns the defaults: cameras of 320x180, 2 held out, depth in every 12th
+ * frame, 3,000 points. The room has 10 cameras, 24 frames at 24 fps and 2 x 2
+ * samples; the ring has 14 cameras, 32 frames at 30 fps and 3 x 3 samples. */
 saga_synth_options saga_synth_defaults(saga_synth_scene scene);
 
-/* folder must not exist, or be empty. */
+/* Writes the capture. The folder must not exist, or must be empty. */
 bool saga_synth_write(const char *folder, const saga_synth_options *options,
                       saga_error *error);
 
-/* Sets name, camera and held_out of a view, without pictures: what a loader
- * finds again. */
+/* Sets name, camera and held_out of a view, without pictures, as a loader will
+ * find them. */
 void saga_synth_view(const saga_synth_options *options, int index,
                      saga_shot *view);
 

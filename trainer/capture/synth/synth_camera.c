@@ -69,7 +69,7 @@ void saga_synth_view(const saga_synth_options *options, int index,
     }
     for (int i = 0; i < 3; i++)
         forward[i] /= sqrt(n2);
-    /* right = forward x up, down = forward x right */
+    /* The axes are right = forward x up and down = forward x right. */
     const double h = sqrt(forward[0] * forward[0] + forward[1] * forward[1]);
     right[0] = forward[1] / h;
     right[1] = -forward[0] / h;

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * A built-in scene becomes a capture in stages, a file each: where the cameras
- * stand (synth_camera), the folder and what lies where in it (synth_folder),
- * the pictures (synth_picture), the points (synth_points), transforms.json
- * (synth_json); synth goes through them.
+ * A built-in scene becomes a capture in stages, one file each: the positions of
+ * the cameras (synth_camera), the folder (synth_folder), the pictures
+ * (synth_picture), the points (synth_points), and transforms.json (synth_json).
+ * synth.c calls them.
  */
 #ifndef SAGA_SYNTH_JOB_H
 #define SAGA_SYNTH_JOB_H
@@ -12,8 +12,8 @@
 
 typedef struct saga_synth_job {
     const saga_synth_options *options;
-    char *folder;             /* being filled */
-    int lock;                 /* on it */
+    char *folder;             /* the folder that is being filled */
+    int lock;                 /* file descriptor of the folder's lock */
     saga_shot *views;         /* (n_cameras) */
     saga_error *error;
     const char *target;       /* final name, for messages */
@@ -27,7 +27,8 @@ enum { SAGA_SYNTH_PATH = 1200 };
 void saga_synth_direction(const saga_shot *view, double u, double v,
                           double d[3]);
 
-/* Refuses a folder of files at the start, not after the rendering. */
+/* Tells whether the folder may be written, at the start and not after the
+ * rendering. Sets the error if it has files. */
 bool saga_synth_is_free(const saga_synth_job *job);
 /* Makes the folder beside its final place, so that rename can move it in one
  * step. */
@@ -41,7 +42,7 @@ void saga_synth_path(const saga_synth_job *job, const char *kind,
                      char path[SAGA_SYNTH_PATH]);
 bool saga_synth_has_depth(const saga_synth_options *o, int frame);
 
-/* Turns light to 8 bits: gamma 2, exact on every machine. */
+/* Converts light to 8 bits with gamma 2, which is exact on every machine. */
 uint8_t saga_synth_display(double light);
 bool saga_synth_write_pictures(saga_synth_job *job);
 bool saga_synth_write_points(const saga_synth_job *job);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * What is in the folder of a built-in scene stands in its transforms.json.
+ * Writes the transforms.json of a built-in scene.
  */
 #include "synth_job.h"
 
@@ -16,8 +16,8 @@ static void write_matrix(FILE *f, const saga_shot *view)
     fprintf(f, "\"transform_matrix\": [");
     for (int i = 0; i < 3; i++) {
         const double *const r = view->rotation;
-        /* From camera to world; axes are right, up and backwards, as the format
-         * has them: y and z of ours with the other sign. */
+        /* The matrix is camera to world with the format's axes right, up and
+         * backwards, so that y and z are negated. */
         fprintf(f, "[%.17g, %.17g, %.17g, %.17g], ", r[i], -r[3 + i],
                 -r[6 + i], centre[i]);
     }
@@ -85,7 +85,7 @@ bool saga_synth_write_json(const saga_synth_job *job)
             view->cy);
     write_list(f, job, "train_filenames", false);
     write_list(f, job, "test_filenames", true);
-    /* One entry for each picture, with its pose and time. */
+    /* There is one entry for each picture, with its pose and time. */
     fprintf(f, " \"frames\": [\n");
     for (int c = 0; c < o->n_cameras; c++)
         for (int k = 0; k < o->n_frames; k++)

@@ -1,23 +1,26 @@
 /* SPDX-License-Identifier: MIT */
 #include "synth_math.h"
 
-/* Sums Taylor's series on 1/8 turn either side: error below 1e-15. */
+/* Sums the Taylor series over 1/8 turn on either side, with an error below
+ * 1e-15. */
 void saga_synth_sin_cos(double turns, double *s, double *c)
 {
-    /* To the nearest quarter turn, so that x is within 1/8 turn. */
+    /* The angle is reduced by the nearest number of quarter turns, so that x is
+     * within 1/8 turn. */
     const double quarter = floor(4.0 * turns + 0.5);
     const double x = (turns - 0.25 * quarter) * 6.283185307179586477;
     const double x2 = x * x;
     double sine = 1.0, cosine = 1.0;
-    /* Horner, from the smallest term on: only additions, multiplications and
-     * divisions, which are the same on every machine. */
+    /* Horner's scheme, from the smallest term on, needs only additions,
+     * multiplications and divisions, which are the same on every machine. */
     for (int k = 8; k >= 1; k--) {
         sine = 1.0 - sine * x2 / ((2.0 * k) * (2.0 * k + 1.0));
         cosine = 1.0 - cosine * x2 / ((2.0 * k - 1.0) * (2.0 * k));
     }
     sine *= x;
     const double q4 = quarter - 4.0 * floor(0.25 * quarter);
-    /* A quarter turn more makes sine of cosine, and cosine of -sine. */
+    /* A quarter turn makes the sine a cosine, and the cosine a negative
+     * sine. */
     const double table[5] = {sine, cosine, -sine, -cosine, sine};
     *s = table[(int)q4];
     *c = table[(int)q4 + 1];

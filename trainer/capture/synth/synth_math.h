@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: MIT
  *
- * The scenes are drawn with this: numbers, noise, colours, rays and what they
- * enter.
+ * Functions for drawing the built-in scenes: numbers, noise, colours, and the
+ * intersection of rays with shapes.
  *
- * Everything is made of IEEE additions, products, quotients, square roots and
- * floor, with an own sine: built without contraction (-ffp-contract=off), the
- * same bits come out on every machine.
+ * They use only IEEE additions, products, quotients, square roots and floor,
+ * and a sine of their own. Built without contraction (-ffp-contract=off), they
+ * give the same bits on every machine.
  */
 #ifndef SAGA_SYNTH_MATH_H
 #define SAGA_SYNTH_MATH_H
@@ -14,7 +14,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* Finds sine and cosine of an angle in turns, within 1e-15. */
+/* Computes sine and cosine of an angle in turns, within 1e-15. */
 void saga_synth_sin_cos(double turns, double *s, double *c);
 
 /* ----------------------------------------------------------------- numbers */
@@ -41,7 +41,7 @@ static inline double mix(double a, double b, double t)
     return a + (b - a) * t;
 }
 
-/* Returns 0 below a, 1 above b, smooth between. */
+/* Returns 0 below a, 1 above b, and a smooth transition between them. */
 static inline double ramp(double a, double b, double x)
 {
     const double t = clamp01((x - a) / (b - a));
@@ -76,7 +76,8 @@ static inline double noise(double x, double y, uint32_t salt)
     return mix(top, bottom, sv);
 }
 
-/* Sums two octaves about 0, broad and finer. */
+/* Returns the sum of two octaves of noise about 0, a broad one and a finer
+ * one. */
 static inline double grain(double x, double y, uint32_t salt)
 {
     return (noise(x, y, salt) - 0.5) +
@@ -97,7 +98,8 @@ static inline void brighten(double rgb[3], double factor)
         rgb[i] *= factor;
 }
 
-/* Draws a line of given half-width every period, edges one half-width soft. */
+/* Returns the brightness of lines of the given half-width at every period,
+ * whose edges are soft over one half-width. */
 static inline double lines(double x, double period, double half)
 {
     const double d = fabs(x / period - floor(x / period + 0.5)) * period;
@@ -113,7 +115,8 @@ static inline double inside_rect(double x, double y, double cx, double cy,
 
 /* ------------------------------------------------------------------- rays */
 
-/* Enters a box from outside; t of the entry and its axis. */
+/* Finds where a ray enters a box from outside. Sets t and the axis of the side
+ * that it enters. */
 static inline bool enter_box(const double low[3], const double high[3],
                              const double o[3], const double inverse[3],
                              double *t, int *axis)
@@ -158,7 +161,8 @@ typedef struct ray {
     double inverse[3], length2;
 } ray;
 
-/* Zero components become tiny: the quotients then are huge, never NaN. */
+/* Components of 0 are replaced by tiny ones, so that quotients are huge but
+ * never NaN. */
 static inline ray make_ray(const double origin[3], const double direction[3])
 {
     ray r = {.origin = origin, .direction = direction,

@@ -116,7 +116,7 @@ static bool sample_point(const saga_synth_job *job,
     if (!hit.fixed ||
         !seen_again(job, world, hit.position, camera))
         return false;
-    /* Half a pixel at that distance. */
+    /* The noise across the ray is half a pixel at this distance. */
     const double across = 0.5 * hit.distance / view->fx;
     const double along = 3.0 * across * random_bell(random);
     for (int i = 0; i < 3; i++) {

@@ -452,7 +452,7 @@ static void diffuse(const saga_room_state *s, const saga_room_hit *hit,
     const double distance2 = dot(to_light, to_light);
     normalise(to_light);
     const double facing = dot(hit->normal, to_light);
-    /* Ambient light, slightly more from above. */
+    /* Ambient light is slightly stronger from above. */
     double bright = 0.34 + 0.10 * hit->normal[2];
     if (hit->object == SAGA_ROOM_WALLS)
         bright *= near_bench(hit->position);
@@ -492,7 +492,8 @@ static void add_gloss(const saga_room_state *s, const saga_room_hit *hit,
                           light[2] - hit->position[2]};
     normalise(to_light);
     double spot = clamp01(dot(mirrored, to_light));
-    /* The 32nd power of the cosine of the angle to the mirrored ray. */
+    /* spot becomes the 32nd power of the cosine of the angle to the mirrored
+     * ray. */
     for (int i = 0; i < 5; i++)
         spot *= spot;
     for (int i = 0; i < 3; i++)

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * A capture is rendered of a world: one of the scenes at one moment.
+ * One of the built-in scenes at one moment, from which a capture is rendered.
  */
 #ifndef SAGA_SYNTH_WORLD_H
 #define SAGA_SYNTH_WORLD_H
@@ -17,11 +17,12 @@ typedef struct saga_synth_world {
     } at;
 } saga_synth_world;
 
-/* A sight is what a ray meets. */
+/* What a ray hits. */
 typedef struct saga_synth_sight {
-    double distance;         /* in lengths of the direction */
+    double distance;         /* in lengths of the ray's direction */
     double position[3];
-    bool fixed;              /* looks the same from elsewhere */
+    bool fixed;              /* the light does not depend on the direction of
+                              * view */
 } saga_synth_sight;
 
 void saga_synth_world_at(saga_synth_world *world,
@@ -31,7 +32,8 @@ saga_synth_sight saga_synth_look(const saga_synth_world *world,
                                  const double origin[3],
                                  const double direction[3]);
 
-/* Finds the linear light, each channel 0..1 and a bit. */
+/* Computes the linear light along a ray; channels are 0..1, highlights slightly
+ * more. */
 void saga_synth_light(const saga_synth_world *world, const double origin[3],
                       const double direction[3], double rgb[3]);
 

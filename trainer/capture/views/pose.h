@@ -24,8 +24,8 @@ bool saga_pose_from_axes(const double right[3], const double down[3],
                          const double forward[3], const double centre[3],
                          double rotation[9], double translation[3]);
 
-/* Does the same for a camera-to-world matrix in OpenGL's axes, 3 rows of 4: its
- * columns point right, up and back. */
+/* Makes a pose like saga_pose_from_axes from a camera-to-world matrix in
+ * OpenGL's axes, 3 rows of 4, whose columns point right, up and backwards. */
 bool saga_pose_from_opengl(const double rows[12], double rotation[9],
                            double translation[3]);
 

@@ -20,8 +20,8 @@ static double fisheye_radius(const saga_lens *l, double angle)
 
 void saga_lens_project(const saga_lens *lens, double x, double y, double uv[2])
 {
-    /* Equirectangular: the longitude and latitude of the direction in the axes
-     * of the whole picture. */
+    /* An equirectangular picture shows longitude and latitude of the direction,
+     * in the axes of the whole picture. */
     if (lens->equirect) {
         const double *const m = lens->turn;
         const double d[3] = {m[0] * x + m[1] * y + m[2],
@@ -32,8 +32,8 @@ void saga_lens_project(const saga_lens *lens, double x, double y, double uv[2])
                 lens->cy;
         return;
     }
-    /* Fisheye: the direction in the picture is kept; the angle gives the
-     * radius. */
+    /* A fisheye keeps the direction in the picture; the angle from the axis
+     * gives the radius. */
     if (lens->fisheye) {
         const double r = sqrt(x * x + y * y);
         const double part =
@@ -42,7 +42,7 @@ void saga_lens_project(const saga_lens *lens, double x, double y, double uv[2])
         uv[1] = lens->fy * y * part + lens->cy;
         return;
     }
-    /* Other lenses: the factor g along the radius, then p1 and p2 for a
+    /* Other lenses multiply the radius by g; then p1 and p2 are added for a
      * decentred lens. */
     const double r2 = x * x + y * y;
     const double g =
@@ -126,7 +126,7 @@ static bool covers(const saga_lens *lens, double s, int i, int j, int width,
  * one. */
 static bool all_valid(const saga_lens *lens, double s, int width, int height)
 {
-    /* The corner that is farthest from the axis, at z = 1. */
+    /* x and y are the corner that is farthest from the axis, at z = 1. */
     const double x = fmax(lens->cx, width - lens->cx) / (lens->fx * s);
     const double y = fmax(lens->cy, height - lens->cy) / (lens->fy * s);
     if (fmax(x, y) > WIDEST && lens->fisheye)
@@ -226,7 +226,7 @@ bool saga_remap_plan(saga_remap *remap, const saga_lens *lens, int width,
 
 uint64_t saga_remap_nbytes(const saga_remap *remap, const saga_lens *lens)
 {
-    /* 4 bytes for a tap and 2 for its fractions. */
+    /* A tap takes 4 bytes, and its two fractions take 2. */
     return saga_lens_is_pinhole(lens)
                ? 0
                : (uint64_t)remap->full_width *

@@ -51,7 +51,7 @@ typedef struct saga_remap {
                                   * scaling */
     int scale;
     int width, height;        /* size of the output */
-    double fx, fy, cx, cy;    /* of the output, in its pixels */
+    double fx, fy, cx, cy;    /* intrinsics of the output, in its pixels */
     double focal_scale;
     uint32_t *taps;           /* (full_height, full_width): index of the upper
                                * left of the four source pixels; NULL: no
@@ -59,12 +59,13 @@ typedef struct saga_remap {
     uint8_t *fractions;       /* (full_height, full_width, 2), in 1/256 pixel */
 } saga_remap;
 
-/* Computes the pixel of the lens' picture in direction (x, y, 1). */
+/* Computes the pixel at which the lens shows direction (x, y, 1). */
 void saga_lens_project(const saga_lens *lens, double x, double y,
                        double uv[2]);
 bool saga_lens_is_pinhole(const saga_lens *lens);
 
-/* Chooses the pinhole; allocates nothing. `file` is the name for messages. */
+/* Chooses the pinhole picture; allocates nothing. `file` is the name for
+ * messages. */
 bool saga_remap_plan(saga_remap *remap, const saga_lens *lens, int width,
                      int height, int scale, const char *file,
                      saga_error *error);
