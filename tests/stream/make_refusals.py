@@ -439,7 +439,8 @@ def sound(film):
 # --- Contents ----------------------------------------------------------------
 
 def contents(transcode, plain, folder):
-    """Payloads with another symbol, by tests/stream/transcode.c."""
+    """Payloads with another symbol, by tests/stream/transcode.c. The network
+    of the colour, where most are, must not be int8."""
     listing = subprocess.run(
         [transcode, os.path.join(folder, plain.name)], check=True,
         capture_output=True, text=True).stdout
@@ -507,7 +508,7 @@ def main():
     counts(plain)
     depths(film("deepest_in_space"), film("deepest_in_time"))
     if transcode != "-":
-        contents(transcode, film("linear"), folder)
+        contents(transcode, film("corner"), folder)
     with open(os.path.join(folder, "REFUSALS"), "w") as f:
         f.write(HEAD + "\n".join(rows.values()) + "\n")
     print(f"{len(rows)} refusals")

@@ -44,17 +44,11 @@ static void write_file(const char *name, const uint8_t *p, size_t n)
 
 /* --- Good ---------------------------------------------------------------- */
 
-/* The time and the camera of a picture. */
-typedef struct {
-    int32_t t;
-    uint32_t camera;
-} look;
-
 /* Writes the MANIFEST lines of the first n_layers of a segment; of all layers
  * if the file is whole. */
 static void describe_layers(const char *name, const gen_stream *g,
                             const saga_bytes *file, uint32_t number,
-                            uint32_t n_layers, const look *at)
+                            uint32_t n_layers, const gen_look *at)
 {
     const uint8_t *const bytes = file->data;
     const size_t n = file->nbytes;
@@ -83,14 +77,17 @@ static void describe_layers(const char *name, const gen_stream *g,
             st.splats, st.frame);
 }
 
-static const look looks[] = { { 0, 0 }, { 40000, 1 } };
+/* The pictures of a stream without its own. */
+static const gen_look looks[] = { { 0, 0 }, { 40000, 1 } };
+enum { N_LOOKS = sizeof looks / sizeof *looks };
 
 static void describe(const char *name, const gen_stream *g,
-                     const saga_bytes *file, uint32_t number)
+                     const saga_bytes *file, uint32_t number,
+                     const gen_look *at, int n)
 {
-    for (size_t i = 0; i < sizeof looks / sizeof *looks; i++)
+    for (int i = 0; i < n; i++)
         describe_layers(name, g, file, number, saga_n_layers(&g->header),
-                        &looks[i]);
+                        &at[i]);
 }
 
 /* Returns whether each of several layers has something to draw. */
@@ -114,7 +111,8 @@ static void make_good(gen_stream *g, gen_options o)
     }
 }
 
-static void write_good(const char *stem, gen_stream *g)
+static void write_good(const char *stem, gen_stream *g, const gen_look *at,
+                       int n_looks)
 {
     char name[64];
     FREED uint8_t *bytes;
@@ -124,7 +122,7 @@ static void write_good(const char *stem, gen_stream *g)
     gen_stream_encode(g, &bytes, &n);
     write_file(name, bytes, n);
     for (uint32_t i = 0; i < g->n_segments; i++)
-        describe(name, g, &(saga_bytes){ bytes, n }, i);
+        describe(name, g, &(saga_bytes){ bytes, n }, i, at, n_looks);
 }
 
 static void good(const char *stem, gen_options o)
@@ -132,16 +130,19 @@ static void good(const char *stem, gen_options o)
     FREED_BY(gen_stream_free) gen_stream g;
 
     make_good(&g, o);
-    write_good(stem, &g);
+    write_good(stem, &g, looks, N_LOOKS);
 }
 
 static void good_extremes(void)
 {
+    gen_extreme_plan plan;
     gen_stream g;
-    const char *name;
 
-    for (int i = 0; gen_extreme(&g, i, &name); i++) {
-        write_good(name, &g);
+    for (int i = 0; gen_extreme(&g, i, &plan); i++) {
+        if (plan.n_looks)
+            write_good(plan.name, &g, plan.look, plan.n_looks);
+        else
+            write_good(plan.name, &g, looks, N_LOOKS);
         gen_stream_free(&g);
     }
 }

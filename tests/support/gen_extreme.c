@@ -232,9 +232,228 @@ static void largest_weights(gen_stream *g)
         memset(l->finer, 0, n_in);
 }
 
+/* The sum of a row's weights and bias comes as near to 2^31 as it may. Inputs
+ * have a format that is 15 bits finer than what they are made of, and a weight
+ * is shifted by more than 31 bits. */
+static void largest_sums(gen_stream *g)
+{
+    saga_model *const m = &g->header.model;
+    const saga_net_shape s = shape_of(g, SAGA_NET_COLOUR);
+    saga_layer_symbols *l = last_layer(g, SAGA_NET_COLOUR);
+    const uint32_t n_in = s.dim[s.n_layers - 1];
+
+    m->int8[SAGA_NET_COLOUR] = 0;
+    set_rows(g, SAGA_NET_COLOUR, 0, 3, 0);
+    l->step_q16 = 1;
+    l->step_shift = 0;
+    for (uint32_t row = 0; row < 3; row++) {
+        /* 65537 32767 + 32767 + 1 = 2^31 - 1, with half a unit of 2. */
+        l->weight[row * n_in] = row & 1 ? -32767 : 32767;
+        l->weight[row * n_in + 1] = 32767;
+        l->weight[row * n_in + 2] = row & 1 ? -3 : 3;
+        l->bias[row] = row == 2 ? -32767 : 32767;
+        l->shift[row] = 1;
+    }
+    /* Its inputs' weights, which may be finer, are 0 in the layer before. */
+    l = &g->nets.layer[SAGA_NET_COLOUR][0];
+    if (l->finer)
+        memset(l->finer, 0, n_in);
+    m->out_q[SAGA_OUT_COARSE] = 0;
+    m->q_in[SAGA_NET_FINE] = 15;
+    for (int i = 0; i < 2; i++)
+        m->tier[i].n_groups = 15;
+    m->tier[SAGA_TIER_COARSE].neighbours = 1;
+    /* A weight of F_geo that reads a finer channel of the fine anchor. */
+    last_layer(g, SAGA_NET_FINE)->finer[0] = 3;
+    l = &g->nets.layer[SAGA_NET_GEO][0];
+    l->step_shift = 31;
+    g->header.fps_num = 24000;
+    g->header.fps_den = 1001;
+}
+
+/* Interpolations of 16 members, in the widest window. */
+static void most_neighbours(gen_stream *g)
+{
+    for (int i = 0; i < 2; i++) {
+        saga_tier *const tier = &g->header.model.tier[i];
+
+        tier->neighbours = 16;
+        tier->window = 32;
+        tier->radius2_q12 = 65535;
+    }
+}
+
+/* Every write takes nothing from the slots, or something parallel to the first
+ * one, which is 1448 in all of its eight components. */
+static void no_write(gen_stream *g)
+{
+    set_rows(g, SAGA_NET_WRITE, 0, 8, 0);
+}
+
+static void parallel_write(gen_stream *g)
+{
+    set_rows(g, SAGA_NET_WRITE, 0, 8, 1448);
+    set_rows(g, SAGA_NET_WRITE, 8, 1, 32767);
+}
+
+/* One fine anchor with two primitives, all in the lower corner of the cube at
+ * time 0, which their offsets exceed. */
+static void in_corner(gen_stream *g)
+{
+    saga_symbols *const s = &g->segment[0];
+
+    if (s->n.fine < 1 || s->n.prim < 2) {
+        fprintf(stderr, "gen_extreme: too few anchors\n");
+        exit(2);
+    }
+    for (int i = 0; i < 2; i++) {
+        g->header.model.tier[i].max_children = 2;
+        g->header.model.tier[i].suffix_bits = 0;
+    }
+    g->header.model.step_q16[SAGA_STEP_FINE] = 256u << 16;
+    g->header.model.step_q16[SAGA_STEP_PRIM] = 256u << 16;
+    s->n_fine[0] = 1;
+    s->n_prim[0] = 2;
+    one_leaf(g, 0, 0, 0);
+    s->fine_suffix[0] = s->prim_suffix[0] = s->prim_suffix[1] = 0;
+    for (int i = 0; i < 4; i++)
+        s->fine_offset[i] = s->prim_offset[i] = s->prim_offset[4 + i] = -300;
+}
+
+/* A camera at a place, whose axes are given without a factor of 2^28. */
+static void set_camera(saga_rig_camera *c, const int32_t centre[3],
+                       const int32_t axes[9])
+{
+    for (int i = 0; i < 9; i++)
+        c->rotation_q30[i] = axes[i] * (1 << 28);
+    memcpy(c->centre, centre, sizeof c->centre);
+    c->near_plane = 1;
+    c->width = c->height = 32;
+    for (int i = 0; i < 2; i++) {
+        c->focal_q16[i] = 32 << 16;
+        c->principal_q16[i] = 16 << 16;
+    }
+}
+
+enum { CORNER = -(1 << 23) };
+
+/* Until time 0 primitives are in the corner. At 32768 they are in the middle of
+ * the cube, where camera 0 is, and at 65535 in the corner opposite, where the
+ * components of the quaternion round up to 2^30. The axes of camera 1 are those
+ * of the primitives. Those of the picture of camera 2 are 0. */
+static void corner(gen_stream *g)
+{
+    static const int32_t middle[3] = { 0, 0, 0 };
+    static const int32_t behind[3] = { CORNER, CORNER, 4 * CORNER };
+    uint8_t *const q = g->header.model.out_q;
+    saga_rows rows[SAGA_N_OUTS];
+
+    in_corner(g);
+    g->header.model.int8[SAGA_NET_COLOUR] = 0;
+    q[SAGA_OUT_QUAT] = 0;
+    q[SAGA_OUT_SLOPE] = 1;
+    saga_model_rows(rows, &g->header.model);
+    set_output(g, SAGA_OUT_QUAT, 0);
+    set_rows(g, SAGA_NET_GEO, rows[SAGA_OUT_QUAT].first, 1, 32767);
+    set_output(g, SAGA_OUT_SLOPE, 0);
+    set_rows(g, SAGA_NET_GEO, rows[SAGA_OUT_SLOPE].first, 1, 1);
+    set_output(g, SAGA_OUT_TIME, 0);
+    set_output(g, SAGA_OUT_OPACITY, 32767);
+    q[SAGA_OUT_SUPPORT] = 10;
+    set_output(g, SAGA_OUT_SUPPORT, 0);
+    q[SAGA_OUT_MOTION1] = 11;
+    set_output(g, SAGA_OUT_MOTION1, 1 << 11);
+    q[SAGA_OUT_SCALE] = 10;
+    set_output(g, SAGA_OUT_SCALE, -2 * 1024);
+    set_camera(&g->rig[0], middle, (const int32_t[9]) {
+        3, 0, -3, 0, 3, -3, -2, -2, -2 });
+    set_camera(&g->rig[1], behind, (const int32_t[9]) {
+        4, 0, 0, 0, 4, 0, 0, 0, 4 });
+    set_camera(&g->rig[2], behind, (const int32_t[9]) {
+        0, 0, 0, 0, 0, 0, 0, 0, 4 });
+}
+
+/* Primitives whose temporal width is far below a time unit, at their own time,
+ * 0. Camera 0 gives a splat of 2^14 pixels whose height, with the low-pass,
+ * rounds up to a power of two; the focal length was found by search. */
+static void own_time(gen_stream *g)
+{
+    static const int32_t behind[3] = { CORNER, CORNER, 4 * CORNER };
+    static const int32_t beside[3] = {
+        CORNER, CORNER - 58, CORNER - (1 << 20)
+    };
+
+    in_corner(g);
+    short_lives(g);
+    g->header.model.out_q[SAGA_OUT_SCALE] = 10;
+    set_output(g, SAGA_OUT_SCALE, -3 * 1024);
+    set_output(g, SAGA_OUT_QUAT, 0);
+    set_camera(&g->rig[0], beside, (const int32_t[9]) {
+        4, 0, 0, 0, 4, 0, 0, 0, 4 });
+    g->rig[0].focal_q16[1] = (1 << 30) - 3;
+    set_output(g, SAGA_OUT_TIME, 0);
+    set_output(g, SAGA_OUT_OPACITY, 32767);
+    set_camera(&g->rig[1], behind, (const int32_t[9]) {
+        4, 0, 0, 0, 4, 0, 0, 0, 4 });
+}
+
+/* The largest primitives for the longest time, before cameras that nearly touch
+ * them. The rows of camera 1 are parallel and of different length. */
+static void largest_splats(gen_stream *g)
+{
+    static const int32_t near[3] = { CORNER, CORNER, CORNER - 1 };
+    uint8_t *const q = g->header.model.out_q;
+
+    in_corner(g);
+    q[SAGA_OUT_SCALE] = q[SAGA_OUT_WIDTH] = 0;
+    set_output(g, SAGA_OUT_SCALE, 32767);
+    set_output(g, SAGA_OUT_WIDTH, 32767);
+    set_output(g, SAGA_OUT_QUAT, 0);
+    set_output(g, SAGA_OUT_OPACITY, 0);
+    set_camera(&g->rig[0], near, (const int32_t[9]) {
+        4, 0, 0, 0, 4, 0, 0, 0, 4 });
+    set_camera(&g->rig[1], near, (const int32_t[9]) {
+        6, 0, 0, 6, 0, 0, 0, 0, 2 });
+    g->rig[1].focal_q16[0] = INT32_MAX;
+    g->rig[1].focal_q16[1] = 80;
+}
+
+/* Cameras from which x/z is 8 and y/z -8 after rounding; means of camera 1 are
+ * too far. The picture of camera 2 is one pixel, and its axes and focal
+ * lengths are the shortest. */
+static void steep_cameras(gen_stream *g)
+{
+    static const int32_t behind[3] = {
+        CORNER, CORNER - 1, CORNER - (1 << 20)
+    };
+
+    in_corner(g);
+    for (int i = 0; i < 2; i++) {
+        saga_rig_camera *const c = &g->rig[i];
+
+        set_camera(c, behind, (const int32_t[9]) { 0 });
+        c->rotation_q30[2] = (1 << 30) - 1;
+        c->rotation_q30[4] = 1;
+        c->rotation_q30[5] = -(1 << 30);
+        c->rotation_q30[8] = 1 << 27;
+        c->focal_q16[0] = c->focal_q16[1] = i ? INT32_MAX : 1 << 16;
+    }
+    set_camera(&g->rig[2], behind, (const int32_t[9]) {
+        4, 0, 0, 0, 4, 0, 0, 0, 4 });
+    for (int i = 0; i < 6; i++)
+        g->rig[2].rotation_q30[i] /= 1 << 20;
+    g->rig[2].width = g->rig[2].height = 1;
+    for (int i = 0; i < 2; i++) {
+        g->rig[2].focal_q16[i] = 1;
+        g->rig[2].principal_q16[i] = 1 << 15;
+    }
+}
+
 #define ALL (uint32_t)SAGA_TOOLS_PICTURE
 #define DRAWN(given) .picture = 1, .tools_fixed = 1, .tools = given, \
     .no_fuse = 3, .linear = 1
+
+#define CORNERED(given) .seed = 66, .level = 0, .n_coarse = 4, DRAWN(given)
 
 static const struct {
     const char *name;
@@ -274,13 +493,40 @@ static const struct {
         deepest_in_time },
     { "largest_weights", { .seed = 63, .level = 1, .n_coarse = 4, DRAWN(0) },
         largest_weights },
+    { "largest_sums", { .seed = 67, .level = 1, .n_coarse = 6, .features = 63,
+        DRAWN(0) }, largest_sums },
+    { "most_neighbours", { .seed = 68, .level = 1, .n_coarse = 40,
+        .features = 64, DRAWN(0) }, most_neighbours },
+    { "bank_no_write", { .seed = 69, .level = 0, .n_coarse = 4, DRAWN(0),
+        .bank = GEN_BANK_ORTHOGONAL, .bank_slots = 32, .bank_width = 8,
+        .bank_blocks = 1 }, no_write },
+    { "bank_parallel", { .seed = 70, .level = 0, .n_coarse = 4, DRAWN(0),
+        .bank = GEN_BANK_ORTHOGONAL, .bank_slots = 32, .bank_width = 8,
+        .bank_blocks = 1 }, parallel_write },
+    { "corner", { .seed = 66, .level = 1, .n_coarse = 4, .features = 8,
+        DRAWN(SAGA_TOOL_VIEW | SAGA_TOOL_SLOPE | 1u << 3) }, corner },
+    { "own_time", { CORNERED(SAGA_TOOL_OPACITY_T) }, own_time },
+    { "largest_splats", { CORNERED(SAGA_TOOL_OPACITY_T) }, largest_splats },
+    { "steep_cameras", { CORNERED(0) }, steep_cameras },
 };
 
-int gen_extreme(gen_stream *g, int i, const char **name)
+/* Streams with other pictures than those at time 0 and 40000. */
+static const gen_extreme_plan plans[] = {
+    { "largest_sums", { { 1, 0 }, { 65535, 2 } }, 2 },
+    { "corner", { { 0, 0 }, { 0, 1 }, { 0, 2 }, { 65535, 1 } }, 4 },
+    { "own_time", { { 0, 0 }, { 0, 1 }, { 1, 1 } }, 3 },
+    { "steep_cameras", { { 0, 0 }, { 0, 1 }, { 0, 2 } }, 3 },
+};
+
+int gen_extreme(gen_stream *g, int i, gen_extreme_plan *plan)
 {
     if (i >= (int)(sizeof streams / sizeof *streams))
         return 0;
-    *name = streams[i].name;
+    plan->name = streams[i].name;
+    plan->n_looks = 0;
+    for (size_t k = 0; k < sizeof plans / sizeof *plans; k++)
+        if (strcmp(plan->name, plans[k].name) == 0)
+            *plan = plans[k];
     *g = gen_stream_make(&streams[i].o);
     streams[i].change(g);
     return 1;

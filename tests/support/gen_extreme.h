@@ -1,15 +1,29 @@
 /* SPDX-License-Identifier: MIT
  *
  * Valid streams that take branches of docs/arithmetic.md which trained and
- * random files never take. tests/check_coverage.py lists the branches.
+ * random files never take. tests/stream/extremes.py lists the branches.
  */
 #ifndef GEN_EXTREME_H
 #define GEN_EXTREME_H
 
 #include "gen_stream.h"
 
-/* Makes stream number i (free it) and sets *name to its name. Returns 0 if
- * there are not as many. */
-int gen_extreme(gen_stream *g, int i, const char **name);
+/* A picture of a stream: its time, 0..65535, and a camera of the rig. */
+typedef struct gen_look {
+    int32_t t;
+    uint32_t camera;
+} gen_look;
+
+enum { GEN_MAX_LOOKS = 4 };
+
+typedef struct gen_extreme_plan {
+    const char *name;
+    gen_look look[GEN_MAX_LOOKS];
+    int n_looks;             /* 0: those of every other stream */
+} gen_extreme_plan;
+
+/* Makes stream number i (free it) and sets *plan to its name and pictures.
+ * Returns 0 if there are not as many. */
+int gen_extreme(gen_stream *g, int i, gen_extreme_plan *plan);
 
 #endif

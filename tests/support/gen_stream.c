@@ -115,6 +115,8 @@ static void make_model(saga_model *m, uint64_t *r, const gen_options *o)
     m->features = (uint8_t)gen_range(r, 5, o->level == 0 ? 24 : 64);
     if (!o->picture && one_in(r, 2))
         m->features = (uint8_t)gen_range(r, 5, 16);
+    if (o->features)
+        m->features = (uint8_t)o->features;
     m->octaves = (uint8_t)gen_range(r, 1, o->level == 0 ? 4 : 8);
     m->lambda_t_q8 = (uint16_t)gen_range(r, 0, one_in(r, 4) ? 65535 : 512);
     for (i = 0; i < SAGA_N_TIERS; i++)

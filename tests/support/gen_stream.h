@@ -28,6 +28,7 @@ typedef struct gen_options {
                               * GEN_FULL_COARSE coarse anchors */
     uint32_t n_segments;     /* 1..GEN_MAX_SEGMENTS */
     int picture;             /* networks are such that a picture can be seen */
+    uint32_t features;       /* F; 0: random */
     uint32_t tools;          /* with tools_fixed: SAGA_TOOL_* */
     int tools_fixed;
     /* The memory bank: 0 for none, else GEN_BANK_*. The kinds of residuals that
