@@ -232,6 +232,7 @@ many() {
     check nofloat tests/check_nofloat.sh
     check stack python3 tests/check_stack.py
     SAGA_LIB=$build/gcc/libsaga.a check api tests/check_api.sh
+    SAGA_LIB=$build/gcc/libsaga.a check abi python3 tests/check_abi.py
     SAGA_CHECK_VECTORS=$build/gcc/check_vectors \
         check conform tests/check_conform.sh
     for name in round cli encode floors ablation rd codecs input install \
