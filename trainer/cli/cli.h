@@ -141,7 +141,7 @@ typedef struct saga_meter {
  * completed; `doing` describes the work, with numbers. */
 void saga_meter_show(saga_meter *m, double done, const char *doing);
 
-/* Does the same as a saga_progress_fn, whose user is the meter. Never
+/* A saga_progress_fn whose user is a meter; it shows progress there and never
  * cancels. */
 bool saga_meter_progress(void *user, double done, const char *doing);
 

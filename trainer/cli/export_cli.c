@@ -60,7 +60,7 @@ static void tell_colours(const session *s)
 
 /* --- A file a frame ------------------------------------------------------ */
 
-/* Writes a frame to a name without folder, in the folder. */
+/* Writes a frame into the folder, under the name that the pattern gives. */
 static bool write_part(session *s, const char *folder, const char *pattern,
                        uint32_t frame, size_t *n_splats)
 {
@@ -104,8 +104,8 @@ static bool fill_folder(session *s, const char *folder, const char *pattern)
     return ok;
 }
 
-/* Makes the folder and what is in it. Frames are written under another name of
- * the folder, which is given up for the wanted one when all are there. */
+/* Makes the folder and its files. The frames are written into a folder with a
+ * temporary name, which is renamed when all are complete. */
 static bool write_folder(session *s, const char *path, const char *pattern)
 {
     int lock;
@@ -190,8 +190,8 @@ static int export_all(session *s, const char *name, const saga_bytes *bytes)
     return status;
 }
 
-/* A sequence has a folder of its own, so that it is there as a whole or not at
- * all. */
+/* A sequence needs a folder of its own, so that it appears either completely or
+ * not at all. */
 static int check_sequence(const options *o)
 {
     saga_error error = { "" };
@@ -238,7 +238,7 @@ static int check_options(const options *o)
     return saga_is_numbered(o->out) ? check_sequence(o) : SAGA_EXIT_OK;
 }
 
-/* The formats, for the help. */
+/* Prints the table of formats for the help text. */
 static void print_formats(void)
 {
     printf("\nFormats:\n");

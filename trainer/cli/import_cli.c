@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * saga import codes splats that another program trained, without pictures. It
- * draws them for cameras all round, or those it is given, and these pictures
- * are what training then sees.
+ * saga import encodes splats that another program trained, without its
+ * pictures. It draws the splats for cameras all around them, or for given
+ * cameras, and trains with the pictures drawn.
  */
 #include "alloc.h"
 #include "cli.h"
@@ -81,8 +81,8 @@ static bool add_file(session *s, const char *folder, const char *name)
     return path[s->n_files] && ++s->n_files;
 }
 
-/* Adds the files of a folder whose names end as a format does; all end alike,
- * so that nothing else that lies there becomes a frame. */
+/* Adds the files of a folder that have a format's suffix. All must have the
+ * same suffix, so that other files in the folder do not become frames. */
 static bool list_folder(session *s, DIR *dir)
 {
     const char *const folder = s->splats;
@@ -159,7 +159,7 @@ static int height_of(const session *s, int otherwise)
     return s->o->size.b ? s->o->size.b : otherwise;
 }
 
-/* Sets the cameras all round; y of a cloud is down by custom. */
+/* Places cameras all around the splats. By custom, y points down in a cloud. */
 static bool ring(session *s)
 {
     const int w = width_of(s, SIDE), h = height_of(s, SIDE);

@@ -73,7 +73,7 @@ void saga_drop_asides(json_t *report);
  * name for messages. Returns the exit status. */
 int saga_cli_print_json(json_t *o, size_t precision, const char *file);
 
-/* Does the same, but writes to `file`. */
+/* Writes o to `file`, otherwise as saga_cli_print_json does. */
 int saga_cli_write_json(json_t *o, size_t precision, const char *file);
 
 /* --- Either -------------------------------------------------------------- */

@@ -10,7 +10,8 @@
 
 #include <stdbool.h>
 
-/* Has the name one %d or %0Nd, N <= 20, and no other %? */
+/* Tells whether the name has exactly one %d or %0Nd, N <= 20, and no other
+ * %. */
 bool saga_is_numbered(const char *name);
 
 /* Returns the name with the number in place of its %d, or a copy of a name that

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Options that all commands share that examine one picture of a file's rig.
+ * Command line options that are shared by all commands that examine one picture
+ * of a file, as seen by a camera of its rig.
  */
 #ifndef SAGA_PICTURE_CLI_H
 #define SAGA_PICTURE_CLI_H
@@ -13,7 +14,8 @@
 
 typedef struct saga_cli_picture {
     int camera;              /* index in the rig */
-    saga_cli_pair frame;     /* N/D in frames; default 0/1 */
+    saga_cli_pair frame;     /* time of the picture in frames, a fraction;
+                              * default 0/1 */
     saga_cli_pair size;      /* 0: the camera's size */
 } saga_cli_picture;
 
@@ -30,14 +32,15 @@ typedef struct saga_cli_picture {
       "Everything\nthat the camera sees stays in the picture", \
       saga_cli_size, offsetof(type, member.size), 1, SAGA_MAX_SIDE }
 
-/* Sets camera and time of a picture, and the number that the capture gave the
- * camera. Returns false if the film has no such picture. */
+/* Sets *view to the camera and the time of a picture, and *number to the number
+ * that the capture gave the camera. Returns false if the film has no such
+ * picture. */
 bool saga_cli_picture_view(saga_verify_view *view, uint32_t *number,
                            const saga_film *film, const saga_cli_picture *o,
                            saga_error *error);
 
-/* Adds the identity of the picture to a report, and the text for it; the caller
- * adds "segment" and "t", which are known after decoding. */
+/* Adds to a report which picture it describes, and the text for it. The caller
+ * adds "segment" and "t", which are known only after decoding. */
 void saga_cli_put_picture(json_t *report, const saga_verify_view *view,
                           uint32_t number, int camera);
 

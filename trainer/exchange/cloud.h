@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * A cloud is what programs of Gaussian splatting pass to each other: the
- * splats of one moment, without networks. Lengths are the capture's units, axes
- * its world's. A splat's opacity is what is left of it at that moment.
+ * A cloud holds the Gaussian splats of one moment, which is what programs for
+ * Gaussian splatting exchange; it holds no networks. Lengths are in the
+ * capture's units, and the axes are those of the capture's world. A splat's
+ * opacity is its opacity at that moment, after any fading over time.
  */
 #ifndef SAGA_CLOUD_H
 #define SAGA_CLOUD_H
@@ -15,31 +16,34 @@
 
 typedef struct saga_cloud {
     size_t n;
-    int degree;              /* of the colours' harmonics, 0..3 */
+    int degree;              /* degree of the colours' harmonics, 0..3 */
     float *mean;             /* (n, 3) */
     float *quat;             /* (n, 4) unit: w, x, y, z */
-    float *log_scale;        /* (n, 3) natural logarithm of the deviations */
+    float *log_scale;        /* natural logarithm of the standard deviations */
     float *logit;            /* (n) opacity = 1 / (1 + exp(-logit)) */
-    float *colour;           /* (n, harmonics, 3) R, G, B of each */
+    float *colour;           /* R, G, B of each harmonic */
 } saga_cloud;
 
-/* Makes room for n splats of a degree. */
+/* Allocates a cloud of n splats whose harmonics have the given degree. */
 bool saga_cloud_alloc(saga_cloud *cloud, size_t n, int degree,
                       saga_error *error);
 
-/* Takes an empty one too. */
+/* Frees a cloud; an empty one is allowed. */
 void saga_cloud_free(saga_cloud *cloud);
 
-/* Returns the logit of an opacity: infinite for 0 and 1. */
+/* Returns the logit of an opacity, which is infinite for the opacities 0 and
+ * 1. */
 float saga_cloud_logit(double opacity);
 
-/* Returns which component of a quaternion has the largest magnitude: formats
- * leave it out, made positive, since the others give it. */
+/* Returns the index of the quaternion's component that has the largest
+ * magnitude. File formats make that component positive and leave it out, since
+ * the others determine it. */
 int saga_cloud_largest(const float q[4]);
 
-/* Turns it half around the axis x or z (0 or 2). PLY files have x right, y down
- * and z forward by custom. Around x, that is right, up, back, as SPZ has it;
- * around z, left, up, forward, as glTF has it. */
+/* Turns a cloud by 180 degrees around the axis x (axis = 0) or z (axis = 2). By
+ * custom, x, y and z point right, down and forward in PLY files. A turn around
+ * x gives right, up and backward, the axes of SPZ; a turn around z gives left,
+ * up and forward, those of glTF. */
 void saga_cloud_turn(saga_cloud *cloud, int axis);
 
 #endif

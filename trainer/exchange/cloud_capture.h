@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Splats that somebody else trained come in as what training takes: a capture
- * whose pictures are drawn from them, and for a still the primitives to start
- * with.
+ * Turns splats that another program trained into the input of training: a
+ * capture whose pictures are drawn from the splats, and for a still also the
+ * primitives that training starts with.
  */
 #ifndef SAGA_CLOUD_CAPTURE_H
 #define SAGA_CLOUD_CAPTURE_H
@@ -11,7 +11,8 @@
 #include "cloud.h"
 #include "splat.h"
 
-/* Files of splats, a frame each, and the cameras they are drawn for. */
+/* The files of splats, one for each frame, and the cameras for which they are
+ * drawn. */
 typedef struct saga_cloud_source {
     char **path;             /* (n_frames) */
     int n_frames;
@@ -22,20 +23,22 @@ typedef struct saga_cloud_source {
     void *progress_user;
 } saga_cloud_source;
 
-/* Reads the files one after another and draws every shot of each, black behind
- * the splats. The splats' means, some of them, become the capture's points.
- * Frees with saga_capture_free. */
+/* Reads the files one after another and draws every frame for every shot, on a
+ * black background. A part of the splats' means become the points of the
+ * capture. The caller frees it with saga_capture_free. */
 bool saga_cloud_capture(saga_capture *capture, const saga_cloud_source *source,
                         saga_error *error);
 
-/* Makes primitives of a cloud (saga_params_free them): colours are the means of
- * those that n_shots see, clipped to 0..1. */
+/* Makes primitives from a cloud; saga_params_free frees them. A primitive's
+ * colour is the mean of its splat's colours as seen from the n_shots cameras,
+ * clipped to 0..1. */
 bool saga_cloud_params(saga_splat_params *p, const saga_cloud *cloud,
                        const saga_shot *shot, int n_shots, saga_error *error);
 
-/* A place and a size of a cloud that its far-off splats do not count in:
- * weighted by opacity, the median on each axis, and the distance from there
- * that holds four fifths. */
+/* Finds the centre and the radius of a cloud such that a few distant splats
+ * have no influence. Splats are weighted by opacity: the centre is the median
+ * on each axis, and the sphere of that radius holds four fifths of the
+ * weight. */
 bool saga_cloud_extent(double centre[3], double *radius,
                        const saga_cloud *cloud, saga_error *error);
 

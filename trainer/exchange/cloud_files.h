@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: MIT
  *
- * A cloud is written in the formats that viewers of splats read, and read from
- * them. All formats stand in one table, over which detection, messages and
- * helps loop; each has a file of its own.
+ * Reads and writes clouds in the file formats that viewers of splats use. One
+ * table lists all formats; detection, messages and help texts go through it.
+ * Each format has its own source file.
  *
- * A cloud has PLY's axes. A format that has others turns the cloud when it
- * reads, and there and back when it writes.
+ * A cloud in memory has the axes of PLY. A format with other axes turns the
+ * cloud after reading, and before and after writing.
  */
 #ifndef SAGA_CLOUD_FILES_H
 #define SAGA_CLOUD_FILES_H
@@ -13,42 +13,42 @@
 #include "cloud.h"
 #include "file.h"
 
-/* A format. Its reader takes any numbers, and any splats that a file has; the
- * file's bytes are given, and its path serves messages and files beside it. A
- * reader that fails leaves an empty cloud. A written file appears whole or not
- * at all. */
+/* One file format. `read` does not judge the numbers or the splats of a file,
+ * which saga_cloud_tidy does later; it parses `bytes`, and uses the path for
+ * messages and to find files beside it. If it fails, the cloud is empty.
+ * `write` leaves either a complete file or none. */
 typedef struct saga_cloud_format {
-    const char *name;        /* as messages have it */
-    const char *suffix;      /* of files' names */
-    const char *carries;     /* how it keeps the numbers; for helps */
+    const char *name;        /* the format's name in messages */
+    const char *suffix;      /* suffix of its file names */
+    const char *carries;     /* its precision, for help texts */
     bool (*is_it)(const saga_bytes *bytes);
     bool (*read)(saga_cloud *cloud, const saga_bytes *bytes, const char *path,
                  saga_error *error);
     bool (*write)(const char *path, saga_cloud *cloud, saga_error *error);
 } saga_cloud_format;
 
-/* Returns format i of the table, NULL behind the last. */
+/* Returns format i of the table, or NULL after the last one. */
 const saga_cloud_format *saga_cloud_format_at(int i);
 
-/* Returns the format with whose suffix the name ends, NULL if there is none. */
+/* Returns the format whose suffix the name has, or NULL. */
 const saga_cloud_format *saga_cloud_format_of(const char *name);
 
-/* Writes all suffixes, separated by commas, for messages. */
+/* Writes the suffixes of all formats, separated by commas, for messages. */
 enum { SAGA_SUFFIXES_NBYTES = 128 };
 void saga_cloud_suffixes(char text[SAGA_SUFFIXES_NBYTES]);
 
-/* Writes a cloud as the name's suffix says. The cloud is as it was behind it.
- * Fails if the name has no known suffix, or the format has no room for the
- * numbers. */
+/* Writes a cloud in the format of the name's suffix. The cloud is the same
+ * afterwards. Fails if the suffix is unknown, or if the format cannot represent
+ * the numbers. */
 bool saga_cloud_write(const char *path, saga_cloud *cloud, saga_error *error);
 
-/* Reads a file, whose bytes and not whose name tell the format, and tidies the
- * splats (saga_cloud_tidy). */
+/* Reads a file, whose format is recognised by its bytes and not by its name,
+ * and cleans up the splats with saga_cloud_tidy. */
 bool saga_cloud_read(saga_cloud *cloud, const char *path, saga_error *error);
 
-/* Leaves out splats with numbers that are not finite or that are too faint to
- * be drawn, limits logits to 16, and makes quaternions unit ones. Fails if no
- * splat is left; path is for the message. */
+/* Removes splats with numbers that are not finite or are very large, and those
+ * too faint to be drawn; limits logits to 16 and normalises quaternions. Fails
+ * if no splat is left; `path` serves the message. */
 bool saga_cloud_tidy(saga_cloud *cloud, const char *path, saga_error *error);
 
 #endif

@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: MIT
  *
- * Binary glTF 2.0 with the extension KHR_gaussian_splatting: a JSON chunk says
- * what lies where in the binary chunk behind it. A primitive of points has an
- * attribute for positions, rotations (x, y, z, w), scales, opacities and each
- * harmonic. The axes are left, up, front.
+ * Binary glTF 2.0 with the extension KHR_gaussian_splatting. The file has a
+ * JSON chunk and a binary chunk; the JSON says where each array lies in the
+ * binary chunk. A primitive of the mode POINTS has one attribute each for
+ * positions, rotations (x, y, z, w), scales and opacities, and one for each
+ * harmonic. The axes x, y, z point left, up and forward.
  */
 #ifndef SAGA_CLOUD_GLB_H
 #define SAGA_CLOUD_GLB_H
@@ -28,8 +29,8 @@ static inline void saga_glb_harmonic_name(char name[GLB_NAME_NBYTES],
 
 bool saga_is_glb(const saga_bytes *bytes);
 
-/* Reads the one primitive of splats that the file has, which may be packed as
- * SPZ (KHR_gaussian_splatting_compression_spz_2). */
+/* Reads the file's only primitive of splats, which may be compressed as SPZ
+ * (KHR_gaussian_splatting_compression_spz_2). */
 bool saga_glb_read(saga_cloud *cloud, const saga_bytes *bytes,
                    const char *path, saga_error *error);
 

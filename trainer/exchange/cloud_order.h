@@ -9,9 +9,9 @@
 
 #include <stdint.h>
 
-/* Returns the indices of the splats, (n), in Morton order of their positions on
- * a grid of 1024 steps over each axis; equals stay in their order. The caller
- * frees them. */
+/* Returns the indices of the cloud's n splats, sorted in Morton order of their
+ * positions on a grid that divides each axis of the cloud into 1024 steps.
+ * Splats in the same cell keep their order. The caller frees the array. */
 uint32_t *saga_cloud_order(const saga_cloud *cloud, saga_error *error);
 
 #endif

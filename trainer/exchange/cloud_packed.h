@@ -1,14 +1,18 @@
 /* SPDX-License-Identifier: MIT
  *
- * Compressed PLY, as PlayCanvas has it: splats in chunks of 256, whose numbers
- * are integers within the ranges of their chunk. A binary PLY with the elements
+ * PlayCanvas' compressed PLY. Splats are stored in chunks of 256, and their
+ * numbers are integers that cover the ranges of their chunk. It is a binary PLY
+ * file with these elements:
  *
- *     chunk   18 floats: the ranges of positions, logarithms of scales, colours
- *             (1/2 + Y_0 c; files without these have 0..1)
- *     vertex  4 words: position and scale in 11, 10 and 11 bits; rotation in 2
- *             bits for the largest component of w, x, y, z, which is left out,
- *             and 10 for each other; colour and opacity in 8 bits each
- *     sh      a byte for each value of f_rest, -4..4; may be missing
+ *     chunk   18 floats: the ranges of positions, of logarithms of scales and
+ *             of colours (1/2 + Y_0 c); colours without a range have 0..1
+ *     vertex  4 words: one each for position and scale, with 11, 10 and 11 bits
+ *             for x, y, z; one for the rotation, with 2 bits for the index of
+ *             the largest component of w, x, y, z, which is left out, and 10
+ *             bits for each other; and one for colour and opacity, with 8 bits
+ *             for each of R, G, B and opacity
+ *     sh      a byte for each value of f_rest, covering -4..4; this element may
+ *             be missing
  */
 #ifndef SAGA_CLOUD_PACKED_H
 #define SAGA_CLOUD_PACKED_H
@@ -20,9 +24,9 @@ enum {
     PACKED_MOST_REST = 3 * (SAGA_MAX_HARMONICS - 1)
 };
 
-/* The ranges of a chunk, as they stand in the file. */
+/* The ranges of a chunk, in the order of the file. */
 typedef struct packed_ranges {
-    float mean[2][3], log_scale[2][3], rgb[2][3]; /* least, most */
+    float mean[2][3], log_scale[2][3], rgb[2][3]; /* minima, maxima */
 } packed_ranges;
 
 extern const char *const saga_packed_columns[PACKED_COLUMNS];

@@ -1,20 +1,23 @@
 /* SPDX-License-Identifier: MIT
  *
- * SOG version 2, by its public description: a text meta.json and pictures, a
- * pixel for each splat, row by row; as a ZIP archive, or in a folder.
+ * The format SOG, version 2, from its public description. It has a text,
+ * meta.json, and pictures with one pixel for each splat, row by row. They are
+ * the members of a ZIP archive, or the files of a folder.
  *
- *     means_l, means_u  the low and the high byte of 16 bits of each position,
- *                       within a range; sign(x) log(1 + |x|) is what is kept
- *     scales            a number of a list of 256 logarithms of scales
- *     quats             the three components of w, x, y, z besides the largest,
- *                       8 bits of -sqrt(1/2)..sqrt(1/2) each; alpha 252 to 255
- *                       tells the largest
- *     sh0               numbers of a list of 256 coefficients; alpha is opacity
- *     shN_labels        16 bits: a row of the palette
- *     shN_centroids     the palette: 64 rows side by side, a pixel for each
- *                       harmonic with numbers of a list of 256 coefficients
+ *     means_l, means_u  the low and the high byte of a coordinate's 16 bits,
+ *                       which cover a range of sign(x) log(1 + |x|)
+ *     scales            indices into a list of 256 logarithms of scales
+ *     quats             the components of w, x, y, z but the largest one, in 8
+ *                       bits each for -sqrt(1/2)..sqrt(1/2); alpha, 252 to 255,
+ *                       says which is the largest
+ *     sh0               indices into a list of 256 coefficients of the constant
+ *                       harmonic; alpha is the opacity
+ *     shN_labels        16 bits: the index of a row of the palette
+ *     shN_centroids     the palette of the other harmonics: 64 rows side by
+ *                       side, a pixel for each harmonic, with indices into a
+ *                       list of 256 coefficients
  *
- * Positions have PLY's axes.
+ * Positions have the axes of PLY files.
  */
 #ifndef SAGA_CLOUD_SOG_H
 #define SAGA_CLOUD_SOG_H
@@ -26,7 +29,8 @@ enum {
     SOG_MOST_ROWS = 65536, SOG_FIRST_MODE = 252
 };
 
-/* Is it a ZIP archive, or a text that begins as JSON does? */
+/* Tells whether the bytes are a ZIP archive, or a text that begins as JSON
+ * does. */
 bool saga_is_sog(const saga_bytes *bytes);
 
 bool saga_sog_read(saga_cloud *cloud, const saga_bytes *bytes,

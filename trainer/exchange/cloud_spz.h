@@ -1,19 +1,23 @@
 /* SPDX-License-Identifier: MIT
  *
- * SPZ, by its public description: a header, then one array of each attribute
- * of all splats, little-endian. With the axes right, up, back:
+ * The format SPZ, from its public description: a header is followed by one
+ * little-endian array for each attribute, over all splats. The axes x, y, z
+ * point right, up and backward. A splat has:
  *
- *     position   3 integers of 24 bits, a number of them behind the point
+ *     position   3 fixed-point numbers of 24 bits; the header says how many of
+ *                the bits follow the point
  *     opacity    a byte, 0..1
- *     colour     3 bytes: 255 (0.15 c + 1/2) of the constant harmonic
- *     scale      3 bytes: sixteenths of the logarithm, from -10 on
- *     rotation   version 2: x, y, z in a byte each; from 3 on: the three
- *                smallest components in 10 bits each, and which is left out
- *     harmonics  3 bytes for each above the constant one, 128 is 0 and 256 a 2
+ *     colour     3 bytes: 255 (0.15 c + 1/2), with the constant harmonic's
+ *                coefficient c
+ *     scale      3 bytes: the logarithm plus 10, in sixteenths
+ *     rotation   in version 2: x, y, z in a byte each; since version 3: the
+ *                three smallest components in 10 bits each, and the index of
+ *                the largest, which is left out
+ *     harmonics  3 bytes for each but the constant one, c = (byte - 128) / 128
  *
- * Versions 2 and 3 are one gzip stream. Version 4 has a longer header in the
- * open and a zstd stream for each array. Version 3 is written, since more
- * programs read it than read version 4.
+ * Files of versions 2 and 3 are one gzip stream. In version 4 an uncompressed,
+ * longer header is followed by a zstd stream for each array. Version 3 is
+ * written, since more programs read it than read version 4.
  */
 #ifndef SAGA_CLOUD_SPZ_H
 #define SAGA_CLOUD_SPZ_H
@@ -23,22 +27,23 @@
 enum {
     SPZ_MAGIC = 0x5053474e,  /* "NGSP" */
     SPZ_HEADER_NBYTES = 16, SPZ_OPEN_HEADER_NBYTES = 32,
-    SPZ_QUAT_STEPS = 511     /* bits of a component, and a sign bit */
+    SPZ_QUAT_STEPS = 511     /* 9 bits of magnitude, besides a sign bit */
 };
 
-/* A colour's byte covers more than 0..1 of the constant harmonic's. */
+/* The factor of a colour's coefficient in its byte. It is smaller than Y_0, so
+ * that a byte covers more than the colours 0..1. */
 #define SPZ_COLOUR_PART 0.15
 
-/* Reads the splats of a file's bytes as they are there, with the file's axes;
- * path is for messages. *axis is the one around which half a turn brings PLY's
- * axes (saga_cloud_turn), -1 if the file has them. */
+/* Decodes the splats of a file in the axes of the file; `path` serves messages.
+ * *axis is the axis around which the cloud must be turned by 180 degrees to
+ * have the axes of PLY (saga_cloud_turn), or -1 if it already has them. */
 bool saga_spz_decode(saga_cloud *cloud, int *axis, const saga_bytes *bytes,
                      const char *path, saga_error *error);
 
-/* Is it a gzip stream, or does it begin as version 4 does? */
+/* Tells whether the bytes are a gzip stream, or begin as version 4 does. */
 bool saga_is_spz(const saga_bytes *bytes);
 
-/* Reads all splats of a file, with PLY's axes. */
+/* Reads all splats of a file and turns them to the axes of PLY. */
 bool saga_spz_read(saga_cloud *cloud, const saga_bytes *bytes,
                    const char *path, saga_error *error);
 

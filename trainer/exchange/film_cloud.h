@@ -1,8 +1,10 @@
 /* SPDX-License-Identifier: MIT
  *
- * The splats of a file at a frame. A file's colours may depend on the direction
- * of view by a network; other programs have harmonics instead. They are fitted
- * to what the decoder gives, or the colours are those one camera sees.
+ * Makes a cloud of the splats of one frame of a saga file. In a saga file a
+ * network may make colours depend on the direction of view, for which other
+ * programs use spherical harmonics. The harmonics are fitted to the colours
+ * that the decoder returns; or constant colours are taken as one camera sees
+ * them.
  */
 #ifndef SAGA_FILM_CLOUD_H
 #define SAGA_FILM_CLOUD_H
@@ -10,27 +12,30 @@
 #include "cloud.h"
 #include "view.h"
 
-/* The colours' way into a cloud. Where they do not depend on the view, neither
- * member matters: degree 0 has them exactly. */
+/* How colours become the harmonics of a cloud. If the file's colours do not
+ * depend on the view, both members are ignored, because degree 0 represents
+ * them exactly. */
 typedef struct saga_colouring {
-    int camera;              /* of the rig, whose colours are taken; -1: fit */
-    int degree;              /* of the fit, 0..3 */
+    int camera;              /* the rig's camera whose colours are taken; -1:
+                              * fit harmonics */
+    int degree;              /* degree of the fitted harmonics, 0..3 */
 } saga_colouring;
 
-/* This holds a segment's colours, which are the same for all of its frames:
- * the decoder takes the direction of view in the middle of the segment. */
+/* The colours of one segment. They are the same for all of its frames, because
+ * the decoder computes the direction of view for the middle of the segment. */
 typedef struct saga_film_colours {
-    int64_t segment;         /* whose they are; -1: none */
+    int64_t segment;         /* the segment; -1: none yet */
     int degree;
     float *harmonics;        /* (primitives, harmonics, 3) */
-    double rms;              /* of a channel towards the rig's cameras, 0..1,
-                              * over all primitives; 0 where nothing is fitted
-                              */
+    double rms;              /* error of the fit in one channel, 0..1, seen from
+                              * the rig's cameras, over all primitives; 0 if
+                              * nothing was fitted */
 } saga_film_colours;
 
-/* Gives the splats that frame `frame` shows: those of an opacity above the
- * decoder's cut, 1/256. colours keeps what the next frame needs as well; it
- * begins as { .segment = -1 }, and free() takes its harmonics. */
+/* Makes the cloud of frame `frame`, of all primitives that the decoder draws:
+ * those with an opacity above 1/256. `colours` keeps a segment's colours for
+ * the following frames; it starts as { .segment = -1 }, and its harmonics are
+ * released with free(). */
 bool saga_film_cloud(saga_cloud *cloud, saga_film_colours *colours,
                      saga_film *film, uint32_t frame, saga_colouring how,
                      saga_error *error);

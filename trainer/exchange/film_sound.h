@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * A film gets its sound, or loses it, without decoding: the chunk stands
- * between head and segments, and of these only the places in the index move.
+ * Adds sound to a saga file, or removes it, without decoding. The chunk of
+ * sound lies between the head and the segments; the segments are copied, and
+ * only their positions in the index change.
  */
 #ifndef SAGA_FILM_SOUND_H
 #define SAGA_FILM_SOUND_H
@@ -11,16 +12,17 @@
 
 #include <stdint.h>
 
-/* An Ogg stream of Opus, and when it begins. */
+/* An Ogg stream of Opus, and when it starts. */
 typedef struct saga_recording {
-    const uint8_t *ogg;      /* NULL: silence */
+    const uint8_t *ogg;      /* NULL: no sound */
     size_t nbytes;
-    int32_t start;           /* as saga_sound of saga.h has it */
+    int32_t start;           /* as in saga_sound of saga.h */
 } saga_recording;
 
-/* Gives the file `name`, film[0..n), with a take in the place of any sound that
- * it had: *out belongs to the caller (saga_bytes_free). Fails where the film is
- * damaged or the stream is none. */
+/* Sets *out to the file `name`, whose bytes are `film`, with the recording in
+ * place of any sound that it had; the caller frees it with saga_bytes_free.
+ * Fails if the film is damaged or the recording is not an Ogg stream of
+ * Opus. */
 bool saga_sound_put(saga_bytes *out, const char *name, const saga_bytes *film,
                     const saga_recording *take, saga_error *error);
 

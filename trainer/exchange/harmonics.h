@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * Real spherical harmonics up to degree 3, as viewers of splats have them:
- * colour = 1/2 + sum_k c_k Y_k(direction from the camera to the splat), with
- * the Condon-Shortley phase. Coefficients go degree by degree, -l..l.
+ * Real spherical harmonics up to degree 3, in the convention of viewers of
+ * splats: colour = 1/2 + sum_k c_k Y_k(d), where d is the direction from the
+ * camera to the splat, with the Condon-Shortley phase. The coefficients are
+ * ordered by degree l, and from -l to l within a degree.
  */
 #ifndef SAGA_HARMONICS_H
 #define SAGA_HARMONICS_H
@@ -14,14 +15,14 @@ static inline int saga_n_harmonics(int degree)
     return (degree + 1) * (degree + 1);
 }
 
-/* The first one is constant. */
+/* The value of Y_0, which is constant. */
 #define SAGA_HARMONIC_0 0.28209479177387814
 
-/* Sets the SAGA_MAX_HARMONICS values in the direction of a unit vector. */
+/* Sets y to the harmonics in the direction of the unit vector d. */
 void saga_harmonics(double y[SAGA_MAX_HARMONICS], const double d[3]);
 
-/* Returns the factor 1 or -1 of harmonic k in half a turn around the axis x or
- * z (0 or 2). */
+/* Returns the factor, 1 or -1, that harmonic k gets from a turn by 180 degrees
+ * around the axis x (axis = 0) or z (axis = 2). */
 int saga_harmonic_turned(int k, int axis);
 
 #endif

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * Files are cut and joined here, a segment at a time and without decoding: a
- * segment needs nothing but the head, so those of one head may stand in any
- * file that has it; nor does a layer. Only numbers, frames, lengths and
- * checksums are written anew.
+ * Cuts and joins saga files at segments, without decoding. A segment depends
+ * only on the head, so it may be moved to any file with the same head; higher
+ * layers may be left out as well. Only the segments' numbers, frames, lengths
+ * and checksums are written anew.
  */
 #ifndef SAGA_SPLICE_H
 #define SAGA_SPLICE_H
@@ -13,22 +13,23 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* Frames first..end-1 of a file, which must begin and end with segments. */
+/* Frames first..end-1 of a file; segments must begin at `first` and end at
+ * `end`. */
 typedef struct saga_splice_part {
-    const char *name;        /* of the file, for messages */
-    const uint8_t *bytes;    /* all of it; the caller's */
+    const char *name;        /* name of the file, for messages */
+    const uint8_t *bytes;    /* the whole file; owned by the caller */
     size_t nbytes;
-    uint32_t first, end;     /* end 0: to the file's end */
-    uint32_t n_layers;       /* number of its layers, the first ones; 0: all */
+    uint32_t first, end;     /* end 0: the end of the file */
+    uint32_t n_layers;       /* the layers 0..n_layers-1 are taken; 0: all */
 } saga_splice_part;
 
-/* Gives the file that shows n_parts >= 1 parts one after another: *bytes
- * belongs to the caller (free). Its maxima are those of its segments; so all
- * parts of a file, joined, give its bytes again where `saga encode` made it.
- * Sound is kept where one part is all of its film, and else left out.
- * Fails where a part is damaged, where frames do not begin or end with a
- * segment, where there are fewer layers, and where heads or networks differ:
- * the error says which, and *bytes is NULL. */
+/* Makes the file that shows n_parts >= 1 parts one after another. The caller
+ * releases *bytes with free(). The maxima in its head are those of its
+ * segments, so joining all parts of a file that `saga encode` wrote gives
+ * exactly that file. The sound is kept only if one part is the whole film.
+ * Fails if a part is damaged, if its frames do not begin or end with a segment,
+ * if it has fewer layers than wanted, or if heads or networks differ; *error
+ * says which, and *bytes is NULL. */
 bool saga_splice(uint8_t **bytes, size_t *n, const saga_splice_part *part,
                  int n_parts, saga_error *error);
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Writes a ZIP archive of stored members, without their times: the same members
- * make the same file.
+ * Writes a ZIP archive of uncompressed members. It stores no times, so equal
+ * members give equal files.
  */
 #ifndef SAGA_ZIP_WRITE_H
 #define SAGA_ZIP_WRITE_H
@@ -13,7 +13,8 @@
 #include <stdint.h>
 #include <stdio.h>
 
-/* The caller sets only file and path before the first member. */
+/* Before the first member the caller sets `file` and `path`, and the rest to
+ * 0. */
 typedef struct saga_zip_out {
     FILE *file;
     const char *path;        /* for messages */
@@ -22,12 +23,13 @@ typedef struct saga_zip_out {
     uint64_t nbytes;         /* bytes written */
 } saga_zip_out;
 
-/* Adds a member; the archive stays below 2^32 bytes. */
+/* Adds a member. Fails if the archive would be larger than 2 GB. */
 bool saga_zip_add(saga_zip_out *zip, const char *name, const uint8_t *bytes,
                   size_t n, saga_error *error);
 
-/* Writes the directory if ok, and releases it. Returns false if anything has
- * failed; a failed write is told when the file is closed. */
+/* If ok, writes the directory at the end of the archive; frees it in any case.
+ * Returns false if ok is false or a write fails. Errors of buffered writes show
+ * only when the caller closes the file. */
 bool saga_zip_end(saga_zip_out *zip, bool ok);
 
 #endif

@@ -74,9 +74,9 @@ bool saga_eval_match(saga_eval *eval, const saga_film *film,
                      const saga_capture *capture, int first_frame,
                      saga_error *error);
 
-/* Does the same for pictures of another codec: there must be as many views
- * and frames as in the capture, and the views must have the same names and
- * sizes. */
+/* Matches the pictures of another codec with the capture: there must be as many
+ * views and frames as in the capture, and the views must have the same names
+ * and sizes. */
 bool saga_eval_match_pictures(saga_eval *eval, const char *name,
                               const saga_capture *pictures,
                               const saga_capture *capture, saga_error *error);

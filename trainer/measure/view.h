@@ -41,7 +41,7 @@ typedef struct saga_film {
 bool saga_film_open(saga_film *film, const char *name, const uint8_t *bytes,
                     size_t nbytes, int n_threads, saga_error *error);
 
-/* Does the same with a time limit: decoding the head, or later a segment, fails
+/* Opens a film with a time limit: decoding the head, or later a segment, fails
  * if it takes longer than seconds_most. */
 bool saga_film_open_within(saga_film *film, const char *name,
                            const saga_bytes *bytes, double seconds_most,
@@ -63,7 +63,8 @@ bool saga_film_draw(saga_film *film, const saga_camera *camera,
                     uint32_t frame_num, uint32_t frame_den, uint8_t *rgb,
                     saga_error *error);
 
-/* Does the same, but sets exact depths: camera->height x camera->width. */
+/* Draws as saga_film_draw does, but sets exact depths instead of colours:
+ * camera->height x camera->width of them. */
 bool saga_film_draw_depth(saga_film *film, const saga_camera *camera,
                           uint32_t frame_num, uint32_t frame_den,
                           saga_depth *depth, saga_error *error);
