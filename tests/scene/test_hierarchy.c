@@ -499,7 +499,8 @@ static void model_vary(saga_model *m, uint64_t *seed)
 {
     saga_tier *const l = m->tier;
 
-    model_make(m, (uint32_t)(uniform(seed) * (SAGA_TOOLS_PICTURE + 1)));
+    model_make(m, (uint32_t)(uniform(seed) * (SAGA_TOOLS_PICTURE + 1)) &
+                  SAGA_TOOLS_PICTURE);
     l[0].suffix_bits = (uint8_t)(uniform(seed) * 9);
     l[0].max_children = (uint8_t)(1 + uniform(seed) * 16);
     l[1].max_children = (uint8_t)(1 + uniform(seed) * 16);

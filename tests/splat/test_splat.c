@@ -72,21 +72,23 @@ static void widen(double *to, const real *from, size_t n)
         to[i] = (double)from[i];
 }
 
-static ref_primitive *ref_primitives(const fixture *f)
+static ref_coloured *ref_primitives(const fixture *f)
 {
-    ref_primitive *const r = malloc((f->n + 1) * sizeof *r);
+    ref_coloured *const r = malloc((f->n + 1) * sizeof *r);
 
     for (size_t i = 0; i < f->n; i++) {
-        widen(r[i].mean, f->p.mean + 3 * i, 3);
-        widen(r[i].quat, f->p.quat + 4 * i, 4);
-        widen(r[i].log2_scale, f->p.log2_scale + 3 * i, 3);
-        widen(&r[i].opacity, f->p.opacity + i, 1);
+        ref_primitive *const p = &r[i].p;
+
+        widen(p->mean, f->p.mean + 3 * i, 3);
+        widen(p->quat, f->p.quat + 4 * i, 4);
+        widen(p->log2_scale, f->p.log2_scale + 3 * i, 3);
+        widen(&p->opacity, f->p.opacity + i, 1);
+        widen(p->support, f->p.support + 3 * i, 3);
+        widen(p->motion, f->p.motion + 9 * i, 9);
+        widen(p->slope, f->p.slope + 4 * i, 4);
+        widen(&p->t_centre, f->p.t_centre + i, 1);
+        widen(&p->log2_width, f->p.log2_width + i, 1);
         widen(r[i].colour, f->p.colour + 3 * i, 3);
-        widen(r[i].support, f->p.support + 3 * i, 3);
-        widen(r[i].motion, f->p.motion + 9 * i, 9);
-        widen(r[i].slope, f->p.slope + 4 * i, 4);
-        widen(&r[i].t_centre, f->p.t_centre + i, 1);
-        widen(&r[i].log2_width, f->p.log2_width + i, 1);
     }
     return r;
 }
@@ -115,7 +117,7 @@ static ref_camera ref_camera_of(const fixture *f)
  * the fraction `unsure` of the pixels may be left out. */
 static double error_to_book(fixture *f, double unsure)
 {
-    FREED ref_primitive *const r = ref_primitives(f);
+    FREED ref_coloured *const r = ref_primitives(f);
     const ref_camera cam = ref_camera_of(f);
     FREED double *const image = malloc(3 * f->plane * sizeof *image);
     FREED uint8_t *const skip = malloc(f->plane);

@@ -12,14 +12,10 @@ typedef struct {
     size_t index;
 } splat;
 
+/* Sets r to the rotation of a quaternion of length 1. */
 static void rotation(double r[3][3], const double *quat)
 {
-    const double len = sqrt(quat[0] * quat[0] + quat[1] * quat[1] +
-                            quat[2] * quat[2] + quat[3] * quat[3]);
-    const double w = len > 0 ? quat[0] / len : 1;
-    const double x = len > 0 ? quat[1] / len : 0;
-    const double y = len > 0 ? quat[2] / len : 0;
-    const double z = len > 0 ? quat[3] / len : 0;
+    const double w = quat[0], x = quat[1], y = quat[2], z = quat[3];
     const double m[3][3] = {
         { w * w + x * x - y * y - z * z, 2 * (x * y - w * z),
           2 * (x * z + w * y) },
@@ -46,16 +42,15 @@ static void conjugate(double c[3][3], double a[3][3], double b[3][3])
         }
 }
 
-static void covariance(double cov[3], const ref_primitive *p,
-                       const double *quat, const double *view,
-                       const ref_camera *cam)
+static void covariance(double cov[3], const ref_animated *a,
+                       const double *view, const ref_camera *cam)
 {
     double r[3][3], w[3][3], j[3][3] = { { 0 } }, s[3][3] = { { 0 } };
-    double a[3][3], b[3][3];
+    double t[3][3], b[3][3];
 
-    rotation(r, quat);
+    rotation(r, a->quat);
     for (int i = 0; i < 3; i++) {
-        s[i][i] = exp2(2 * p->log2_scale[i]);
+        s[i][i] = a->scale[i] * a->scale[i];
         for (int k = 0; k < 3; k++)
             w[i][k] = cam->rotation[3 * i + k];
     }
@@ -69,35 +64,26 @@ static void covariance(double cov[3], const ref_primitive *p,
         j[i][i] = cam->focal[i] / view[2];
         j[i][2] = -cam->focal[i] * ratio / view[2];
     }
-    conjugate(a, r, s);
-    conjugate(b, w, a);
-    conjugate(a, j, b);
-    cov[0] = a[0][0] + 0.1;
-    cov[1] = a[0][1];
-    cov[2] = a[1][1] + 0.1;
+    conjugate(t, r, s);
+    conjugate(b, w, t);
+    conjugate(t, j, b);
+    cov[0] = t[0][0] + 0.1;
+    cov[1] = t[0][1];
+    cov[2] = t[1][1] + 0.1;
 }
 
-static int project(splat *o, const ref_primitive *p, double t,
+static int project(splat *o, const ref_coloured *p, double t,
                    const ref_camera *cam)
 {
-    const double dt = t - p->t_centre;
-    const double u = fmin(16, fabs(dt) / exp2(p->log2_width));
-    const double life = dt / fmin(0.5, exp2(p->log2_width));
-    const double age = fmin(4, fmax(-4, life));
-    double x[3], quat[4], view[3], cov[3], det;
+    ref_animated a;
+    double view[3], cov[3], det;
     int k;
 
-    for (int i = 0; i < 3; i++)
-        x[i] = p->mean[i] - cam->centre[i] + p->support[i] *
-               (p->motion[i] * age + p->motion[3 + i] * age * age +
-                p->motion[6 + i] * age * age * age);
-    for (int i = 0; i < 4; i++)
-        quat[i] = p->quat[i] + p->slope[i] * age;
+    ref_animate(&a, &p->p, t);
     for (int i = 0; i < 3; i++)
         for (view[i] = 0, k = 0; k < 3; k++)
-            view[i] += cam->rotation[3 * i + k] * x[k];
-    o->q0 = log2(1 + exp2(SAGA_PEAK_LOG2 - p->opacity)) -
-            SAGA_PEAK_LOG2 + u * u / log(2);
+            view[i] += cam->rotation[3 * i + k] * (a.x[k] - cam->centre[k]);
+    o->q0 = a.q0 - SAGA_PEAK_LOG2;
     o->depth = view[2];
     if (view[2] < cam->near_plane || o->q0 >= cam->cut ||
         fabs(view[0] / view[2]) >= 8 || fabs(view[1] / view[2]) >= 8)
@@ -109,7 +95,7 @@ static int project(splat *o, const ref_primitive *p, double t,
         if (fabs(o->mean[i] - side / 2) > 32768)
             return 0;
     }
-    covariance(cov, p, quat, view, cam);
+    covariance(cov, &a, view, cam);
     det = cov[0] * cov[2] - cov[1] * cov[1];
     o->inverse[0] = cov[2] / det;
     o->inverse[1] = -cov[1] / det;
@@ -158,7 +144,7 @@ static void draw_pixel(double rgb[3], uint8_t *unsure, const splat *s,
         rgb[c] += t * cam->background[c];
 }
 
-void ref_splats_draw(double *image, uint8_t *unsure, const ref_primitive *p,
+void ref_splats_draw(double *image, uint8_t *unsure, const ref_coloured *p,
                      size_t n, double t, const ref_camera *cam, double margin)
 {
     const size_t plane = (size_t)cam->width * (size_t)cam->height;

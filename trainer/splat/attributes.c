@@ -6,51 +6,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define ORDERS SAGA_TOOL_MOTION_MASK
+#define ROW(word, title, ...) \
+    [SAGA_ATTR_##word] = { .name = #title, __VA_ARGS__ },
 
-/* Networks do not compute mean and support, which come from the anchors.
- * Bounds: an opacity below 2^-8 is never drawn again, and with a temporal width
- * of 2^3 segments a primitive is visible all the time. */
-const saga_attribute saga_attributes[SAGA_N_ATTRS] = {
-    [SAGA_ATTR_MEAN] = {
-        .name = "mean", .width = 3, .unit = SAGA_UNIT_PLACE,
-        .lo = -1, .hi = 1 - 0x1p-23, .rate = 1.2e-3, .rate_end = 4e-5 },
-    [SAGA_ATTR_OPACITY] = {
-        .name = "opacity", .width = 1, .out = SAGA_OUT_OPACITY, .n_outs = 1,
-        .start = -1.5, .lo = -7.9, .hi = 12, .rate = 0.06, .rate_end = 0.03 },
-    [SAGA_ATTR_LOG2_SCALE] = {
-        .name = "log2_scale", .width = 3, .unit = SAGA_UNIT_LOG2_LENGTH,
-        .out = SAGA_OUT_SCALE, .n_outs = 1,
-        .lo = -16, .hi = -1, .rate = 0.04, .rate_end = 8e-3 },
-    [SAGA_ATTR_QUAT] = {
-        .name = "quat", .width = 4, .out = SAGA_OUT_QUAT, .n_outs = 1,
-        .first = 1, .lo = -8, .hi = 8, .rate = 8e-3, .rate_end = 1.6e-3 },
-    [SAGA_ATTR_SLOPE] = {
-        .name = "slope", .width = 4, .tools = SAGA_TOOL_SLOPE,
-        .is_temporal = true, .out = SAGA_OUT_SLOPE, .n_outs = 1,
-        .lo = -16, .hi = 16, .rate = 2e-3, .rate_end = 4e-4 },
-    [SAGA_ATTR_T_CENTRE] = {
-        .name = "t_centre", .width = 1, .unit = SAGA_UNIT_TIME,
-        .tools = SAGA_TOOLS_TIME, .is_temporal = true,
-        .out = SAGA_OUT_TIME, .n_outs = 1,
-        .start = 0.5, .lo = 0, .hi = 1, .rate = 1e-3, .rate_end = 2e-4 },
-    [SAGA_ATTR_LOG2_WIDTH] = {
-        .name = "log2_width", .width = 1, .unit = SAGA_UNIT_LOG2_TIME,
-        .tools = SAGA_TOOL_OPACITY_T, .is_temporal = true,
-        .out = SAGA_OUT_WIDTH, .n_outs = 1,
-        .lo = -16, .hi = 3, .rate = 0.01, .rate_end = 2e-3 },
-    [SAGA_ATTR_MOTION] = {
-        .name = "motion", .width = 9, .unit = SAGA_UNIT_SUPPORT,
-        .tools = ORDERS, .is_temporal = true,
-        .out = SAGA_OUT_MOTION1, .n_outs = 3,
-        .lo = -4, .hi = 4, .rate = 2.5e-4, .rate_end = 2e-5 },
-    [SAGA_ATTR_COLOUR] = {
-        .name = "colour", .width = 3, .out = SAGA_OUT_COLOUR, .n_outs = 1,
-        .zero = 0.5, .lo = 0, .hi = 1, .rate = 0.01, .rate_end = 2e-3 },
-    [SAGA_ATTR_SUPPORT] = {
-        .name = "support", .width = 3, .unit = SAGA_UNIT_LENGTH,
-        .tools = ORDERS, .is_temporal = true },
-};
+const saga_attribute saga_attributes[SAGA_N_ATTRS] = { SAGA_ATTR_LIST(ROW) };
 
 static bool has(uint32_t set, int attr)
 {

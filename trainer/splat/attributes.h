@@ -2,8 +2,7 @@
  *
  * The attributes of a primitive are listed here once. Code that allocates,
  * copies, trains, saves or checks attributes goes through this list. To add
- * one, add a member, its name in the enum, and a row of the table in
- * attributes.c.
+ * one, add a row to SAGA_ATTR_LIST.
  */
 #ifndef SAGA_ATTRIBUTES_H
 #define SAGA_ATTRIBUTES_H
@@ -16,49 +15,6 @@
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
-
-/* The attributes, in the order of the members below, of what is saved, and of
- * the networks' outputs (SAGA_OUT_*). */
-enum {
-    SAGA_ATTR_MEAN, SAGA_ATTR_OPACITY, SAGA_ATTR_LOG2_SCALE, SAGA_ATTR_QUAT,
-    SAGA_ATTR_SLOPE, SAGA_ATTR_T_CENTRE, SAGA_ATTR_LOG2_WIDTH,
-    SAGA_ATTR_MOTION, SAGA_ATTR_COLOUR, SAGA_ATTR_SUPPORT, SAGA_N_ATTRS
-};
-
-/* A set of attributes is a bit mask. */
-#define SAGA_ATTR_BIT(attr) (1u << (attr))
-#define SAGA_ATTRS_ALL (SAGA_ATTR_BIT(SAGA_N_ATTRS) - 1)
-
-/* Arrays of the attributes of N primitives, of their gradients, or of other
- * values for each of these. */
-typedef struct saga_splat_params {
-    union {
-        struct {
-            real *mean;       /* (N, 3) at t = t_centre */
-            real *opacity;    /* (N) in log2 units: peak
-                               * alpha = 8 / (1 + 2^(3 - o)), which pixels
-                               * cap */
-            real *log2_scale; /* (N, 3) of standard deviations; clamped to +-60
-                               * where used */
-            real *quat;       /* (N, 4) w, x, y, z of any length; (0, 0, 0, 0)
-                               * counts as (1, 0, 0, 0) */
-            real *slope;      /* (N, 4) change of the quaternion per unit of
-                               * age; NULL: none */
-            real *t_centre;   /* (N); NULL: 0 */
-            real *log2_width; /* (N) log2 of the temporal width; NULL: no
-                               * temporal opacity */
-            real *motion;     /* (N, 9) coefficients of the motion polynomial:
-                               * x, y, z of order 1, then of orders 2 and 3; in
-                               * supports per age^order; NULL: none */
-            real *colour;     /* (N, 3) R, G, B, in [0, 1] */
-            real *support;    /* (N, 3) unit of the motion; NULL: 1 */
-        };
-        real *of[SAGA_N_ATTRS]; /* the arrays above, by SAGA_ATTR_* */
-    };
-} saga_splat_params;
-
-_Static_assert(sizeof(saga_splat_params) == SAGA_N_ATTRS * sizeof(real *),
-               "a member for each attribute");
 
 /* The unit of an attribute, for code that changes the unit of length or
  * time. */
@@ -85,6 +41,72 @@ typedef struct saga_attribute {
     double rate, rate_end;  /* first and last learning rate per unit; 0: the
                              * warm-up does not train it */
 } saga_attribute;
+
+/* Each row has the word in SAGA_ATTR_*, the name, which is also that of the
+ * array in saga_splat_params, and the fields of saga_attribute that are not 0.
+ * Rows have the order of what is saved, and of the networks' outputs
+ * (SAGA_OUT_*). No network computes mean and support, because they come from
+ * the anchors. */
+#define SAGA_ATTR_LIST(X) \
+    /* (N, 3) at t = t_centre. */ \
+    X(MEAN, mean, .width = 3, .unit = SAGA_UNIT_PLACE, \
+      .lo = -1, .hi = 1 - 0x1p-23, .rate = 1.2e-3, .rate_end = 4e-5) \
+    /* (N) in log2 units. The peak of alpha is 8 / (1 + 2^(3 - o)); pixels cap
+     * it. An opacity below 2^-8 is never drawn again. */ \
+    X(OPACITY, opacity, .width = 1, .out = SAGA_OUT_OPACITY, .n_outs = 1, \
+      .start = -1.5, .lo = -7.9, .hi = 12, .rate = 0.06, .rate_end = 0.03) \
+    /* (N, 3) of standard deviations; clamped to +-60 where used. */ \
+    X(LOG2_SCALE, log2_scale, .width = 3, .unit = SAGA_UNIT_LOG2_LENGTH, \
+      .out = SAGA_OUT_SCALE, .n_outs = 1, \
+      .lo = -16, .hi = -1, .rate = 0.04, .rate_end = 8e-3) \
+    /* (N, 4) w, x, y, z of any length; of length 0: no rotation. */ \
+    X(QUAT, quat, .width = 4, .out = SAGA_OUT_QUAT, .n_outs = 1, \
+      .first = 1, .lo = -8, .hi = 8, .rate = 8e-3, .rate_end = 1.6e-3) \
+    /* (N, 4) change of the quaternion per unit of age; NULL: none. */ \
+    X(SLOPE, slope, .width = 4, .tools = SAGA_TOOL_SLOPE, \
+      .is_temporal = true, .out = SAGA_OUT_SLOPE, .n_outs = 1, \
+      .lo = -16, .hi = 16, .rate = 2e-3, .rate_end = 4e-4) \
+    /* (N); NULL: 0. */ \
+    X(T_CENTRE, t_centre, .width = 1, .unit = SAGA_UNIT_TIME, \
+      .tools = SAGA_TOOLS_TIME, .is_temporal = true, \
+      .out = SAGA_OUT_TIME, .n_outs = 1, \
+      .start = 0.5, .lo = 0, .hi = 1, .rate = 1e-3, .rate_end = 2e-4) \
+    /* (N) log2 of the temporal width; NULL: no temporal opacity. A primitive
+     * with a width of 2^3 segments is visible all the time. */ \
+    X(LOG2_WIDTH, log2_width, .width = 1, .unit = SAGA_UNIT_LOG2_TIME, \
+      .tools = SAGA_TOOL_OPACITY_T, .is_temporal = true, \
+      .out = SAGA_OUT_WIDTH, .n_outs = 1, \
+      .lo = -16, .hi = 3, .rate = 0.01, .rate_end = 2e-3) \
+    /* (N, 9) coefficients of the motion polynomial: x, y, z of order 1, then of
+     * orders 2 and 3; in supports per age^order; NULL: none. */ \
+    X(MOTION, motion, .width = 9, .unit = SAGA_UNIT_SUPPORT, \
+      .tools = SAGA_TOOL_MOTION_MASK, .is_temporal = true, \
+      .out = SAGA_OUT_MOTION1, .n_outs = 3, \
+      .lo = -4, .hi = 4, .rate = 2.5e-4, .rate_end = 2e-5) \
+    /* (N, 3) R, G, B, in [0, 1]. */ \
+    X(COLOUR, colour, .width = 3, .out = SAGA_OUT_COLOUR, .n_outs = 1, \
+      .zero = 0.5, .lo = 0, .hi = 1, .rate = 0.01, .rate_end = 2e-3) \
+    /* (N, 3) unit of the motion; NULL: 1. */ \
+    X(SUPPORT, support, .width = 3, .unit = SAGA_UNIT_LENGTH, \
+      .tools = SAGA_TOOL_MOTION_MASK, .is_temporal = true)
+
+#define SAGA_ATTR_WORD(word, name, ...) SAGA_ATTR_##word,
+#define SAGA_ATTR_MEMBER(word, name, ...) real *name;
+
+enum { SAGA_ATTR_LIST(SAGA_ATTR_WORD) SAGA_N_ATTRS };
+
+/* A set of attributes is a bit mask. */
+#define SAGA_ATTR_BIT(attr) (1u << (attr))
+#define SAGA_ATTRS_ALL (SAGA_ATTR_BIT(SAGA_N_ATTRS) - 1)
+
+/* Arrays of the attributes of N primitives, of their gradients, or of other
+ * values for each of these; by name and by SAGA_ATTR_*. */
+typedef struct saga_splat_params {
+    union {
+        struct { SAGA_ATTR_LIST(SAGA_ATTR_MEMBER) };
+        real *of[SAGA_N_ATTRS];
+    };
+} saga_splat_params;
 
 /* Tells whether networks compute an attribute itself. The temporal centre is a
  * primitive's own position in time, which they only shift. */
