@@ -47,7 +47,7 @@ static void fill(bench *b, uint32_t n_slots, uint32_t width)
         exit(1);
     saga_bank_lay(&b->m, b->block);
     saga_bank_start(&b->m);
-    /* Random queries, gates and vectors to write. */
+    /* The queries, gates and vectors are random. */
     for (uint32_t p = 0; p < N_QUERIES; p++)
         for (uint32_t d = 0; d < SAGA_MAX_SLOT_WIDTH; d++)
             b->query[p][d] = random_q12(&state);

@@ -59,7 +59,7 @@ static void run_once(const uint8_t *bytes, size_t n, const saga_info *info,
     uint32_t number;
     double t[N_STAGES + 1];
 
-    /* The camera of the stream, with a larger picture. */
+    /* The camera is the stream's, with a larger picture. */
     check(saga_find(&seg, bytes, n, 0, 1), "find");
     check(saga_rig(&camera, &number, bytes, n, 0), "rig");
     camera.focal_q16[0] = camera.focal_q16[1] = 440 << 16;

@@ -17,8 +17,10 @@
 #define POINTS 10048
 #define BATCH 8
 
-/* The shape with a target time; Fuse, F_geo, a trained hyperprior, an E; an E
- * with 8 inputs. */
+/* The layers' widths, from the input to the output. The first shape has a
+ * target time. The others are networks of files, named as in
+ * docs/arithmetic.md: Fuse, F_geo, a trained hyperprior, E of coarse anchors,
+ * and a small E of fine anchors. */
 static const uint16_t shapes[][LAYERS + 1] = {
     { 64, 64, 64, 32 }, { 56, 64, 64, 24 }, { 56, 64, 64, 29 },
     { 37, 32, 32, 24 }, { 72, 32, 32, 56 }, { 24, 8, 8, 8 }

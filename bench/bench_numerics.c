@@ -183,7 +183,8 @@ static void softmax(data *d)
         uint32_t sum = 0, r;
         int shift;
 
-        /* y = 2^(x - most) / sum, so that no power overflows. */
+        /* The softmax is y = 2^(x - most) / sum; subtracting the largest x
+         * keeps the powers from overflowing. */
         for (int k = 1; k < SLOTS; k++)
             most = fx_max(most, x[k]);
         for (int k = 0; k < SLOTS; k++)
@@ -221,7 +222,7 @@ static void sigmoid(data *d)
         d->y[i] = saga_sigmoid_q11_q15((int16_t)d->x[i]);
 }
 
-/* A reciprocal's mantissa goes to y, its exponent to out. */
+/* A reciprocal's mantissa is stored in y, its exponent in out. */
 static void recip16(data *d)
 {
     for (int i = 0; i < VALUES; i++) {
@@ -579,7 +580,7 @@ static void prepare_places(data *d, gen_rng *r)
     }
     for (int i = 0; i < 4; i++)
         d->size_f64[i] = i < 3 ? HALF / 8388608.0 : HALF_T / 65536.0;
-    /* The same numbers in float. */
+    /* The float variant gets the same numbers. */
     for (int i = 0; i < 4; i++)
         d->size_f32[i] = (float)d->size_f64[i];
     for (int q = 0; q < ANCHORS; q++)
@@ -653,7 +654,8 @@ static void prepare_prims(data *d, gen_rng *r)
         p->opacity = (int16_t)gen_int(r, -8192, 16384);
         p->t_centre = gen_int(r, 0, 65535);
         p->log2_width_q10 = (int16_t)gen_int(r, 14 * 1024, 17 * 1024);
-        /* The same primitive in float64, then in float32. */
+        /* The other variants get the same primitive, first in float64, then in
+         * float32. */
         ref_primitive_of(&as_real, p, &format);
         memcpy(q->mean, as_real.mean, sizeof q->mean);
         memcpy(q->quat, as_real.quat, sizeof q->quat);
@@ -705,7 +707,8 @@ static void prepare_picture(data *d, gen_rng *r)
     gen_uniform_scene(prims, SPLATS, r, &d->camera);
     d->n_splats = gen_splats(d->splats, NULL, prims, &gen_still_format,
                              SPLATS, &d->camera, 32768);
-    /* The same splats in float64 and float32; a pair is a pixel of a box. */
+    /* The other variants get the same splats. A pair is a splat and a pixel of
+     * its box. */
     d->n_pairs = 0;
     for (uint32_t i = 0; i < d->n_splats; i++) {
         const saga_splat *const s = &d->splats[i];
@@ -784,7 +787,7 @@ static void prepare_file(data *d, gen_rng *r)
           !saga_rig(&w.camera, &number, w.bytes.data, w.bytes.nbytes, 0) &&
           !saga_open(&w.dec, need(1, w.info.work_nbytes), w.info.work_nbytes,
                      w.bytes.data, w.bytes.nbytes, NULL));
-    /* The decoder's picture, and the reference's. */
+    /* Both the decoder and the reference in double draw the picture. */
     n = (size_t)w.camera.width * w.camera.height;
     w.rgb = need(n, 3);
     w.real_rgb = need(n, 3 * sizeof *w.real_rgb);

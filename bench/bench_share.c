@@ -279,7 +279,7 @@ static void make_view(file *f)
     f->sorted = need(n * sizeof *f->keys);
     f->tmp = need(n * sizeof *f->keys);
     saga_reconstruct(&f->sc, f->prims, f->colours, f->plan.colour_stride);
-    /* Visible splats, one after the other. */
+    /* The visible splats are stored one after the other, without gaps. */
     for (uint32_t i = 0; i < n; i++) {
         saga_animate(&f->animated[i], &f->prims[i], &f->format, T_MID);
         if (!saga_project(&f->splats[f->n_splats], &f->animated[i],

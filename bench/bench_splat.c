@@ -52,7 +52,8 @@ static saga_splat_params random_scene(uint32_t n, const saga_splat_camera *cam,
         for (int k = 0; k < 4; k++)
             p.quat[4 * i + (uint32_t)k] =
                 R(saga_rng_normal(r, 10 + (uint64_t)k));
-        /* an opacity below 1, 1 / (1 + 2^-normal) = 8 / (1 + 2^(3 - o)) */
+        /* The opacity is 1 / (1 + 2^-normal), which is below 1; the parameter o
+         * solves it for 8 / (1 + 2^(3 - o)). */
         p.opacity[i] =
             R(3 - log2(8 * (1 + exp2(-1.44 * saga_rng_normal(r, 14))) - 1));
         p.t_centre[i] = 0.5f;

@@ -180,7 +180,8 @@ static void run(scene *s)
         measure("view colour", colour, s);
     s->cpu = SAGA_CPU_PLAIN;
     snprintf(measure("sort", sort, s)->name, sizeof "sort", "sort");
-    /* Scratch memory for all tiles at once, then for a single tile. */
+    /* The picture is drawn with scratch memory for all tiles at once, then for
+     * a single tile. */
     for (s->cpu = SAGA_CPU_PLAIN; s->cpu <= best; s->cpu++) {
         double whole;
 

@@ -243,7 +243,8 @@ static void NAME(map)(REAL t[2][3], const NAME(prim) *p, const REAL slope[2],
             t[i][k] = f * (r[i][k] - slope[i] * r[2][k]) * p->scale[k] * n;
 }
 
-/* Projects for a camera at the origin that looks along z; box units. */
+/* Projects for a camera at the origin that looks along z. Positions are in box
+ * units. */
 static void NAME(project)(data *d)
 {
     for (int p = 0; p < PRIMS; p++) {
@@ -260,7 +261,8 @@ static void NAME(project)(data *d)
             slope[i] = NAME(clamped)(slope[i], -half[i] * (REAL)1.3 / WIDE,
                                      half[i] * (REAL)1.3 / WIDE);
         }
-        /* The covariance with the low-pass, then the conic's factor. */
+        /* The covariance is widened by the low-pass before the conic is
+         * factored. */
         NAME(map)(t, a, slope, z);
         aa = NAME(dot)(t[0], t[0], 3) + pass;
         ab = NAME(dot)(t[0], t[1], 3);

@@ -93,7 +93,8 @@ for lambda in "${lambdas[@]}"; do
     variant "$at" nothing --ablate no-bank,no-hyperprior,no-parent,groups=1
     variant "$at" raw --ablate raw-networks
 done
-# A bank is tried at the last rate only, where most symbols share its cost.
+# The sizes of the memory bank are tried at the last rate only, where the most
+# symbols share the cost of its networks.
 for slots in 32 64 128 256 512; do
     variant "$at" "slots$slots" --keep --ablate "slots=$slots"
 done

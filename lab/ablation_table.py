@@ -32,7 +32,9 @@ VARIANTS = [
 # A variant is compared with the full model unless another one stands here.
 AGAINST = {"all-no-bank": "all", "all-plain": "all"}
 SLOTS = 32, 64, 128, 256, 512
-# Rows of make_shared.
+# The rows of make_shared, and their names in the table: how many coarse
+# anchors, fine anchors and primitives there are, and how many neighbours (K) a
+# primitive reads.
 SHARING = [("own", "1:1:1, its own features"),
            ("shared", "1:2:2 by place, K 4"),
            ("nearest", "1:2:2 by place, K 1")]

@@ -8,8 +8,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-enum { BOUND_BITS = 16 };        /* for the smallest, and for the largest symbol
-                                  */
+enum { BOUND_BITS = 16 };        /* bits for each bound of the alphabet */
 
 static void *must(void *p)
 {
@@ -31,7 +30,8 @@ void order0_channel(order0_row *row, const int32_t *v, size_t stride,
         lo = i == 0 || v[i * stride] < lo ? v[i * stride] : lo;
         hi = i == 0 || v[i * stride] > hi ? v[i * stride] : hi;
     }
-    /* The alphabet, then the estimator symbol by symbol (gen_order0.h). */
+    /* First the alphabet is found, then the estimator of gen_order0.h is run
+     * symbol by symbol. */
     alphabet = hi - lo + 1.0;
     count = must(calloc((size_t)alphabet, sizeof *count));
     for (size_t i = 0; i < n; i++) {
@@ -47,7 +47,8 @@ void order0_channel(order0_row *row, const int32_t *v, size_t stride,
     row->n += n;
 }
 
-/* Adds (n, channels) symbols, channel by channel, in rank order. */
+/* Adds the channels of (n, channels) symbols. Each channel's symbols are taken
+ * in the order of their rows, which is that of decoding. */
 static void add_channels(order0_row *row, const int32_t *v, size_t channels,
                          size_t n)
 {
@@ -67,8 +68,8 @@ static void add_values(order0_row *row, const ref_file *f, int step)
     add_channels(row, v, channels, n / channels);
 }
 
-/* Adds the tree as a list of leaves in rank order, each with its coordinates,
- * depths and number of fine anchors. */
+/* Adds the tree as a list of leaves in the order of decoding. A leaf has its
+ * coordinates, its depths and its number of fine anchors. */
 static void add_tree(order0_row *row, const ref_file *f)
 {
     enum { N = 7 };

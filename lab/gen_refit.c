@@ -31,8 +31,9 @@ static void need(bool done, const saga_error *error)
     exit(2);
 }
 
-/* A fit. Its twin holds the outputs of the reconstruction networks as the file
- * has them; they are not computed again. */
+/* A refit in progress. The reconstruction networks are not trained, so their
+ * outputs in `twin` (the trainer's floating-point copy of the decoder's values)
+ * are set from the file and are not computed again. */
 typedef struct {
     const ref_file *in;
     refit_options o;
@@ -56,8 +57,8 @@ static void set_structure(saga_scene *s, const ref_file *in)
            s->n_nodes * sizeof *s->occupancy);
     memcpy(s->coarse, in->sc.coarse, s->n.coarse * sizeof *s->coarse);
     memcpy(s->fine, in->sc.fine, s->n.fine * sizeof *s->fine);
-    /* Groups depend on the model. They follow from the parity of cells and
-     * suffixes. */
+    /* The groups of anchors depend on the new model, so they are computed
+     * again, from the parity of cells and suffixes. */
     for (uint32_t i = 0; i < s->n.coarse; i++) {
         for (uint32_t k = 0; k < 3; k++)
             v[k] = s->coarse[i].cell[k];
@@ -150,8 +151,8 @@ static void set_values(saga_rate *r, const ref_file *in)
                 (float)in->value[SAGA_STEP_FINE][4 * i + k] / 16384;
 }
 
-/* Returns the file's model, whose entropy model is replaced by the one of the
- * options. */
+/* Returns the file's model with the entropy model of the options in place of
+ * its own. */
 static saga_model model_of(const ref_file *in, const refit_options *o)
 {
     saga_model m = in->h.model;
@@ -264,7 +265,8 @@ static const char *step(fit *f, int i, int decide)
     saga_adam_tensor t[2];
     size_t n;
 
-    /* Gradients, then Adam; the bank's networks move only when it is read. */
+    /* Gradients are computed, then Adam takes a step. The memory bank's
+     * networks are trained only if the bank is read. */
     memset(f->d.reals, 0, f->d.n_reals * sizeof *f->d.reals);
     saga_twin_clear(&f->twin, &f->s);
     saga_rate_look(&o, i, remember);
@@ -355,7 +357,7 @@ static const char *write_file(uint8_t **out, size_t *n, const fit *f,
     saga_error error = { "" };
     bool ok;
 
-    /* The entropy networks are new, all others the file's. */
+    /* The entropy networks are the new ones, all others are the file's. */
     h.model = c->scene.model;
     h.level = level_for(f->in, &h.model);
     if (!saga_pack_entropy(&entropy, &h.model, c, &f->twin, &error))

@@ -44,7 +44,8 @@ static void record(tape *t, int32_t v)
 
 /* A coder with a tape. It records what `inner` decodes, or later plays it. */
 typedef struct {
-    saga_coder coder;        /* first: its functions cast back */
+    saga_coder coder;        /* first member, so that its functions can cast a
+                              * saga_coder back */
     saga_coder *inner;
     tape tape;
     zeroed_what what;
@@ -141,7 +142,8 @@ static int change(saga_symbols *s, uint32_t cap_nodes, const scene *sc,
 
     recorder_scaffold(&scaffold, sc->model, sc->nets, sc->params, s->n);
     ok = recorder_fill(&d.coder, &d.inner, &scaffold, final_range, at);
-    /* A second traversal plays the tape; a recorder keeps its symbols. */
+    /* A second traversal plays the tape; a recorder keeps the symbols that it
+     * codes. */
     d.coder.residual = play_residual;
     d.coder.adaptive = play_adaptive;
     recorder_init(&r, &d.coder);

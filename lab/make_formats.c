@@ -37,10 +37,11 @@ typedef struct {
     saga_primitive *prims;
     int16_t *colours;
     int32_t t;
-    ref_splat *splat;        /* (prim) */
-    uint8_t *visible;        /* (prim) */
-    uint32_t *order, n;      /* the exact picture's order, kept for all */
-    double *rgb, *base, *trans; /* base: the exact picture */
+    ref_splat *splat;        /* one for each primitive */
+    uint8_t *visible;        /* whether each primitive is visible */
+    uint32_t *order, n;      /* the order of blending of the exact picture,
+                              * which all pictures use */
+    double *rgb, *base, *trans; /* a picture, the exact picture, T */
     double n_pairs;          /* number of pixels blended, over all splats */
     int n_printed;
 } session;
@@ -201,7 +202,8 @@ static void try_pictures(session *s)
     static const int trans[] = { 10, 12, 14, 16, 18, 0 };
     static const int colour[] = { 6, 8, 10, 12, 15, 0 };
 
-    /* One format at a time, then all of the decoder's, then earlier cuts. */
+    /* One format is changed at a time, then all are the decoder's, then the cut
+     * has earlier values. */
     try_bits(s, "sub-pixel bits", offsetof(format, mean), mean);
     try_bits(s, "bits of g, n, h", offsetof(format, factor), factor);
     try_bits(s, "bits of q", offsetof(format, q), q);
@@ -227,7 +229,7 @@ static void try_activations(session *s)
     static const int bits[] = { -8, -6, -4, -3, -2, -1, 0, 1, 2, 3, 4, 6 };
     ref_rounding *const r = &s->rounding;
 
-    /* The same step for all inputs of a layer, then a step for each. */
+    /* First all inputs of a layer have the same step, then each has its own. */
     r->is_on = 1;
     for (r->by_unit = 0; r->by_unit < 2; r->by_unit++)
         for (size_t i = 0; i < sizeof bits / sizeof bits[0]; i++) {
@@ -333,7 +335,7 @@ int main(int argc, char **argv)
     s.rgb = need(n, 3 * sizeof *s.rgb);
     s.base = need(n, 3 * sizeof *s.base);
     s.trans = need(n, sizeof *s.trans);
-    /* The exact picture, with which all others are compared. */
+    /* The exact picture is drawn first; all others are compared with it. */
     decode(&s);
     ref_sort(s.order, s.splat, s.n);
     draw(&s, &exact);

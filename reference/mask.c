@@ -18,8 +18,9 @@ typedef struct {
     ref_scene scene;
     saga_primitive *prim;    /* from the integer decoder */
     int16_t *colour;
-    saga_model model;        /* the file's, with neighbours in both tiers */
-    saga_scaffold masked;    /* the file's; group 1 marks a masked anchor */
+    saga_model model;        /* the file's model, but both tiers interpolate
+                              * from neighbours */
+    saga_scaffold masked;    /* the file's anchors; group 1 marks masked ones */
     double *was;             /* (n, F) the tier's features before masking */
     ref_splat *splat;
     uint32_t *order;
@@ -102,8 +103,8 @@ static void score(saga_mask_score *to, session *s, const saga_mask_row *row)
     double wrong = 0, all = 0, cosine = 0;
     uint32_t n = 0;
 
-    /* Sums over the masked anchors: a is what the file has, b what was
-     * recovered. */
+    /* The sums run over the masked anchors; a is a feature of the file, b what
+     * was recovered in its place. */
     for (uint32_t k = 0; k < row->n; k++) {
         double aa = 0, bb = 0, ab = 0;
 

@@ -96,8 +96,8 @@ uint32_t ref_recover(double *feature, const saga_scaffold *sc, int tier,
     uint32_t n_alone = 0;
 
     set_mean(&r, feature);
-    /* Neighbours of group 0 alone are searched: masked anchors are no source.
-     */
+    /* Only anchors of group 0 are searched, because masked anchors must not be
+     * a source. */
     for (uint32_t rank = 0; rank < n_anchors(sc, tier); rank++) {
         saga_neighbours nb;
         saga_position p;

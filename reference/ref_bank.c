@@ -53,7 +53,8 @@ bool ref_bank_begin(ref_bank *m, const ref_nets *n, saga_error *error)
                         "the memory bank", error);
     if (!m->slot || !m->own)
         return false;
-    /* What SLOT makes of a slot's number never changes: it runs here once. */
+    /* The output of the network SLOT depends only on the number of the slot, so
+     * that it is computed once here. */
     for (uint32_t p = 0; p < m->n_slots; p++) {
         start_slot(m->slot + p * m->width, m, p);
         memset(one, 0, sizeof one);

@@ -13,7 +13,7 @@ typedef struct {
     double *slot;            /* (L, D) */
     double *own;             /* (L, V) the SLOT network's output for each slot
                               */
-    double sum[SAGA_MAX_SLOT_WIDTH]; /* of the round's tokens so far */
+    double sum[SAGA_MAX_SLOT_WIDTH]; /* sum of the round's tokens so far */
     uint32_t n;              /* number of tokens in that sum */
 } ref_bank;
 

@@ -81,8 +81,8 @@ static void entropy(double *out, const ref_scene *s, const ref_block *b,
     double in[SAGA_MAX_VECTOR], side[SAGA_MAX_VECTOR];
     uint32_t at = 0;
 
-    /* The sources stand in E's input in this order; a kind without a source has
-     * no place for it. */
+    /* The inputs of E are the outputs of its sources, in this order; a source
+     * that this kind of block does not use takes no inputs. */
     if (sources & SAGA_SOURCE_HYPER) {
         side_information(side, s, b, b->x);
         ref_nets_run(in, &s->nets, SAGA_NET_HYPER, side);
@@ -180,7 +180,7 @@ static void code_anchor(ref_scene *s, int kind, uint32_t rank, ref_bank *m,
 
     ref_block_make(&b, s, kind, rank);
     entropy(out, s, &b, m);
-    /* E's outputs: all mus, then all scales. */
+    /* The outputs of E are all mus, then all scales. */
     if (kind == SAGA_KIND_COARSE) {
         set_params(s, SAGA_STEP_CENTRE, 4u * rank, out, 4, 4 + f);
         set_params(s, SAGA_STEP_FEATURE, (size_t)rank * f, out + 4, f, 4 + f);

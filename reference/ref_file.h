@@ -30,8 +30,9 @@ typedef struct ref_file {
     saga_header h;
     saga_rig_camera *rig;
     int is_base;
-    saga_segment_header segment; /* has all its layers; unset for the base */
-    saga_counts n;               /* of the layer or the base */
+    saga_segment_header segment; /* describes all layers of the segment; unset
+                                  * for the base */
+    saga_counts n;               /* counts of this layer or of the base */
     saga_nets shapes;
     uint8_t *params;             /* the networks' block */
     saga_net_symbols nets;
@@ -41,7 +42,7 @@ typedef struct ref_file {
                                    * in common/syntax.h */
     int16_t *mu[SAGA_N_STEPS];   /* the prediction of each value */
     uint8_t *scale[SAGA_N_STEPS]; /* the index of its distribution */
-    saga_scaffold sc;            /* as it is after all chunks */
+    saga_scaffold sc;            /* scaffold after all chunks are decoded */
     ref_span chunk[REF_N_CHUNKS]; /* payloads */
     double bits[SAGA_N_SYMS];    /* code length by SAGA_SYM_* */
     double net_bits[SAGA_N_NETS]; /* code length of each network */
@@ -51,8 +52,9 @@ typedef struct ref_file {
  * it succeeds; ref_file_free then frees f. Else returns the reason, a constant
  * string, and there is nothing to free. */
 const char *ref_file_read(ref_file *f, const uint8_t *bytes, size_t n);
-/* Does the same for one layer of the segment `seg`, which saga_find has found
- * in any file; if seg is NULL, for the base, which the file must have. */
+/* Reads one layer of the segment `seg`, which saga_find has found in any file.
+ * If seg is NULL, reads the base, which the file must have. Returns as
+ * ref_file_read does. */
 const char *ref_file_read_layer(ref_file *f, const uint8_t *bytes, size_t n,
                                 const saga_segment *seg, uint32_t layer);
 void ref_file_free(ref_file *f);

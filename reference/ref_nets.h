@@ -17,8 +17,8 @@ typedef struct ref_rounding {
     int is_on;               /* 0: only `most` is measured */
     int bits;                /* the step is 2^-bits of the format's own, so that
                               * activations need 16 + bits bits */
-    int by_unit;             /* each input of a layer has its own, up to 2^7
-                              * times finer step, with which its `most` still
+    int by_unit;             /* 1: each input of a layer has its own step, up to
+                              * 2^7 times finer, with which its `most` still
                               * fits in 2^14 steps */
     double most[SAGA_N_NETS][SAGA_MAX_NET_LAYERS][SAGA_MAX_VECTOR]; /* largest
                               * magnitude of each input of a layer, in the
@@ -31,9 +31,10 @@ typedef struct ref_nets {
     saga_net_shape shape[SAGA_N_NETS];
     double *weight[SAGA_N_NETS][SAGA_MAX_NET_LAYERS]; /* (n_out, n_in) */
     double *bias[SAGA_N_NETS][SAGA_MAX_NET_LAYERS];
-    double in_unit[SAGA_N_NETS][SAGA_MAX_VECTOR]; /* what one last place of a
-                              * network's integer input is worth */
-    double out_unit[SAGA_N_NETS][SAGA_MAX_VECTOR]; /* of its output */
+    double in_unit[SAGA_N_NETS][SAGA_MAX_VECTOR]; /* value of an
+                              * integer input's last place */
+    double out_unit[SAGA_N_NETS][SAGA_MAX_VECTOR]; /* value of an
+                              * integer output's last place */
 } ref_nets;
 
 /* Copies the parameters from a decoded block, and the formats of rows from the

@@ -18,7 +18,7 @@ typedef struct {
     double x[4], support[4], log2_size[4];
     double count;            /* children of the anchor, or for kind FINE of its
                               * parent */
-    uint32_t rank, parent;   /* parent: the rank of the coarse anchor */
+    uint32_t rank, parent;   /* ranks of the anchor and of its coarse anchor */
     int kind;
 } ref_block;
 

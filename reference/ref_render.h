@@ -24,12 +24,13 @@
 typedef struct ref_splat {
     double mean[2];          /* pixels */
     double cov[3];           /* A = var x, B, C = var y, low-pass included */
-    double det;              /* of the covariance */
-    double chol[3];          /* g, n, h: the factor with which it is drawn */
+    double det;              /* determinant of cov */
+    double chol[3];          /* g, n, h: the Cholesky factor of the conic with
+                              * which it is drawn */
     double q0, depth;
     double colour[3];        /* 0..1 */
-    uint32_t tools;          /* of the file, SAGA_TOOL_*; ref_project sets 0,
-                              * then the caller sets the file's */
+    uint32_t tools;          /* the file's SAGA_TOOL_*; ref_project sets 0, then
+                              * the caller sets them */
 } ref_splat;
 
 /* Converts the decoder's integers to double, so that one stage can be tested
@@ -78,8 +79,8 @@ int32_t ref_q_q20(const saga_splat *s, int x, int y, uint32_t tools);
 /* Returns alpha in Q16 for q_q20 < 11 << 20. */
 uint32_t ref_alpha_q16(int32_t q_q20);
 
-/* The operators of blending in integers. A pixel's sums begin as 0, its T as
- * 65536; ref_store_exact makes the finished pixel from them. */
+/* The operators of blending in integers, as above. A pixel starts with sums of
+ * 0 and T = 65536, and ref_store_exact makes its final samples from them. */
 int ref_blends_exact(uint32_t t, int32_t q_q20);
 void ref_blend_pixel_exact(uint64_t sum[3], uint32_t *t, const saga_splat *s,
                            int32_t q_q20);

@@ -72,8 +72,8 @@ static void primitive(ref_scene *s, uint32_t prim, uint32_t anchor)
     saga_position p;
     ref_block b;
 
-    /* The features of fine anchors around the primitive; neighbours are found
-     * from its integer position. */
+    /* The input is the interpolated feature of the fine anchors around the
+     * primitive. The neighbours are found from its integer position. */
     ref_block_make(&b, s, SAGA_KIND_PRIM, anchor);
     ref_move(b.x, b.support, s->offset[prim]);
     saga_position_fine(&p, &sc->fine[anchor]);
@@ -153,7 +153,7 @@ static void reset_anchors(ref_scene *s)
     const uint32_t f = s->model->features;
     const int16_t *const r = s->file->value[SAGA_STEP_FINE];
 
-    /* Coarse anchors, then features, then fine anchors. */
+    /* Values are set in the order coarse anchors, features, fine anchors. */
     for (uint32_t k = 0; k < sc->n.coarse; k++) {
         for (int i = 0; i < 3; i++)
             s->centre[k][i] = sc->coarse[k].x[i];
@@ -208,8 +208,8 @@ void ref_scene_reset(ref_scene *s, const saga_primitive *prims,
 
 /* --- Memory -------------------------------------------------------------- */
 
-/* Makes `before`: until F_fine has run, the support of a fine anchor is half
- * the size of its parent's cell. */
+/* Sets `before` to the scaffold as it is before F_fine runs: there a fine
+ * anchor's support is half the size of its parent's cell. */
 static bool go_before(ref_scene *s, saga_error *error)
 {
     const saga_scaffold *const sc = &s->file->sc;
@@ -243,8 +243,8 @@ bool ref_scene_make(ref_scene *s, const ref_file *f,
     s->model = &f->h.model;
     s->n_colour = s->model->tools & SAGA_TOOL_VIEW
         ? s->model->width[SAGA_NET_COLOUR] : 3;
-    /* First the arrays of the anchors, then those of the primitives, then the
-     * entropy model's predictions for each step. */
+    /* The arrays of anchors are followed by those of primitives, and those by
+     * the entropy model's predictions for each step. */
     s->centre = (double (*)[4])doubles(n.coarse, 4, error);
     s->coarse_feature = doubles(n.coarse, features, error);
     s->residual = (double (*)[4])doubles(n.fine, 4, error);

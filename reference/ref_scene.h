@@ -25,7 +25,8 @@ typedef struct ref_scene {
                               * fine anchors were decoded */
     double (*centre)[4];     /* (coarse) as coded: box units, 1/65536 segment */
     double *coarse_feature;  /* (coarse, F) */
-    double (*residual)[4];   /* (fine) r of the offset, half-sizes */
+    double (*residual)[4];   /* (fine) residual of the offset, in half-sizes of
+                              * the parent's cell */
     double (*local)[4];      /* (fine) offset o, half-sizes of parent's cell */
     double *fine_feature;    /* (fine, F) */
     double (*log2_support)[4]; /* (fine) log2 l_f */
@@ -58,9 +59,10 @@ double ref_scene_colour(const ref_scene *s, size_t i, int16_t colour);
  * false if memory is missing. */
 bool ref_scene_contexts(ref_scene *s, saga_error *error);
 
-/* Does the same, and decodes each block before it predicts the next: centres,
- * features and offsets from the symbols, and fine anchors before their
- * primitives' offsets. */
+/* Computes mu and scale of all blocks as ref_scene_contexts does, but decodes
+ * each block before the next one is predicted: centres, features and offsets
+ * come from the symbols, and fine anchors precede the offsets of their
+ * primitives. */
 bool ref_scene_decode(ref_scene *s, saga_error *error);
 
 /* Returns what one last place of a step's (SAGA_STEP_*) integers is worth. */

@@ -67,7 +67,7 @@ static bool take_apart(session *s, const uint8_t *bytes, size_t n,
 {
     exact *const e = &s->e;
 
-    /* The parts, in the order in which the decoder numbers primitives. */
+    /* Parts are read in the order in which the decoder numbers primitives. */
     if (info->base_coarse > 0 && !read_part(s, bytes, n, NULL, 0))
         return false;
     for (uint32_t i = 0; i < info->n_layers; i++)
@@ -211,8 +211,8 @@ static bool run(session *s, int from)
     const int is_chain = from == SAGA_VERIFY_SYMBOLS;
 
     tell(s, from, saga_verify_stage[from]);
-    /* `alone` of the symbols: predictions from the integers' values, before
-     * make_scene decodes each block in double. */
+    /* The result `alone` of the symbols has predictions from the integers'
+     * values. It is taken before make_scene decodes each block in double. */
     for (int i = 0; i < s->n_parts && is_chain; i++)
         if (!ref_scene_contexts(&s->part[i].scene, s->error))
             return false;

@@ -29,7 +29,8 @@ enum {
 
 extern const char *const saga_verify_stage[SAGA_VERIFY_N_STAGES];
 
-/* Differences of n values, in units of the row. */
+/* Differences between n values in integers and in double, in the unit of the
+ * row. */
 typedef struct saga_verify_error {
     uint64_t n;
     double max, rms;
@@ -48,12 +49,15 @@ typedef struct saga_verify_row {
 /* The decoder's 8-bit picture compared with a picture in double. Differences
  * are in levels of 255. */
 typedef struct saga_verify_picture {
-    double psnr;             /* compared with the double rounded to 8 bits */
-    double psnr_real;        /* compared with the double itself */
-    double rms;              /* of the integers before they round to 8 bits */
-    int max;                 /* largest difference to the rounded double */
+    double psnr;             /* against the double picture rounded to 8 bits */
+    double psnr_real;        /* against the double picture itself */
+    double rms;              /* rms difference of the integer picture before it
+                              * is rounded to 8 bits */
+    int max;                 /* largest difference from the rounded double
+                              * picture */
     uint64_t n_far;          /* samples that differ from it by more than 1 */
-    double max_real;         /* largest difference to the double itself */
+    double max_real;         /* largest difference from the double picture
+                              * itself */
     uint64_t n_cut, n_stop;  /* pixels where one picture blends a splat and the
                               * other does not, because of the cut or the stop
                               */
@@ -68,7 +72,8 @@ typedef struct saga_verify {
     uint32_t n_splats_otherwise; /* splats that only one picture blends */
     uint64_t n_pixels;
     uint32_t segment;
-    int32_t t;               /* 1/65536 of the segment */
+    int32_t t;               /* time of the picture, in 1/65536 of the
+                              * segment */
     saga_verify_row row[SAGA_VERIFY_MAX_ROWS];
     int n_rows;
     saga_verify_picture picture[SAGA_VERIFY_N_STAGES]; /* [i]: the stages before

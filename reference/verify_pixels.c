@@ -111,7 +111,7 @@ void verify_blend(session *s, int from)
                          !is_chain);
         p.alpha = verify_row(s, ST, "alpha", "1", ldexp(1, -16), !is_chain);
     }
-    /* Both pictures get the splats one by one, front to back. */
+    /* The splats are blended one by one, front to back, into both pictures. */
     sort(s);
     clear(s);
     for (uint32_t k = 0; k < s->c.n_order; k++) {
@@ -156,12 +156,13 @@ void verify_pixels(session *s, int from)
         level = verify_row(s, SAGA_VERIFY_PIXELS, "picture before 8 bits",
                            "level", 0, from == SAGA_VERIFY_PIXELS);
     for (size_t i = 0; i < s->v->n_pixels; i++) {
-        /* Pixels in which the pictures decide differently. */
+        /* These count the pixels in which the pictures decide differently. */
         to->n_cut += (s->c.otherwise[i] & CUT) != 0;
         to->n_stop += (s->c.otherwise[i] & STOP) != 0;
         for (int k = 0; k < 3; k++) {
-            /* sum + T background, in integers (Q31) and in double, then the
-             * decoder's 8-bit sample and the double rounded to 8 bits. */
+            /* norm and value are sum + T background, in integers (Q31) and in
+             * double; then follow the decoder's 8-bit sample and the double
+             * rounded to 8 bits. */
             const double norm = ((double)s->c.sum[i][k] +
                 (double)s->c.t[i] * cam->background_q15[k]) / 2147483648.0;
             const double value = 255 * (s->c.rgb[i][k] + s->c.trans[i] *

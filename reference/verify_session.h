@@ -33,7 +33,7 @@ typedef struct {
     uint8_t *rgb;            /* the decoder's picture */
 } exact;
 
-/* The same results in double. */
+/* The same results computed in double. */
 typedef struct {
     ref_animated *moved;
     ref_splat *splat;
@@ -57,10 +57,11 @@ typedef struct {
     uint32_t *t;             /* T and sums of the integer reference */
     uint64_t (*sum)[3];
     double *trans, (*rgb)[3];
-    uint8_t *otherwise;      /* CUT, STOP: why a splat is in one only */
+    uint8_t *otherwise;      /* CUT, STOP: why only one picture blends a splat
+                              * in the pixel */
     drawn *order;
     uint32_t n_order;
-    uint32_t tools;          /* of the file, SAGA_TOOL_* */
+    uint32_t tools;          /* the file's SAGA_TOOL_* */
 } canvas;
 
 typedef struct {
@@ -100,7 +101,7 @@ static inline const ref_primitive *prim_of(const session *s, uint32_t prim)
     return &p->scene.prim[prim - p->first];
 }
 
-/* A row while it is being filled. */
+/* The row of a table to which differences are being added. */
 typedef struct {
     saga_verify_error *to;
     tally *sum;

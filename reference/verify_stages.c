@@ -132,7 +132,8 @@ static void compare_primitives(session *s, int is_alone)
     column colour;
 
     compare_attributes(s, false, is_alone);
-    /* Colours; if they depend on the view, the part that does not. */
+    /* Colours are compared; if they depend on the view, only the part that does
+     * not. */
     colour = verify_row(s, SAGA_VERIFY_PRIMITIVES, has_view
                         ? "colour, first layer" : "colour", "1", unit,
                         is_alone);

@@ -72,8 +72,8 @@ int dec_parse_options(dec_options *o, int argc, char **argv)
     for (i = 1; i < argc; i++) {
         const char *const value = i + 1 < argc ? argv[i + 1] : NULL;
 
-        /* An option whose value is missing or wrong falls through to the
-         * message, and so does a second file. */
+        /* Unknown options, options whose value is missing or wrong, and a
+         * second file end in the last branch, which prints the message. */
         if (!strcmp(argv[i], "--crc"))
             o->crc = 1;
         else if (!strcmp(argv[i], "--info"))
@@ -96,7 +96,8 @@ int dec_parse_options(dec_options *o, int argc, char **argv)
             return 0;
         }
     }
-    /* A picture needs a camera, and somewhere to go. */
+    /* To draw a picture, saga-dec needs a camera, and either an output file or
+     * --crc. */
     if (!o->file || (!o->info && (!o->camera || (!o->crc && !o->out)))) {
         fputs(dec_usage, stderr);
         return 0;

@@ -182,7 +182,7 @@ static double scale_sigma(int i)
     return exp2((i - 22) / 7.0);
 }
 
-/* Returns P(q = m) for m as it is, without P(q = -m). */
+/* Returns the probability of q = m, without that of q = -m. */
 static double bin_mass(int m, double sigma)
 {
     if (m == 0)

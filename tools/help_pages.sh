@@ -258,7 +258,8 @@ zsh_completion() {
     echo "esac"
 }
 
-# fish_options FILE CONDITION
+# fish_options FILE CONDITION: prints a `complete` command for each option,
+# which fish offers if CONDITION holds.
 fish_options() {
     table "$1" | sed "s/'//g" | awk -F '\t' -v p="$name" -v when="$2" '{
         flag = $1 ~ /^--/ ? " -l " substr($1, 3) : " -s " substr($1, 2)

@@ -15,7 +15,7 @@ build=$2
 take_away() { # take_away PLACE
     folder=$(dirname "$1")
     rm -f "$DESTDIR$1"
-    # The root stays, and so does DESTDIR.
+    # The root and DESTDIR itself are never removed.
     while [ "$folder" != / ] && rmdir "$DESTDIR$folder" 2>/dev/null; do
         folder=$(dirname "$folder")
     done
@@ -47,7 +47,8 @@ fi
 put 644 "$build/include/saga.h" "$INCLUDEDIR/saga.h"
 put 644 ports/python/saga.py "$PYTHONDIR/saga.py"
 
-# What Python compiled of the module goes with it.
+# The bytecode that Python has compiled from the module is removed with the
+# module.
 [ "$verb" = put ] || for f in "$DESTDIR$PYTHONDIR"/__pycache__/saga.*.pyc; do
     take_away "${f#"$DESTDIR"}"
 done

@@ -307,7 +307,8 @@ static int run(const dec_options *o, FILE *f, const saga_info *info)
     long n;
     int status;
 
-    /* The head has the networks and the base. */
+    /* The head of the file has the networks and the base, which are the
+     * primitives that all segments share. */
     n = read_at(f, 0, info->head_nbytes);
     if (n < 0)
         return fail(o->file, "cannot read the head");

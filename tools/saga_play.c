@@ -227,7 +227,8 @@ static void prepare(player *p, uint32_t frame)
 
 /* --- Pictures ------------------------------------------------------------ */
 
-/* Draws bands of rows until none is left. */
+/* Draws bands of rows until none is left; the main function of a drawing
+ * thread. */
 static void *paint(void *arg)
 {
     const painter *const me = arg;

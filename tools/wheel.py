@@ -27,7 +27,8 @@ def read(path):
 
 
 def platforms(library):
-    """The platforms' tags, or an end with what forbids them."""
+    """Returns the platform tags that the library may have. Exits with a message
+    if it needs another library or too new a glibc."""
     told = subprocess.run(["objdump", "-pT", library], check=True, text=True,
                           stdout=subprocess.PIPE).stdout
     needed = set(re.findall(r"NEEDED +(\S+)", told))
