@@ -94,6 +94,8 @@ static void model_fields(saga_io *f, saga_model *m)
     u16(f, &m->bank_slots);
     u8(f, &m->bank_width);
     u16(f, &m->bank_blocks);
+    u8(f, &m->hash_levels);
+    u8(f, &m->hash_log2_entries);
 }
 
 void saga_header_io(saga_io *f, saga_header *h)
@@ -118,8 +120,6 @@ void saga_header_io(saga_io *f, saga_header *h)
         i32(f, &h->centre_mantissa[i]);
     i32(f, &h->centre_exponent);
     model_fields(f, &h->model);
-    u8(f, &h->hash_levels);
-    u8(f, &h->hash_log2_entries);
 }
 
 void saga_tools_io(saga_io *f, saga_header *h)
@@ -132,7 +132,9 @@ void saga_tools_io(saga_io *f, saga_header *h)
     if (!f->out)
         h->base.coarse = h->base.fine = h->base.prim = h->base_nbytes = 0;
     if (m->tools & SAGA_TOOL_BANK)
-        network_fields(f, m, SAGA_NET_QUERY, SAGA_N_NETS);
+        network_fields(f, m, SAGA_NET_QUERY, SAGA_NET_RES);
+    if (m->tools & SAGA_TOOL_HASH)
+        network_fields(f, m, SAGA_NET_RES, SAGA_N_NETS);
     if (m->tools & SAGA_TOOL_BASE) {
         u32(f, &h->base.coarse);
         u32(f, &h->base.fine);

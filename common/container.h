@@ -7,8 +7,9 @@
  *     header | INDX | NETS | base: COAR FINE PRIM | NAME | OPUS
  *                          | per segment: SEGM, per layer: COAR FINE PRIM
  *
- * The header consists of its fixed part, the bank's networks and the base's
- * sizes (each only with its tool), the cameras of the rig, and a CRC. The head
+ * The header consists of its fixed part, the bank's networks, the hash's
+ * network and the base's sizes (each only with its tool), the cameras of the
+ * rig, and a CRC. The head
  * ends with the last chunk of the base. NAME and OPUS are optional; no pixel
  * depends on them.
  */
@@ -26,6 +27,7 @@ enum {
     SAGA_HEADER_NBYTES = 157 + SAGA_N_OUTS, /* fixed part: magic, version, a Q
                                   * format for each output, and the rest */
     SAGA_BANK_NBYTES = 15,       /* of the bank's networks */
+    SAGA_HASH_NBYTES = 3,        /* of the hash's network */
     SAGA_BASE_NBYTES = 16,       /* of the base's sizes */
     SAGA_CHUNK_NBYTES = 12,      /* chunk header: type, length, CRC-32C */
     SAGA_INDEX_ENTRY_NBYTES = 16,
@@ -66,7 +68,6 @@ typedef struct saga_header {
     int32_t centre_mantissa[3], centre_exponent;
     uint16_t n_cameras;
     saga_model model;
-    uint8_t hash_levels, hash_log2_entries; /* reserved: 0 */
     saga_counts base;            /* exactly; all 0 without the tool */
     uint32_t base_nbytes;        /* of its chunks, headers included */
 } saga_header;
@@ -77,6 +78,7 @@ static inline uint32_t saga_rig_offset(const saga_header *h)
 {
     return SAGA_HEADER_NBYTES +
            (h->model.tools & SAGA_TOOL_BANK ? SAGA_BANK_NBYTES : 0u) +
+           (h->model.tools & SAGA_TOOL_HASH ? SAGA_HASH_NBYTES : 0u) +
            (h->model.tools & SAGA_TOOL_BASE ? SAGA_BASE_NBYTES : 0u);
 }
 
@@ -141,8 +143,9 @@ typedef struct saga_io {
  * sizes given above. Reading does not check values, and writing does not change
  * the structure.
  *   saga_header_io   the header's fixed part, without magic and version
- *   saga_tools_io    the fields after it: those of the bank and of the base,
- *                    each only if its tool is on; otherwise they are read as 0
+ *   saga_tools_io    the fields after it: those of the bank, of the hash and
+ *                    of the base, each only if its tool is on; otherwise they
+ *                    are read as 0
  *   saga_segment_io  SEGM; nbytes of a single layer is not in the file and is
  *                    read as 0 */
 void saga_header_io(saga_io *f, saga_header *h);

@@ -135,6 +135,13 @@ int saga_output_q(const saga_model *m, int net, uint32_t row)
 {
     const output *o = outputs;
 
+    /* A row of D_res has the format of the row that it corrects. */
+    if (net == SAGA_NET_RES) {
+        const uint32_t n_geo = n_outputs(m, SAGA_NET_GEO);
+
+        net = row < n_geo ? SAGA_NET_GEO : SAGA_NET_COLOUR_BASE;
+        row -= row < n_geo ? 0 : n_geo;
+    }
     while (o->net != net)
         o++;
     for (; row >= n_rows(m, o); o++)
@@ -175,7 +182,8 @@ static uint32_t n_inputs(const saga_model *m, int net)
         [SAGA_NET_QUERY] = local + 6, [SAGA_NET_AGG] = local + 6,
         [SAGA_NET_SLOT] = m->bank_slots,
         [SAGA_NET_WRITE_BASE] = m->bank_width,
-        [SAGA_NET_WRITE] = m->width[SAGA_NET_WRITE]
+        [SAGA_NET_WRITE] = m->width[SAGA_NET_WRITE],
+        [SAGA_NET_RES] = (uint32_t)m->hash_levels << m->hash_log2_entries
     };
 
     return n[net];
@@ -198,7 +206,7 @@ void saga_model_net(saga_net_shape *s, const saga_model *m, int net)
         [SAGA_NET_FINE] = 3, [SAGA_NET_GEO] = 3, [SAGA_NET_COLOUR_BASE] = 1,
         [SAGA_NET_COLOUR_VIEW] = 1, [SAGA_NET_COLOUR] = 2,
         [SAGA_NET_QUERY] = 2, [SAGA_NET_AGG] = 2, [SAGA_NET_SLOT] = 2,
-        [SAGA_NET_WRITE_BASE] = 1, [SAGA_NET_WRITE] = 1
+        [SAGA_NET_WRITE_BASE] = 1, [SAGA_NET_WRITE] = 1, [SAGA_NET_RES] = 2
     };
     int i;
 
@@ -214,7 +222,10 @@ void saga_model_net(saga_net_shape *s, const saga_model *m, int net)
     s->n_layers = s->dim[0] && m->width[net] ? n_layers[net] : 1;
     for (i = 1; i < s->n_layers; i++)
         s->dim[i] = m->width[net];
-    s->dim[s->n_layers] = (uint16_t)n_outputs(m, net);
+    /* D_res has a row for each row that it corrects. */
+    s->dim[s->n_layers] = (uint16_t)(net != SAGA_NET_RES
+        ? n_outputs(m, net)
+        : n_outputs(m, SAGA_NET_GEO) + n_outputs(m, SAGA_NET_COLOUR_BASE));
 }
 
 uint32_t saga_net_macs(const saga_net_shape *s)
@@ -285,6 +296,17 @@ static int bank_is_valid(const saga_model *m)
            (slots < SAGA_MAX_SLOTS || width >= 16) && m->bank_blocks >= 1;
 }
 
+static int hash_is_valid(const saga_model *m)
+{
+    const uint32_t levels = m->hash_levels, bits = m->hash_log2_entries;
+
+    /* Sizes without the tool need a newer decoder (decoder/plan.c). */
+    if (!(m->tools & SAGA_TOOL_HASH))
+        return 1;
+    return levels >= 1 && levels <= SAGA_MAX_HASH_LEVELS && bits >= 1 &&
+           bits <= 9 && levels << bits <= SAGA_MAX_ENTRIES;
+}
+
 int saga_model_is_valid(const saga_model *m)
 {
     int i;
@@ -301,5 +323,5 @@ int saga_model_is_valid(const saga_model *m)
         return 0;
     return m->features >= 5 && m->features <= SAGA_MAX_FEATURES &&
            m->octaves >= 1 && m->octaves <= SAGA_MAX_OCTAVES &&
-           nets_are_valid(m) && bank_is_valid(m);
+           nets_are_valid(m) && bank_is_valid(m) && hash_is_valid(m);
 }

@@ -30,11 +30,14 @@ enum {
     SAGA_MAX_DEPTH_T = 8,     /* temporal depth */
     SAGA_MAX_NET_LAYERS = 3,
     SAGA_MAX_OUT_Q = 20,
+    SAGA_MAX_HASH_LEVELS = 8, /* tables of the residual hash */
     /* The longest vector that a network reads or writes, padding included. It
      * is the input of the slot network of the write, with one value for each
-     * slot of the bank, up to 512. E_fine with all sources reads 3 * 64 + 64
+     * slot of the bank, up to 512; that of D_res, with one value for each entry
+     * of all tables, is no longer. E_fine with all sources reads 3 * 64 + 64
      * values, and E_coarse writes 2 * (4 + 64). */
-    SAGA_MAX_VECTOR = SAGA_MAX_SLOTS
+    SAGA_MAX_VECTOR = SAGA_MAX_SLOTS,
+    SAGA_MAX_ENTRIES = SAGA_MAX_VECTOR /* of all tables together */
 };
 
 /* --- Tools --------------------------------------------------------------- */
@@ -51,13 +54,13 @@ enum {
     X(BASE, 5, "base segment", "base_segment") \
     /* A splat's alpha falls off as exp(-(s + s^2 / 2)) instead of exp(-s). */ \
     X(STEEP, 6, "steep splats", "steep_splats") \
+    X(HASH, 8, "residual hash", "residual_hash") \
     X(BANK, 9, "memory bank", "memory_bank") \
     /* The bank is updated without the projection. */ \
     X(PLAIN_WRITE, 10, "plain bank writes", "plain_bank_writes")
 
 #define SAGA_TOOL_LATER_LIST(X) \
-    X(FEATURE_RESIDUAL, 7, "feature residuals", "feature_residuals") \
-    X(HASH, 8, "residual hash", "residual_hash")
+    X(FEATURE_RESIDUAL, 7, "feature residuals", "feature_residuals")
 
 #define SAGA_TOOL_BIT(word, bit, name, key) SAGA_TOOL_##word = 1u << (bit),
 #define SAGA_TOOL_OR(word, bit, name, key) | 1u << (bit)
@@ -98,7 +101,10 @@ enum { SAGA_TIER_COARSE, SAGA_TIER_FINE, SAGA_N_TIERS };
  * layer is the sum of WRITE_BASE, which reads the round's mean token, and SLOT,
  * which reads the slot's number as a vector of zeros with a single 1, so that
  * the first layer of SLOT holds an embedding of each slot.
- * The header describes the networks from QUERY on only with SAGA_TOOL_BANK.
+ * The header describes the networks from QUERY to WRITE only with
+ * SAGA_TOOL_BANK, and RES only with SAGA_TOOL_HASH. RES reads the entries that
+ * the residual hash selects as a vector of zeros and ones, so that the weights
+ * of its first layer are the tables.
  * FUSE_C and FUSE_F, one for each SAGA_TIER_*, exist if their width is not 0;
  * otherwise the interpolated features are used directly. */
 enum {
@@ -118,6 +124,8 @@ enum {
     SAGA_NET_SLOT,          /* write: L -> E (its width) -> W of WRITE */
     SAGA_NET_WRITE_BASE,    /* write: D -> W of WRITE */
     SAGA_NET_WRITE,         /* write: W -> candidate D, gate 1 */
+    SAGA_NET_RES,           /* D_res: entries -> corrections of the outputs of
+                             * GEO and of COLOUR_BASE */
     SAGA_N_NETS
 };
 
@@ -194,6 +202,10 @@ typedef struct saga_model {
     uint16_t bank_slots;  /* L: 32, 64, 128, 256 or 512 */
     uint8_t bank_width;   /* D: 8, 16, ..., 64; 16 or more if L is 512 */
     uint16_t bank_blocks; /* B: blocks per round at most, >= 1 */
+    /* The tables of the residual hash; both are 0 without SAGA_TOOL_HASH. All
+     * tables together have at most SAGA_MAX_ENTRIES entries. */
+    uint8_t hash_levels;  /* 1..SAGA_MAX_HASH_LEVELS */
+    uint8_t hash_log2_entries; /* of each table, 1..9 */
 } saga_model;
 
 static inline int saga_motion_order(const saga_model *m)
@@ -210,7 +222,10 @@ static inline int saga_is_dynamic(const saga_model *m)
 /* Returns whether the header describes a network. */
 static inline int saga_is_described(const saga_model *m, int net)
 {
-    return net < SAGA_NET_QUERY || (m->tools & SAGA_TOOL_BANK) != 0;
+    const uint32_t tool = net == SAGA_NET_RES ? SAGA_TOOL_HASH
+                                              : SAGA_TOOL_BANK;
+
+    return net < SAGA_NET_QUERY || (m->tools & tool) != 0;
 }
 
 /* Returns the network that fuses the interpolated features of a tier. */

@@ -29,8 +29,9 @@ static saga_status check_version(const saga_header *h)
     const saga_model *const m = &h->model;
 
     if ((saga_any_source(m) & ~(uint32_t)SAGA_SOURCES_KNOWN) ||
-        h->more_layers >= SAGA_MAX_LAYERS || h->hash_levels ||
-        h->hash_log2_entries)
+        h->more_layers >= SAGA_MAX_LAYERS ||
+        (!(m->tools & SAGA_TOOL_HASH) &&
+         (m->hash_levels || m->hash_log2_entries)))
         return SAGA_ERR_VERSION;
     return SAGA_OK;
 }
@@ -277,7 +278,8 @@ uint64_t saga_plan_macs(const saga_model *m, const saga_nets *nets,
         context_macs(&c, SAGA_KIND_PRIM) + run_macs(&c, SAGA_NET_FUSE_C) +
         run_macs(&c, SAGA_NET_FINE);
     uint64_t prim = run_macs(&c, SAGA_NET_FUSE_F) +
-        run_macs(&c, SAGA_NET_GEO) + run_macs(&c, SAGA_NET_COLOUR_BASE);
+        run_macs(&c, SAGA_NET_GEO) + run_macs(&c, SAGA_NET_COLOUR_BASE) +
+        run_macs(&c, SAGA_NET_RES);
 
     if (!(m->tools & SAGA_TOOL_VIEW))
         prim += run_macs(&c, SAGA_NET_COLOUR);

@@ -4,6 +4,7 @@
 #include "fine.h"
 #include "fx.h"
 #include "fx_math.h"
+#include "residual_hash.h"
 
 void saga_prim_format_of(saga_prim_format *f, const saga_model *m)
 {
@@ -114,24 +115,78 @@ static void get_colour(uint16_t colour_q15[3], const saga_scaffold *sc,
                                   sc->model->out_q[SAGA_OUT_COLOUR]);
 }
 
+/* D_res corrects at most the 23 rows of F_geo and 32 of the colour. */
+enum { MAX_CORRECTIONS = 23 + 32 };
+
 /* Primitives that pass through the networks together. */
 typedef struct {
     uint32_t first, n;
     uint32_t fine[SAGA_MAX_POINTS];      /* their anchors */
     saga_position position[SAGA_MAX_POINTS];
+    int16_t correction[SAGA_MAX_POINTS][MAX_CORRECTIONS]; /* outputs of D_res,
+                                          * if it exists */
 } run;
+
+/* Runs D_res on the entries of each primitive. */
+static void set_corrections(run *r, const saga_scaffold *sc)
+{
+    const saga_net_shape *const s = &sc->net.nets->shape[SAGA_NET_RES];
+    const int16_t one = SAGA_ENTRY_ONE;
+    uint32_t i, k;
+
+    if (s->n_layers == 0)
+        return;
+    for (i = 0; i < r->n; i++) {
+        const int16_t *const offset = sc->prim_offset[r->first + i];
+
+        for (k = 0; k < s->dim[0]; k++)
+            sc->net.v->in[k] = 0;
+        for (k = 0; k < sc->model->hash_levels; k++)
+            (void)saga_in_vector(
+                &sc->net, SAGA_NET_RES,
+                saga_hash_entry(sc->model, k, r->fine[i], offset), &one, 1,
+                SAGA_ENTRY_Q);
+        saga_net_run(&sc->net, SAGA_NET_RES, 1);
+        for (k = 0; k < s->dim[s->n_layers]; k++)
+            r->correction[i][k] = sc->net.v->out[k];
+    }
+}
+
+/* Adds the corrections, from number `first` on, to the outputs of a network
+ * that has run on the primitives. */
+static void correct(const saga_scaffold *sc, int net, const run *r,
+                    uint32_t first)
+{
+    const saga_net_shape *const s = &sc->net.nets->shape[net];
+    const uint32_t n = s->dim[s->n_layers];
+    uint32_t i, k;
+
+    if (!(sc->model->tools & SAGA_TOOL_HASH))
+        return;
+    for (i = 0; i < r->n; i++) {
+        int16_t *const out = sc->net.v->out + i * saga_mlp_pad(n);
+
+        for (k = 0; k < n; k++) {
+            const int32_t sum = out[k] + r->correction[i][first + k];
+
+            out[k] = fx_sat16(sum);
+        }
+    }
+}
 
 /* Runs the part of F_color's first layer that does not depend on the direction;
  * all of F_color if nothing depends on it. */
 static void set_colours(int16_t *colours, uint32_t stride,
                         const saga_scaffold *sc, const run *r)
 {
+    const saga_net_shape *const geo = &sc->net.nets->shape[SAGA_NET_GEO];
     const uint32_t width = sc->model->width[SAGA_NET_COLOUR];
     uint16_t colour_q15[3];
     uint32_t i, k;
 
     saga_in_local(sc, SAGA_NET_COLOUR_BASE, SAGA_TIER_FINE, r->n);
     saga_net_run(&sc->net, SAGA_NET_COLOUR_BASE, r->n);
+    correct(sc, SAGA_NET_COLOUR_BASE, r, geo->dim[geo->n_layers]);
     colours += (size_t)r->first * stride;
     /* If colours depend on the view, store their pre-activations. */
     if (sc->model->tools & SAGA_TOOL_VIEW) {
@@ -160,6 +215,7 @@ static void set_geometries(saga_primitive *prims, const saga_scaffold *sc,
 
     saga_in_local(sc, SAGA_NET_GEO, SAGA_TIER_FINE, r->n);
     saga_net_run(&sc->net, SAGA_NET_GEO, r->n);
+    correct(sc, SAGA_NET_GEO, r, 0);
     for (i = 0; i < r->n; i++) {
         const saga_fine *const parent = &sc->fine[r->fine[i]];
         saga_primitive *const p = &prims[r->first + i];
@@ -208,6 +264,7 @@ void saga_reconstruct(const saga_scaffold *sc, saga_primitive *prims,
         /* Collect as many points as both networks accept. */
         while (r.n < most && r.first + r.n < sc->n.prim)
             fine = add_primitive(&r, sc, fine);
+        set_corrections(&r, sc);
         set_geometries(prims, sc, &r, rows);
         set_colours(colours, stride, sc, &r);
     }

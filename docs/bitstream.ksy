@@ -17,6 +17,9 @@ seq:
   - id: bank
     type: bank_networks
     if: has_bank
+  - id: hash
+    type: hash_network
+    if: has_hash
   - id: base
     type: base
     if: has_base
@@ -36,6 +39,8 @@ seq:
 instances:
   has_bank:
     value: (header.tools & 512) != 0
+  has_hash:
+    value: (header.tools & 256) != 0
   has_base:
     value: (header.tools & 32) != 0
   n_layers:
@@ -152,7 +157,7 @@ types:
         type: u4
         valid:
           min: 178
-          max: 84177
+          max: 84180
       - id: level
         type: u1
         valid:
@@ -212,7 +217,7 @@ types:
       - id: tools
         type: u4
         valid:
-          expr: (_ >= 0 and _ <= 127) or (_ >= 512 and _ <= 639) or (_ >= 1536 and _ <= 1663)
+          expr: (_ >= 0 and _ <= 127) or (_ >= 256 and _ <= 383) or (_ >= 512 and _ <= 639) or (_ >= 768 and _ <= 895) or (_ >= 1536 and _ <= 1663) or (_ >= 1792 and _ <= 1919)
       - id: sources_coarse
         type: u1
         valid:
@@ -360,11 +365,11 @@ types:
       - id: hash_levels
         type: u1
         valid:
-          max: 0
+          max: 8
       - id: hash_log2_entries
         type: u1
         valid:
-          max: 0
+          max: 9
   bank_networks:
     seq:
       - id: net_query
@@ -376,6 +381,10 @@ types:
       - id: net_write_base
         type: network
       - id: net_write
+        type: network
+  hash_network:
+    seq:
+      - id: net_res
         type: network
   base:
     seq:

@@ -277,7 +277,7 @@ static const char *step(fit *f, int i, int decide)
         saga_rate_round(f->feature, &f->rate, &f->s, (saga_range){ 0, n });
     saga_rate_add(bits, &f->rate, &f->d, &x, &o);
     n = tensor_of(&t[0], f, SAGA_NET_HYPER, SAGA_NET_FUSE_C, rate);
-    n += tensor_of(&t[n], f, SAGA_NET_QUERY, SAGA_N_NETS,
+    n += tensor_of(&t[n], f, SAGA_NET_QUERY, SAGA_NET_RES,
                    remember ? SAGA_BANK_TWIN_PACE * rate : 0);
     return saga_adam_update(&adam, t, n, (uint64_t)i + 1, &error)
         ? NULL : "the fit left the finite numbers";

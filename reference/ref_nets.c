@@ -51,6 +51,17 @@ static int finer_output(const saga_nets *shapes,
         ? symbols->layer[net][last].finer[k] : 0;
 }
 
+/* Returns the unit of output k of D_res, which is that of the output to which
+ * it is added. */
+static double unit_of_corrected(const ref_nets *n, uint32_t k)
+{
+    const saga_net_shape *const geo = &n->shape[SAGA_NET_GEO];
+    const uint32_t n_geo = geo->dim[geo->n_layers];
+
+    return k < n_geo ? n->out_unit[SAGA_NET_GEO][k]
+                     : n->out_unit[SAGA_NET_COLOUR_BASE][k - n_geo];
+}
+
 /* Sets the units of a network's inputs and outputs. COLOUR_VIEW's outputs are
  * added to COLOUR_BASE's and therefore have the same units. */
 static void take_units(ref_nets *n, const saga_nets *shapes,
@@ -66,8 +77,9 @@ static void take_units(ref_nets *n, const saga_nets *shapes,
         n->in_unit[net][k] = ldexp(1, -s->q_in - (from < 0 ? 0
             : finer_output(shapes, symbols, from, k)));
     for (uint32_t k = 0; k < s->dim[s->n_layers]; k++)
-        n->out_unit[net][k] = ldexp(1, -saga_output_q(n->model, net, k) -
-                                    finer_output(shapes, symbols, as, k));
+        n->out_unit[net][k] = net == SAGA_NET_RES ? unit_of_corrected(n, k)
+            : ldexp(1, -saga_output_q(n->model, net, k) -
+                       finer_output(shapes, symbols, as, k));
 }
 
 bool ref_nets_make(ref_nets *n, const saga_model *m, const saga_nets *shapes,

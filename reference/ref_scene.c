@@ -6,6 +6,7 @@
 #include "reconstruct.h"
 #include "ref_bank.h"
 #include "ref_places.h"
+#include "residual_hash.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -63,8 +64,40 @@ static void colour_of(double rgb[3], const ref_scene *s, double *z)
         rgb[i] = ref_clamp(0.5 + z[i], 0, 1);
 }
 
+/* Sets `correction` to the outputs of D_res for a primitive. Returns whether
+ * the file has a residual hash. The entries follow from the primitive's integer
+ * offset. */
+static bool corrections(double *correction, const ref_scene *s, uint32_t prim,
+                        uint32_t anchor)
+{
+    const saga_model *const m = s->model;
+
+    if (!ref_nets_has(&s->nets, SAGA_NET_RES))
+        return false;
+    memset(correction, 0, SAGA_MAX_VECTOR * sizeof *correction);
+    for (uint32_t i = 0; i < m->hash_levels; i++)
+        correction[saga_hash_entry(m, i, anchor,
+                                   s->file->sc.prim_offset[prim])] = 1;
+    ref_nets_run(correction, &s->nets, SAGA_NET_RES, correction);
+    return true;
+}
+
+/* Adds corrections to all outputs of a network. */
+static void correct(double *out, const ref_scene *s, int net,
+                    const double *correction)
+{
+    const saga_net_shape *const shape = &s->nets.shape[net];
+
+    for (uint32_t k = 0; k < shape->dim[shape->n_layers]; k++)
+        out[k] = ref_saturate(out[k] + correction[k],
+                              s->nets.out_unit[net][k]);
+}
+
 static void primitive(ref_scene *s, uint32_t prim, uint32_t anchor)
 {
+    const saga_net_shape *const geo = &s->nets.shape[SAGA_NET_GEO];
+    double correction[SAGA_MAX_VECTOR];
+    const bool has_hash = corrections(correction, s, prim, anchor);
     const saga_scaffold *const sc = &s->file->sc;
     const uint32_t f = s->model->features;
     double v[SAGA_MAX_VECTOR], out[SAGA_MAX_VECTOR], log2_half[4];
@@ -84,6 +117,8 @@ static void primitive(ref_scene *s, uint32_t prim, uint32_t anchor)
     ref_embed_offset(v + f, s->model, s->offset[prim]);
     /* F_geo and F_color read the same input. */
     ref_nets_run(out, &s->nets, SAGA_NET_GEO, v);
+    if (has_hash)
+        correct(out, s, SAGA_NET_GEO, correction);
     for (int i = 0; i < 4; i++)
         log2_half[i] = ref_log2_half_size(ref_cell_of(s, anchor), i);
     ref_primitive_make(&s->prim[prim], s->model, out, b.x, b.support,
@@ -91,6 +126,9 @@ static void primitive(ref_scene *s, uint32_t prim, uint32_t anchor)
     if (s->file->is_base)
         ref_primitive_stand_still(&s->prim[prim]);
     ref_nets_run(out, &s->nets, SAGA_NET_COLOUR_BASE, v);
+    if (has_hash)
+        correct(out, s, SAGA_NET_COLOUR_BASE,
+                correction + geo->dim[geo->n_layers]);
     if (s->model->tools & SAGA_TOOL_VIEW)
         memcpy(s->colour + (size_t)prim * s->n_colour, out,
                s->n_colour * sizeof *out);

@@ -291,6 +291,20 @@ PLACES = [
          " + (SAGA_LOG2_HALF_T - cell->depth_t) * 1024 < -32767"),
     ]),
     ("decoder/reconstruct.c",
+     "            const int32_t sum = out[k] + r->correction[i][first + k];\n", [
+         (A, "an output plus its correction is above 32767", "sum > 32767"),
+         (A, "an output plus its correction is below -32767", "sum < -32767"),
+         (A, "the colour is corrected without VIEW",
+          "first && !(sc->model->tools & SAGA_TOOL_VIEW)"),
+     ]),
+    ("common/residual_hash.c", "    uint32_t hash = rank;\n    int i;\n", [
+        (A, "table 7 of the residual hash is read", "level == 7"),
+        (A, "tables of the residual hash have 512 entries",
+         "m->hash_log2_entries == 9"),
+        (A, "a rank exceeds the entries of a table",
+         "rank >> m->hash_log2_entries"),
+    ]),
+    ("decoder/reconstruct.c",
      "static uint16_t colour_of(int16_t out, int q)\n{\n", [
          (A, "a colour is clamped to 0",
           "16384 + fx_requant32(out, q, 15) < 0"),

@@ -93,6 +93,8 @@ class Film:
         tools = self.get("header.tools")
         if tools & 1 << 9:
             at = self.add("bank", "Bank networks", at)
+        if tools & 1 << 8:
+            at = self.add("hash", "Hash network", at)
         self.has_base = bool(tools & 1 << 5)
         if self.has_base:
             at = self.add("base", "Base", at)

@@ -17,7 +17,7 @@ NETS = ("hyper", "e_coarse", "e_fine", "e_prim", "fuse_c", "fuse_f", "fine",
 BANK_NETS = ("query", "agg", "slot", "write_base", "write")
 HYPER, BANK = 1, 8
 VIEW, SLOPE, OPACITY_T = 4, 2, 1
-HAS_BASE, HAS_BANK, PLAIN_WRITE = 1 << 5, 1 << 9, 1 << 10
+HAS_BASE, HAS_HASH, HAS_BANK, PLAIN_WRITE = 1 << 5, 1 << 8, 1 << 9, 1 << 10
 
 
 class Figures:
@@ -30,7 +30,8 @@ class Figures:
         self.F, self.octaves = h["features"], h["octaves"]
         self.L, self.D = h["bank_slots"], h["bank_width"]
         self.C, self.V = self.width("colour"), self.width("write")
-        names = NETS + (BANK_NETS if self.bank else ())
+        names = (NETS + (BANK_NETS if self.bank else ()) +
+                 (("res",) if self.tools & HAS_HASH else ()))
         self.layers = {net: self.shape(net) for net in names}
         self.widths = [self.width(net) for net in names]
         self.floats = sum(not h[f"net_{net}.int8"] for net in names)
@@ -86,6 +87,9 @@ class Figures:
             "slot": lambda: two(L, V),
             "write_base": lambda: [(D, V)],
             "write": lambda: [(V, D + 1)],
+            "res": lambda: two(self.h["hash_levels"] <<
+                               self.h["hash_log2_entries"],
+                               self.rows_of_geo() + C),
         }[net]()
 
     def products(self, net):
@@ -132,6 +136,7 @@ class Figures:
                       self.run("fuse_c") + self.run("fine")) +
                 np * (self.run("fuse_f") + self.run("geo") +
                       self.run("colour_base") +
+                      (self.run("res") if self.tools & HAS_HASH else 0) +
                       (0 if view else self.run("colour"))) +
                 self.bank_work(nc, nf))
 
@@ -194,6 +199,8 @@ def thin(h, level):
     if h["tools"] & HAS_BANK:
         h.update(sources_coarse=BANK, bank_slots=32, bank_width=8,
                  bank_blocks=1)
+    if h["tools"] & HAS_HASH:
+        h.update(hash_levels=1, hash_log2_entries=1)
     return h
 
 
@@ -262,6 +269,17 @@ def trials(level, h):
                                 bank_slots=CAPS[level][7],
                                 bank_width=16), with_field("max_coarse"),
                    2**22)
+        return
+    if h["tools"] & HAS_HASH:
+        if width < 128:
+            yield "width", h, with_field("net_res.width"), 129
+        if level == 0:
+            yield ("int8", h, lambda h, v: dict(h, **{"net_res.int8": v < 1}),
+                   1)
+        full = dict(wide(h, width), hash_levels=8, hash_log2_entries=6)
+        yield "weights", full, with_field("net_res.width"), width
+        yield ("work", dict(full, max_fine=1, max_coarse=1),
+               with_field("max_prim"), 2**22)
         return
     for share in range(1, 9):
         for net in ("e_coarse", "e_fine", "e_prim", "fuse_c", "fuse_f"):

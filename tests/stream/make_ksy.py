@@ -27,6 +27,9 @@ seq:
   - id: bank
     type: bank_networks
     if: has_bank
+  - id: hash
+    type: hash_network
+    if: has_hash
   - id: base
     type: base
     if: has_base
@@ -46,6 +49,8 @@ seq:
 instances:
   has_bank:
     value: (header.tools & 512) != 0
+  has_hash:
+    value: (header.tools & 256) != 0
   has_base:
     value: (header.tools & 32) != 0
   n_layers:

@@ -46,7 +46,6 @@ def head_row(film, rule, name, status, **fields):
 # rule of section 4 and the status of a value below and above.
 OTHERS = {
     "level": ("open.10", LEVEL), "more_layers": ("open.8", VERSION),
-    "hash_levels": ("open.8", VERSION), "hash_log2_entries": ("open.8", VERSION),
     "version": ("open.2", VERSION), "reserved": ("open.2", VERSION),
 }
 COUNTS = ("max_coarse", "max_fine", "max_prim", "n_coarse", "n_fine", "n_prim")
@@ -82,7 +81,7 @@ def verdict(name, value, field):
     if last.startswith("sources_") and value >= 16:
         return "open.8", VERSION
     if last == "tools":
-        known = 0x67f
+        known = 0x77f
         return ("open.4", VERSION) if value & ~known else ("open.9", DATA)
     if last in ("n_cameras", "header_nbytes"):
         return "open.5", DATA
@@ -102,12 +101,16 @@ def header_ranges(film, names):
                      **more)
 
 
-def opening(plain, bank):
-    """plain has a base and two segments, bank has a bank."""
+def opening(plain, bank, hashed):
+    """plain has a base and two segments, bank has a bank and hashed a residual
+    hash."""
     names = [n for n in plain.fields if n.startswith(("header.", "base."))]
-    header_ranges(plain, [n for n in names if "bank_" not in n])
+    header_ranges(plain, [n for n in names
+                          if "bank_" not in n and "hash_" not in n])
     header_ranges(bank, [n for n in bank.fields
                          if n.startswith("bank.") or "bank_" in n])
+    header_ranges(hashed, [n for n in hashed.fields
+                           if n.startswith("hash.") or "hash_" in n])
     for at in range(4):
         edit = Edit(plain).replace(at, 1, bytes([plain.data[at] ^ 0x20]))
         row("open.1", f"magic[{at}]", DATA, edit.cut(at + 1))
@@ -116,7 +119,7 @@ def opening(plain, bank):
     row("open.6", "n=header_nbytes-1", TRUNCATED,
         Edit(plain, sign=False).cut(plain.header_nbytes - 1))
     row("open.7", "crc", DATA, Edit(plain).damage("header.crc"))
-    for bit in (7, 8, *range(11, 32)):
+    for bit in (7, *range(11, 32)):
         head_row(plain, "open.4", f"tools|2^{bit}", VERSION,
                  header__tools=plain.get("header.tools") | 1 << bit)
     n = plain.header_nbytes
@@ -126,7 +129,9 @@ def opening(plain, bank):
     head_row(plain, "open.9", "n_frames<n_segments", DATA, header__n_frames=1)
     networks(plain, [n for n in plain.fields if n.startswith("header.net_")])
     networks(bank, [n for n in bank.fields if n.startswith("bank.net_")])
+    networks(hashed, ["hash.net_res.width"])
     tools(plain, bank)
+    hash_fields(plain, hashed)
     ends(plain)
 
 
@@ -166,6 +171,18 @@ def tools(plain, bank):
     assert off & 1 << 9
 
 
+def hash_fields(plain, hashed):
+    """Section 3 on HASH and hash_*."""
+    for name in ("hash_levels", "hash_log2_entries"):
+        head_row(plain, "open.8", f"{name}-without-hash", VERSION,
+                 **{f"header.{name}": 1})
+        head_row(hashed, "open.9", f"{name}=0-with-hash", DATA,
+                 **{f"header.{name}": 0})
+    for count, bits in ((2, 9), (3, 8), (5, 7), (8, 7)):
+        head_row(hashed, "open.9", f"{count}-tables-of-2^{bits}", DATA,
+                 header__hash_levels=count, header__hash_log2_entries=bits)
+
+
 def ends(plain):
     """Where the head is incomplete."""
     nets = plain.chunk("NETS")
@@ -179,7 +196,7 @@ def level_rows(film):
     """Headers at each limit of each level, which are TRUNCATED since nothing
     follows them, and just above it."""
     place = {n.split(".", 1)[1]: n for n in film.fields
-             if n.startswith(("header.", "base.", "bank."))
+             if n.startswith(("header.", "base.", "bank.", "hash."))
              and film.field(n).count == 1 and n != "header.crc"}
     good = {name: film.get(path) for name, path in place.items()}
     for level in range(len(levels.CAPS)):
@@ -496,8 +513,10 @@ def main():
         return Film(folder, f"good/{name}.saga")
 
     plain, layers = film("base_level3"), film("layers")
-    opening(plain, film("memory_level3"))
+    hashed = film("hash_level3")
+    opening(plain, film("memory_level3"), hashed)
     level_rows(plain)
+    level_rows(hashed)
     level_rows(film("memory_level3"))
     chunks(plain, layers)
     index(plain)

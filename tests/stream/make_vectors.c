@@ -173,6 +173,8 @@ static void good_full(void)
 #define DRAWN(given) .picture = 1, .tools_fixed = 1, .tools = given
 #define BANK(write, slots, width, blocks) .bank = write, \
     .bank_slots = slots, .bank_width = width, .bank_blocks = blocks
+#define TABLES(levels, log2_entries) .hash_levels = levels, \
+    .hash_log2_entries = log2_entries
 
 /* --- Sound --------------------------------------------------------------- */
 
@@ -840,7 +842,7 @@ static void bad_all(void)
         { "tool_base", SAGA_ERR_DATA, { WITH(model.tools, SAGA_TOOL_BASE) } },
         { "tool_feature_residual", SAGA_ERR_VERSION,
           { WITH(model.tools, SAGA_TOOL_FEATURE_RESIDUAL) } },
-        { "tool_hash", SAGA_ERR_VERSION,
+        { "tool_hash", SAGA_ERR_DATA,
           { WITH(model.tools, SAGA_TOOL_HASH) } },
         { "tool_memory", SAGA_ERR_DATA, { WITH(model.tools, SAGA_TOOL_BANK) } },
         { "tool_plain_write", SAGA_ERR_DATA,
@@ -855,8 +857,8 @@ static void bad_all(void)
         { "memory_slots", SAGA_ERR_DATA, { TO(model.bank_slots, 64) } },
         { "memory_width", SAGA_ERR_DATA, { TO(model.bank_width, 32) } },
         { "memory_blocks", SAGA_ERR_DATA, { TO(model.bank_blocks, 256) } },
-        { "hash_levels", SAGA_ERR_VERSION, { TO(hash_levels, 1) } },
-        { "hash_size", SAGA_ERR_VERSION, { TO(hash_log2_entries, 10) } },
+        { "hash_levels", SAGA_ERR_VERSION, { TO(model.hash_levels, 1) } },
+        { "hash_size", SAGA_ERR_VERSION, { TO(model.hash_log2_entries, 10) } },
         { "level_unknown", SAGA_ERR_LEVEL, { TO(level, 4) } },
         { "level_exceeded", SAGA_ERR_LEVEL, { TO(level, 0) } },
         { "frames_zero", SAGA_ERR_DATA, { TO(n_frames, 0) } },
@@ -936,6 +938,16 @@ int main(int argc, char **argv)
             .no_fuse = 3 } },
         { "linear", { .seed = 28, .level = 0, .n_coarse = 20, DRAWN(ALL),
             .no_fuse = 3, .linear = 1 } },
+        { "hash", { .seed = 43, .level = 1, .n_coarse = 20, DRAWN(ALL),
+            .no_fuse = 3, .linear = 1, TABLES(3, 4) } },
+        { "hash_level0", { .seed = 44, .level = 0, .n_coarse = 12,
+            DRAWN(ALL & ~(uint32_t)SAGA_TOOL_VIEW), .no_fuse = 3, .linear = 1,
+            .base = 1, TABLES(1, 5) } },
+        { "hash_level2", { .seed = 73, .level = 2, .n_coarse = 12,
+            .n_layers = 2, TABLES(1, 9) } },
+        { "hash_level3", { .seed = 47, .level = 3, .n_coarse = 12,
+            .n_segments = 2, BANK(GEN_BANK_ORTHOGONAL, 32, 16, 3),
+            TABLES(8, 6) } },
         { "names", { .seed = 29, .level = 0, .n_coarse = 6, DRAWN(0),
             .no_fuse = 3, .named = 1 } },
         { "base", { .seed = 29, .level = 1, .n_coarse = 12, DRAWN(ALL),

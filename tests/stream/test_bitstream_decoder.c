@@ -124,6 +124,19 @@ static uint32_t bank_weights_of(const uint8_t *p)
            (l + v) * bank_width_of(p, "net_slot") + d * v + v * (d + 1);
 }
 
+/* Returns the weights of network 16, whose outputs are `rows` corrections of
+ * F_geo and C of the colour's first layer. */
+static uint32_t hash_weights_of(const uint8_t *p, uint32_t rows)
+{
+    const uint32_t entries = (uint32_t)get(HEADER, p, "hash_levels", 0) <<
+                             get(HEADER, p, "hash_log2_entries", 0);
+
+    return has_hash(p)
+        ? (entries + rows + width_of(p, "net_colour")) *
+              (uint32_t)get(NETWORK, p + hash_at(p), "width", 0)
+        : 0;
+}
+
 /* Returns the inputs of an entropy network with the sources s. */
 static uint32_t inputs_of(const uint8_t *p, uint32_t s)
 {
@@ -177,7 +190,7 @@ static uint32_t weights_of(const uint8_t *p)
          layers_of(in, width_of(p, "net_geo"), rows);
     w = width_of(p, "net_colour");
     return n + in * w + (tools & 4u ? 3 * w : 0) + w * w + 3 * w +
-           bank_weights_of(p);
+           bank_weights_of(p) + hash_weights_of(p, rows);
 }
 
 TEST(networks_should_have_the_same_number_of_weights)
@@ -388,7 +401,8 @@ static saga_status status_with(uint8_t *header, const field *f, uint8_t *p,
     saga_status s;
 
     store(p + f->offset, f->nbytes, (uint64_t)v);
-    *fits = rig_at(header) == rig && bank_is_consistent(header);
+    *fits = rig_at(header) == rig && bank_is_consistent(header) &&
+            hash_is_consistent(header);
     store(header + end, 4, crc_of(0, header, end));
     s = saga_probe(&info, header, end + 4);
     store(p + f->offset, f->nbytes, old);
@@ -484,6 +498,8 @@ TEST(decoder_should_refuse_what_lies_outside_the_ranges)
         if (has_bank(r.header))
             visit(&tables[BANK], r.header + tables[HEADER].nbytes,
                   try_field, &r);
+        if (has_hash(r.header))
+            visit(&tables[HASH], r.header + hash_at(r.header), try_field, &r);
         if (has_base(r.header))
             visit(&tables[BASE], r.header + base_at(r.header), try_field, &r);
         assert_true(r.n_tried > 0);

@@ -71,8 +71,11 @@ TEST(headers_should_be_as_the_tables_say)
 
         check_values(HEADER, p, &files[i]);
         assert_true(bank_is_consistent(p));
+        assert_true(hash_is_consistent(p));
         if (has_bank(p))
             check_values(BANK, p + tables[HEADER].nbytes, &files[i]);
+        if (has_hash(p))
+            check_values(HASH, p + hash_at(p), &files[i]);
         if (has_base(p))
             check_values(BASE, p + base_at(p), &files[i]);
         assert_int_equal(get(HEADER, p, "header_nbytes", 0), end + 4);

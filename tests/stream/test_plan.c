@@ -140,6 +140,8 @@ static gen_options options_of(uint64_t seed, uint32_t i)
     o.tools = i % 32;
     o.picture = i / 32 % 2 == 0;
     o.bank = (int)(i / 2 % 3);
+    o.hash_levels = i % 4 == 1 ? 1 + i % 3 : 0;
+    o.hash_log2_entries = o.hash_levels ? 1 + i % 5 : 0;
     o.no_fuse = i / 5 % 4;
     o.linear = i % 7 == 0;
     o.base = i % 3 == 2;
@@ -377,7 +379,7 @@ TEST(tools_should_cost_nothing_when_off)
         assert_ok(saga_head_read(&h, p.bytes, p.n));
         assert_ok(saga_plan_make(&plan, &h, DECODER_NBYTES));
         assert_int_equal(h.header_nbytes, 178 + (o.bank ? 15 : 0) +
-                         (o.base ? 16 : 0) +
+                         (o.hash_levels ? 3 : 0) + (o.base ? 16 : 0) +
                          GEN_MAX_CAMERAS * SAGA_CAMERA_NBYTES);
         saga_bank_size(&size, &h.model);
         assert_int_equal(plan.coarse_at - plan.bank_at,

@@ -235,7 +235,7 @@ TEST(tools_should_be_looked_at_before_the_size)
         size_t n, head;
         FREED uint8_t *const bytes = make(&streams[i], &n, &head);
 
-        for (int bit = 7; bit < 32; bit += bit == 8 ? 3 : 1) {
+        for (int bit = 7; bit < 32; bit += bit == 7 ? 4 : 1) {
             FREED uint8_t *const copy = with_tool(bytes, n, 1u << bit);
 
             check_lengths("a tool", copy, n, head);

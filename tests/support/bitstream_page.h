@@ -35,11 +35,12 @@ static table tables[] = {
     { .name = "Camera" }, { .name = "Chunk header" },
     { .name = "Index entry" }, { .name = "Segment header" },
     { .name = "Bank networks" }, { .name = "Base" }, { .name = "Names" },
-    { .name = "Name" }, { .name = "Layer" }, { .name = "Sound" }
+    { .name = "Name" }, { .name = "Layer" }, { .name = "Sound" },
+    { .name = "Hash network" }
 };
 enum {
     HEADER, TIER, NETWORK, CAMERA, CHUNK, ENTRY, SEGMENT, BANK, BASE, NAMES,
-    NAME, LAYER, SOUND, N_TABLES
+    NAME, LAYER, SOUND, HASH, N_TABLES
 };
 
 typedef struct {
@@ -343,8 +344,8 @@ static inline int64_t get(int t, const uint8_t *p, const char *name, uint32_t i)
 /* --- The header's parts -------------------------------------------------- */
 
 enum {
-    TOOL_BASE = 1 << 5, TOOL_BANK = 1 << 9, TOOL_PLAIN = 1 << 10,
-    SOURCE_BANK = 8
+    TOOL_BASE = 1 << 5, TOOL_HASH = 1 << 8, TOOL_BANK = 1 << 9,
+    TOOL_PLAIN = 1 << 10, SOURCE_BANK = 8
 };
 
 static inline int has_bank(const uint8_t *header)
@@ -352,15 +353,25 @@ static inline int has_bank(const uint8_t *header)
     return (get(HEADER, header, "tools", 0) & TOOL_BANK) != 0;
 }
 
+static inline int has_hash(const uint8_t *header)
+{
+    return (get(HEADER, header, "tools", 0) & TOOL_HASH) != 0;
+}
+
 static inline int has_base(const uint8_t *header)
 {
     return (get(HEADER, header, "tools", 0) & TOOL_BASE) != 0;
 }
 
-static inline uint32_t base_at(const uint8_t *header)
+static inline uint32_t hash_at(const uint8_t *header)
 {
     return tables[HEADER].nbytes +
            (has_bank(header) ? tables[BANK].nbytes : 0);
+}
+
+static inline uint32_t base_at(const uint8_t *header)
+{
+    return hash_at(header) + (has_hash(header) ? tables[HASH].nbytes : 0);
 }
 
 /* Returns a field of the structure Base, or 0 if the header has none. */
@@ -398,6 +409,16 @@ static inline int bank_is_consistent(const uint8_t *p)
                !(slots == 512 && width == 8);
     return !read && !slots && !width && !blocks &&
            !(get(HEADER, p, "tools", 0) & TOOL_PLAIN);
+}
+
+/* Returns whether the fields that depend on the hash's tool obey section 3. */
+static inline int hash_is_consistent(const uint8_t *p)
+{
+    const int64_t levels = get(HEADER, p, "hash_levels", 0);
+    const int64_t bits = get(HEADER, p, "hash_log2_entries", 0);
+
+    return has_hash(p) ? levels && bits && levels << bits <= 512
+                       : !levels && !bits;
 }
 
 /* --- Every field of a structure ------------------------------------------ */

@@ -101,6 +101,14 @@ static void make_described(saga_model *m, uint64_t *r, const gen_options *o,
     m->int8[net] = (uint8_t)(o->level == 0 || one_in(r, 3));
 }
 
+static void make_hash(saga_model *m, uint64_t *r, const gen_options *o)
+{
+    m->tools |= SAGA_TOOL_HASH;
+    m->hash_levels = (uint8_t)o->hash_levels;
+    m->hash_log2_entries = (uint8_t)o->hash_log2_entries;
+    make_described(m, r, o, SAGA_NET_RES);
+}
+
 static void make_model(saga_model *m, uint64_t *r, const gen_options *o)
 {
     int i;
@@ -133,10 +141,12 @@ static void make_model(saga_model *m, uint64_t *r, const gen_options *o)
     for (i = 0; i < SAGA_NET_QUERY; i++)
         make_described(m, r, o, i);
     m->width[SAGA_NET_COLOUR] = (uint8_t)gen_range(r, 1, 32);
-    for (; o->bank && i < SAGA_N_NETS; i++)
+    for (; o->bank && i < SAGA_NET_RES; i++)
         make_described(m, r, o, i);
     if (o->bank)
         make_memory(m, r, o);
+    if (o->hash_levels)
+        make_hash(m, r, o);
 }
 
 /* Changes the model so that the stream draws a picture in which something can

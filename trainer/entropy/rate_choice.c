@@ -327,7 +327,7 @@ static bool try_subsets(search *f)
     if (!weights_bits(&f->hyper, &rounded.net[SAGA_NET_HYPER], &f->r->decision,
                       SAGA_NET_HYPER, f->error))
         return false;
-    for (net = SAGA_NET_QUERY; net < SAGA_N_NETS; net++) {
+    for (net = SAGA_NET_QUERY; net <= SAGA_NET_WRITE; net++) {
         if (!weights_bits(&bits, &rounded.net[net], &f->r->decision, net,
                           f->error))
             return false;

@@ -152,7 +152,8 @@ static span sound_of(const piece *p, int n_pieces)
 }
 
 enum {
-    MODEL_NBYTES = SAGA_HEADER_NBYTES + SAGA_BANK_NBYTES + SAGA_BASE_NBYTES
+    MODEL_NBYTES = SAGA_HEADER_NBYTES + SAGA_BANK_NBYTES + SAGA_HASH_NBYTES +
+                   SAGA_BASE_NBYTES
 };
 
 /* Writes the fields of a header that must agree for two files to have the same

@@ -64,22 +64,23 @@ typedef struct saga_scene {
 } saga_scene;
 
 /* The networks of the entropy model are those before FUSE_C and, with a memory
- * bank, those from QUERY on. They come first in params. saga_scene_net returns
- * the network at position i there. */
+ * bank, those from QUERY to WRITE. They come first in params, and RES comes
+ * last. saga_scene_net returns the network at position i there. */
 enum {
-    SAGA_N_ENTROPY_NETS = SAGA_NET_FUSE_C + SAGA_N_NETS - SAGA_NET_QUERY
+    SAGA_N_ENTROPY_NETS = SAGA_NET_FUSE_C + SAGA_NET_RES - SAGA_NET_QUERY
 };
 
 static inline int saga_scene_net(int i)
 {
-    return i < SAGA_NET_FUSE_C ? i
+    return i < SAGA_NET_FUSE_C || i == SAGA_NET_RES ? i
          : i < SAGA_N_ENTROPY_NETS ? i + SAGA_NET_QUERY - SAGA_NET_FUSE_C
          : i + SAGA_NET_FUSE_C - SAGA_N_ENTROPY_NETS;
 }
 
 static inline int saga_is_entropy_net(int net)
 {
-    return net < SAGA_NET_FUSE_C || net >= SAGA_NET_QUERY;
+    return net < SAGA_NET_FUSE_C ||
+           (net >= SAGA_NET_QUERY && net < SAGA_NET_RES);
 }
 
 /* Converts a position and time (x, y, z, t) to the form that is embedded, with

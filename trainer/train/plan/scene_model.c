@@ -73,7 +73,7 @@ static void set_bank(saga_model *m, const saga_ablation *a,
     m->width[SAGA_NET_QUERY] = m->width[SAGA_NET_AGG] = 8;
     m->width[SAGA_NET_SLOT] = 4;
     m->width[SAGA_NET_WRITE_BASE] = m->width[SAGA_NET_WRITE] = 8;
-    for (int i = SAGA_NET_QUERY; i < SAGA_N_NETS; i++)
+    for (int i = SAGA_NET_QUERY; i <= SAGA_NET_WRITE; i++)
         m->q_in[i] = 10;
     m->q_in[SAGA_NET_WRITE_BASE] = SAGA_SLOT_Q;
 }
