@@ -10,7 +10,7 @@ typedef struct {
     int tier, how;
     saga_rng random;
     uint64_t n_random;       /* numbers drawn so far */
-    double mean[SAGA_MAX_FEATURES]; /* features, over all known anchors */
+    double mean[SAGA_MAX_FEATURES]; /* mean features of all known anchors */
 } recovery;
 
 static uint32_t n_anchors(const saga_scaffold *sc, int tier)

@@ -221,7 +221,8 @@ recorder_chunks recorder_head(const saga_header *h, const uint8_t *bytes,
     return at;
 }
 
-/* Returns the CRC of the head's last chunk, with which a segment's begin. */
+/* Returns the CRC of the last chunk of the head. The CRC of a segment's first
+ * chunk is continued from it. */
 static uint32_t owner_of(const saga_header *h, const uint8_t *bytes)
 {
     const size_t end = (size_t)saga_head_nbytes(h);

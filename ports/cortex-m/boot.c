@@ -9,7 +9,7 @@
 
 #include <stddef.h>
 
-/* firmware.ld defines these. */
+/* These symbols are defined in firmware.ld. */
 extern uint32_t boot_stack[], boot_stack_top[], boot_bss[], boot_bss_end[];
 
 int main(void);
@@ -68,8 +68,9 @@ int memcmp(const void *a, const void *b, size_t n)
 #define SYSTICK_CONTROL (*(volatile uint32_t *)0xe000e010u)
 #define SYSTICK_RELOAD (*(volatile uint32_t *)0xe000e014u)
 #define SYSTICK_VALUE (*(volatile uint32_t *)0xe000e018u)
-#define SYSTICK_ON 7u            /* counts processor clocks and interrupts */
-#define SYSTICK_MOST 0xffffffu   /* it counts down from here, 24 bits */
+#define SYSTICK_ON 7u            /* bits that enable it, with interrupts, on the
+                                  * processor clock */
+#define SYSTICK_MOST 0xffffffu   /* it counts down from this value (24 bits) */
 
 static volatile uint32_t turns;
 
@@ -83,7 +84,7 @@ static void start_timer(void)
     SYSTICK_RELOAD = SYSTICK_MOST;
     SYSTICK_VALUE = 0;
     SYSTICK_CONTROL = SYSTICK_ON;
-    while (SYSTICK_VALUE == 0)   /* it takes a clock to reload */
+    while (SYSTICK_VALUE == 0)   /* reloading takes a clock cycle */
         ;
 }
 

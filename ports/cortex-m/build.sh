@@ -34,7 +34,7 @@ if [ $# = 0 ]; then
     done
 fi
 
-# Streams go into flash as they are; names are those of vectors/MANIFEST.
+# The streams go into flash unchanged, and have their names in vectors/MANIFEST.
 mkdir -p "$out"
 i=0
 {

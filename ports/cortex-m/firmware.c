@@ -122,11 +122,11 @@ static uint32_t splats_crc(const saga_decoder *dec, uint32_t n)
 /* A picture of a segment, with its checksums and times. */
 typedef struct {
     saga_camera camera;
-    uint32_t index;              /* of the camera in the rig */
+    uint32_t index;              /* index of the camera in the rig */
     int32_t t;
-    int file;                    /* handle on the host; -1: none */
+    int file;                    /* handle of the file on the host; -1: none */
     uint32_t primitives, splats, frame; /* checksums */
-    uint64_t view, draw;         /* ticks */
+    uint64_t view, draw;         /* ticks that saga_view and drawing took */
 } picture;
 
 static saga_status draw_strip(picture *p, const saga_decoder *dec, int32_t y0,
@@ -277,7 +277,7 @@ static int decode(const stream *f, saga_decoder *dec, const saga_segment *seg)
     return 0;
 }
 
-/* Starts a decoder in the work block. */
+/* Opens a stream with a decoder in the work block. */
 static saga_status open_head(saga_decoder **dec, saga_info *info,
                              const stream *f)
 {

@@ -19,7 +19,7 @@ mkdir -p "$out"
     "$saga" encode "$out/capture" -o "$out/scene.saga" --level 0 \
         --primitives 512 --iterations 3000 --lambda 0.02 >"$out/log" 2>&1
 
-# The level 0 streams of the vectors, then the scene.
+# The streams are the vectors of level 0, then the trained scene.
 set --
 for f in vectors/good/*.saga; do
     [ "$(od -An -tu1 -j12 -N1 "$f" | tr -d ' ')" != 0 ] || set -- "$@" "$f"

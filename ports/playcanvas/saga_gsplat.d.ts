@@ -2,16 +2,16 @@
 import type { AppBase, Asset, GSplatContainer } from 'playcanvas';
 import type { EngineView } from 'saga-web/engine.js';
 
-/** The resource of an asset of the type gsplat whose file is a film. */
+/** The resource of a gsplat asset that was loaded from a .saga file. */
 export class SagaSplats extends GSplatContainer {
     /** The clock, the file's properties, and events. */
     readonly view: EngineView;
 }
 
-/** For `app.loader.getHandler('gsplat').addParser`. */
+/** A parser for `app.loader.getHandler('gsplat').addParser`. */
 export class SagaParser {
-    /** simd: false for the decoder without SIMD; seconds: limit for decoding
-     * a segment. */
+    /** simd: false selects the decoder without SIMD. seconds: time limit for
+     * decoding a segment. */
     constructor(app: AppBase, options?: { simd?: boolean; seconds?: number });
     canParse(context: { ext: string }): boolean;
     load(url: { load: string; original: string },

@@ -15,7 +15,8 @@
 import * as pc from 'playcanvas';
 import { EngineView } from 'saga-web/engine.js';
 
-// The textures for the planes that gaussians.js makes.
+// The names of the textures. Each holds one of the planes that gaussians.js
+// makes.
 const PLANES = ['sagaMean', 'sagaScale', 'sagaTurn', 'sagaColour'];
 
 function formatFor(device) {
@@ -36,7 +37,7 @@ fn getRotation() -> vec4f { return loadSagaTurn(); }
     });
 }
 
-// The splats at the time of the view's clock.
+// The splats of the film at the time of the view's clock.
 export class SagaSplats extends pc.GSplatContainer {
     constructor(app, view) {
         const { info } = view;
@@ -48,7 +49,7 @@ export class SagaSplats extends pc.GSplatContainer {
             new pc.Vec3(half, half, half));
         this.view = view;
         this.app = app;
-        this.owner = null; // the component that shows it
+        this.owner = null; // the gsplat component that shows these splats
         this.toFilm = new pc.Mat4();
         this.update(0);
         this.handle = app.scene.on('prerender', (camera) => this.look(camera));
@@ -65,7 +66,7 @@ export class SagaSplats extends pc.GSplatContainer {
                 planes.subarray(4 * nSplats * i, 4 * nSplats * (i + 1)));
             texture.unlock();
         }
-        // The engine sorts by these.
+        // The engine sorts the splats by their centers.
         for (let i = 0; i < nSplats; i++)
             centers.set(planes.subarray(4 * i, 4 * i + 3), 3 * i);
         this.update(nSplats);
@@ -92,7 +93,7 @@ export class SagaSplats extends pc.GSplatContainer {
 }
 
 export class SagaParser {
-    // options: the viewer's simd and seconds.
+    // options: simd and seconds, as in viewer.d.ts.
     constructor(app, options) {
         this.app = app;
         this.options = options;

@@ -2,11 +2,12 @@
 import type { AppBase, Entity } from 'playcanvas';
 import type { EngineView } from 'saga-web/engine.js';
 
-/** A film in a scene that is drawn with WebGL2. A unit of its entity is the
- * capture's; it may be moved, turned, and scaled alike in all directions. */
+/** A film in a scene that is drawn with WebGL2. The entity's unit of length is
+ * the capture's. The entity may be moved, turned, and scaled equally in all
+ * directions. */
 export class SagaEntity {
-    /** simd: false for the decoder without SIMD; seconds: limit for decoding
-     * a segment. */
+    /** simd: false selects the decoder without SIMD. seconds: time limit for
+     * decoding a segment. */
     static load(
         app: AppBase,
         source: string | File,
@@ -18,11 +19,13 @@ export class SagaEntity {
     /** The clock, the file's properties, and events. */
     readonly view: EngineView;
 
-    /** Puts an entity with a camera at the place of a camera of the rig. */
+    /** Moves an entity with a camera to the position and orientation of a
+     * camera of the rig, and gives it its field of view. */
     placeCamera(camera: Entity, index?: number): void;
     destroy(): void;
 }
 
-/** Does the same for any entity that shows a film. */
+/** Moves a camera as SagaEntity.placeCamera does, for any entity that shows a
+ * film. */
 export function placeCamera(film: { entity: Entity; view: EngineView },
     camera: Entity, index: number): void;

@@ -29,7 +29,7 @@ void main() {
     gl_FragColor = saga_mixed();
 }`;
 
-// The attributes of a splat, from floatsOf.
+// The vertex attributes of a splat: its values from floatsOf.
 const SPLAT = [['place', pc.SEMANTIC_ATTR12, 4], ['chol', pc.SEMANTIC_ATTR13, 3],
     ['colour', pc.SEMANTIC_ATTR14, 3]];
 
@@ -57,7 +57,7 @@ function makeSquare(device) {
     return mesh;
 }
 
-// Puts an entity with a camera where a camera of the film's rig stands.
+// Moves an entity with a camera to a camera of the film's rig.
 export function placeCamera({ entity, view }, camera, index) {
     const { fov, matrix } = view.rigPlace(index);
     const place = new pc.Mat4();
@@ -70,7 +70,7 @@ export function placeCamera({ entity, view }, camera, index) {
 }
 
 export class SagaEntity {
-    // source: an address or a File. options: the viewer's simd and seconds.
+    // source: a URL or a File. options: simd and seconds, as in viewer.d.ts.
     static async load(app, source, options) {
         const film = new SagaEntity(app, options);
 
@@ -94,7 +94,7 @@ export class SagaEntity {
             castShadows: false, receiveShadows: false });
         this.modelView = new pc.Mat4();
         this.values = null; // the camera for which the splats were made
-        // The clock, and events: see viewer.d.ts.
+        // The clock of the film; viewer.d.ts lists its events.
         this.view = new EngineView((splats) => this.take(splats), options);
         this.handle = app.scene.on('prerender', (camera) => this.look(camera));
     }

@@ -129,14 +129,15 @@ _library = None
 
 
 def _lib():
-    """The library, loaded once: SAGA_LIBRARY, or the one that belongs to this
-    file, of an installation or a build, or the system's."""
+    """Returns the decoder's library, which is loaded once. It is the one that
+    SAGA_LIBRARY names, or the one that was installed or built with this
+    file, or the system's."""
     global _library
     if _library:
         return _library
     here = os.path.dirname(os.path.abspath(__file__))
-    # A wheel has its library in saga.libs, PREFIX/share/saga/python in
-    # PREFIX/lib, ports/python in the tree's build.
+    # The library is in saga.libs beside a wheel's module, in PREFIX/lib if the
+    # module is in PREFIX/share/saga/python, and in build/ of the source tree.
     beside = [os.path.normpath(os.path.join(here, at, "libsaga.so.0"))
               for at in ("saga.libs", "../../../lib", "../../../lib64",
                          "../../build")]
@@ -197,7 +198,8 @@ class Film:
         _check(_lib().saga_probe(ctypes.byref(self._header), self._bytes,
                                  len(data)), name)
         h = self._header
-        # The level of a header limits its work block, to at most 1 GiB.
+        # The level in the header limits the size of the work block, to at most
+        # 1 GiB.
         if h.work_nbytes > _LARGEST or h.head_nbytes > len(data):
             raise Error(name + ": the file is cut short")
         self._work = ctypes.create_string_buffer(h.work_nbytes + _ALIGN)
@@ -240,8 +242,8 @@ class Film:
 
     @property
     def metres(self):
-        """The metres in the capture's unit of length, or 0 if the file does not
-        state them."""
+        """Length of the capture's unit in metres, or 0 if the file does not
+        state it."""
         naming = self._naming(0)
         return math.ldexp(naming.metre_mantissa, naming.metre_exponent)
 
@@ -262,8 +264,8 @@ class Film:
         return camera
 
     def _seek(self, frame):
-        """Decodes the segment of a time in frames, which may be a Fraction;
-        returns the time in it."""
+        """Decodes the segment that holds a time in frames, which may be a
+        Fraction. Returns the time within the segment."""
         time = Fraction(frame).limit_denominator(65536)
         if not 0 <= time < 1 << 32:
             raise Error(f"{self.info.name}: no frame {frame} among its "
@@ -303,7 +305,8 @@ class Film:
         _check(_lib().saga_view(self._dec, ctypes.byref(c), t),
                self.info.name)
         rgb = ctypes.create_string_buffer(3 * c.width * c.height)
-        # Scratch for all rows at once, up to a limit: see saga_job.
+        # There is scratch memory for all tiles at once, up to a limit (see
+        # saga_job).
         rows, columns = -(-c.height // _TILE), -(-c.width // _TILE)
         nbytes = 16 * _TILE * _TILE * min(rows * columns, 1 << 14) + \
             8 * _LIST + 264

@@ -13,7 +13,8 @@ import { ExtSplats, SplatMesh, utils } from '@sparkjsdev/spark';
 import { EngineView } from 'saga-web/engine.js';
 import { placeCamera } from './saga_three.js';
 
-// Returns empty splats in float, as many as fit a texture of Spark's size.
+// Returns empty splats of Spark's float format, at least `least`, in textures
+// of the size that Spark uses for this number.
 function emptySplats(least) {
     const { maxSplats } = utils.getTextureSize(least);
     const extArrays = [0, 1].map(() => new Uint32Array(4 * maxSplats));
@@ -22,7 +23,7 @@ function emptySplats(least) {
 }
 
 export class SagaSplatMesh extends SplatMesh {
-    // source: an address or a File. options: the viewer's simd and seconds.
+    // source: a URL or a File. options: simd and seconds, as in viewer.d.ts.
     static async load(source, options) {
         let film = null;
         const view = new EngineView((made) => film.take(made),
@@ -37,7 +38,7 @@ export class SagaSplatMesh extends SplatMesh {
     constructor(view) {
         super({ extSplats: emptySplats(view.info.maxPrimitives),
             raycastable: false });
-        // The clock, and events: see viewer.d.ts.
+        // The clock of the film; viewer.d.ts lists its events.
         this.view = view;
     }
 
@@ -58,8 +59,8 @@ export class SagaSplatMesh extends SplatMesh {
         this.updateVersion();
     }
 
-    // Spark calls this before it draws. Colours depend on its camera's
-    // position.
+    // Spark calls this before it draws. The splats' colours depend on the
+    // position of its camera.
     update(context) {
         const eye = new THREE.Vector3().setFromMatrixPosition(
             context.viewToWorld);

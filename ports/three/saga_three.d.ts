@@ -2,11 +2,11 @@
 import type { Mesh, PerspectiveCamera } from 'three';
 import type { EngineView } from 'saga-web/engine.js';
 
-/** A film in a scene that a WebGLRenderer draws. A unit of it is the capture's;
- * it may be moved, turned, and scaled alike in all directions. */
+/** A film in a scene that a WebGLRenderer draws. Its unit of length is the
+ * capture's. It may be moved, turned, and scaled equally in all directions. */
 export class SagaMesh extends Mesh {
-    /** simd: false for the decoder without SIMD; seconds: limit for decoding
-     * a segment. */
+    /** simd: false selects the decoder without SIMD. seconds: time limit for
+     * decoding a segment. */
     static load(
         source: string | File,
         options?: { simd?: boolean; seconds?: number },
@@ -15,7 +15,8 @@ export class SagaMesh extends Mesh {
     /** The clock, the file's properties, and events. */
     readonly view: EngineView;
 
-    /** Puts a camera at the place of a camera of the rig. */
+    /** Moves a camera to the position and orientation of a camera of the rig,
+     * and gives it its field of view. */
     placeCamera(camera: PerspectiveCamera, index?: number): void;
     dispose(): void;
 }

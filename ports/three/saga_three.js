@@ -45,7 +45,8 @@ function makeMaterial() {
     });
 }
 
-// An instance for each splat: four corners, and the floats of floatsOf.
+// Makes an instance for each splat: a square of four corners, with the splat's
+// values from floatsOf as attributes.
 function makeGeometry(floats, nSplats) {
     const geometry = new THREE.InstancedBufferGeometry();
     const buffer = new THREE.InstancedInterleavedBuffer(floats, FLOATS);
@@ -62,7 +63,7 @@ function makeGeometry(floats, nSplats) {
     return geometry;
 }
 
-// Puts a PerspectiveCamera where a camera of the film's rig stands.
+// Moves a PerspectiveCamera to a camera of the film's rig.
 export function placeCamera(film, camera, index) {
     const { fov, matrix } = film.view.rigPlace(index);
 
@@ -76,7 +77,7 @@ export function placeCamera(film, camera, index) {
 }
 
 export class SagaMesh extends THREE.Mesh {
-    // source: an address or a File. options: the viewer's simd and seconds.
+    // source: a URL or a File. options: simd and seconds, as in viewer.d.ts.
     static async load(source, options) {
         const film = new SagaMesh(options);
 
@@ -90,7 +91,7 @@ export class SagaMesh extends THREE.Mesh {
         this.viewport = new THREE.Vector4();
         this.modelView = new THREE.Matrix4();
         this.values = null; // the camera for which the splats were made
-        // The clock, and events: see viewer.d.ts.
+        // The clock of the film; viewer.d.ts lists its events.
         this.view = new EngineView((splats) => this.take(splats), options);
     }
 

@@ -8,7 +8,7 @@
 
 import { SagaFile } from './saga.js';
 
-let file = null; // promise of it
+let file = null; // promise of the opened SagaFile
 
 async function decode({ number, bytes }) {
     const instance = await file;

@@ -9,7 +9,7 @@
 
 const ROTATION = 0, CENTRE = 9, FOCAL = 12, PRINCIPAL = 14, SIZE = 17;
 const ONE_Q30 = 2 ** 30, ONE_Q16 = 65536;
-const FARTHEST = 2 ** 29; // box units, of a camera
+const FARTHEST = 2 ** 29; // box units; largest coordinate of a camera
 
 // --- Vectors ---------------------------------------------------------------
 
@@ -88,7 +88,8 @@ export function moved(pose, by) {
 
 // --- Integers --------------------------------------------------------------
 
-// Returns the lens (values) scaled to another size of the picture.
+// Returns the lens, which is an array of `values`, scaled to another size of
+// the picture.
 export function resized(lens, scale) {
     const values = Int32Array.from(lens);
 
@@ -107,9 +108,9 @@ export function resized(lens, scale) {
     return values;
 }
 
-// Returns the lens for a picture of width x height. If the shapes differ, up to
-// a fifth of the lens's field is cut off, so that the picture shows less that
-// nobody filmed.
+// Returns the lens for a picture of width x height. If its shape differs from
+// that of the lens's picture, up to a fifth of the lens's field of view is cut
+// off, so that the picture shows less of what no camera has filmed.
 export function fitted(lens, width, height) {
     const values = Int32Array.from(lens);
     const sides = [width / lens[SIZE], height / lens[SIZE + 1]];
@@ -126,7 +127,7 @@ export function fitted(lens, width, height) {
     return values;
 }
 
-// Returns the values of a lens at a pose.
+// Returns the values of a camera with this lens at a pose.
 export function placed(lens, pose) {
     const values = Int32Array.from(lens);
 

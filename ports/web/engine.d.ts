@@ -2,31 +2,37 @@
 import type { SagaSplats } from './saga.js';
 import { Viewer } from './viewer.js';
 
-/** Floats of a splat. */
+/** Number of floats of a splat, from floatsOf. */
 export const FLOATS: number;
-/** Splats from back to front: mean (2, pixels), depth (box units), q0; g, n, h;
- * colour (3). */
+/** Returns the splats from back to front. Each has: mean (2, pixels), depth
+ * (box units), q0; the conic's factor g, n, h; colour (3). */
 export function floatsOf(splats: SagaSplats): Float32Array;
 export function isSteep(splats: SagaSplats): boolean;
-/** saga_place and saga_mixed, in GLSL ES 3. */
+/** Vertex shader functions in GLSL ES 3, among them saga_place; the fragment
+ * shader has saga_mixed. */
 export const VERTEX_GLSL: string;
 export const FRAGMENT_GLSL: string;
 
-/** A viewer whose camera is an engine's. Matrices are 4x4, by columns. */
+/** A viewer that draws with the camera of another engine. Matrices are 4x4,
+ * stored by columns. */
 export class EngineView extends Viewer {
     constructor(
         take: (splats: SagaSplats & { values: Int32Array }) => void,
         options?: { simd?: boolean; seconds?: number;
             make?: 'splats' | 'gaussians' },
     );
-    /** modelView takes the capture's units to the camera. */
+    /** Asks for the splats as the engine's camera sees them. modelView maps the
+     * capture's units to the camera's axes. */
     lookFrom(modelView: ArrayLike<number>, projection: ArrayLike<number>,
         width: number, height: number): void;
-    /** For Gaussians: the camera's position, in the capture's units. */
+    /** Asks for Gaussians, whose colours are those seen from `eye`, a position
+     * in the capture's units. */
     lookFromPlace(eye: number[]): void;
-    /** Maps splats made for `values` to the engine's screen. */
+    /** Returns the matrix that maps splats that were made for the camera
+     * `values` to the clip space of the engine's camera. */
     toClip(values: Int32Array, modelView: ArrayLike<number>,
         projection: ArrayLike<number>): number[];
-    /** Returns the place of a camera of the rig. */
+    /** Returns the vertical field of view, in degrees, and the pose, as a
+     * matrix, of a camera of the rig. */
     rigPlace(index: number): { fov: number; matrix: number[] };
 }

@@ -12,13 +12,14 @@ import * as cam from './camera.js';
 import { SHAPE_GLSL, STEEP } from './gpu.js';
 import { Viewer } from './viewer.js';
 
-const SPLAT_INTS = 11;     // saga_splat of saga.h
-export const FLOATS = 10;  // for each splat, from `floatsOf`
+const SPLAT_INTS = 11;     // 32-bit integers of a saga_splat of saga.h
+export const FLOATS = 10;  // floats of a splat that `floatsOf` returns
 
 export const isSteep = ({ tools }) => (tools & STEEP) !== 0;
 
-// Returns the splats from back to front, because engines blend in this order:
-// mean in pixels, depth in box units, q0; g, n, h; colour.
+// Returns the splats from back to front, because engines blend in this order.
+// Each has its mean in pixels, its depth in box units, q0; the conic's factor
+// g, n, h; and its colour.
 export function floatsOf({ bytes, nSplats }) {
     const ints = new Int32Array(bytes.buffer, bytes.byteOffset,
         SPLAT_INTS * nSplats);
@@ -105,9 +106,9 @@ export function valuesFrom(view, modelView, projection, width, height) {
         { rotation: rows.flat(), centre: view.toUnits(eye) });
 }
 
-// Returns the matrix from splats that were made for the camera `values`, as (x
-// depth, y depth, depth, 1) in pixels and box units, to the screen of the
-// engine's camera.
+// Returns the matrix that maps splats to the clip space of the engine's camera.
+// The splats were made for the camera `values` and are given as (x depth, y
+// depth, depth, 1), with x and y in pixels and depth in box units.
 export function toClip(view, values, modelView, projection) {
     const { rotation: r, centre } = cam.poseOf(values);
     const [fx, fy, cx, cy] = Array.from(values.slice(12, 16),
@@ -139,7 +140,7 @@ export class EngineView extends Viewer {
     }
 
     // Asks for Gaussians. Only their colours depend on the camera, and only on
-    // its position, in the capture's units.
+    // its position `eye`, which is in the capture's units.
     lookFromPlace(eye) {
         if (!this.info)
             return;
@@ -153,9 +154,9 @@ export class EngineView extends Viewer {
         return toClip(this, values, modelView, projection);
     }
 
-    // Returns the pose of a camera of the rig as a matrix with the columns
-    // right, up, back and position, in the capture's units, and its vertical
-    // field of view in degrees.
+    // Returns the pose of a camera of the rig and its vertical field of view in
+    // degrees. The pose is a matrix with the columns right, up, back and
+    // position, in the capture's units.
     rigPlace(index) {
         const { values } = this.rig[index];
         const { rotation: r, centre } = cam.poseOf(values);

@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: MIT
 //
-// The primitives at a time for engines that draw Gaussian splats: as normal
-// distributions in the capture's units.
+// Converts the primitives at a time to the Gaussian splats of other engines,
+// which draw normal distributions. They are in the capture's units.
 
 import { STEEP } from './gpu.js';
 
-export const GAUSSIAN_INTS = 13; // web_gaussian of saga_web.c
+export const GAUSSIAN_INTS = 13; // 32-bit integers of a web_gaussian of
+                                 // saga_web.c
 const MOST_ALPHA = 64880 / 65536;
-const PEAK_STEPS = 32;           // steps of log2 P, which is 0 to 3
+const PEAK_STEPS = 32;           // steps of the table for each unit of log2 P;
+                                 // log2 P is 0 to 3
 
 // Engines draw normal distributions, without flat tops (opacities P above 1)
 // and steep edges. Each splat becomes a normal distribution that covers the

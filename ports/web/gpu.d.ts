@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: MIT
 import type { SagaSplats } from './saga.js';
 
-/** Draws splats in one call into the bound framebuffer, which begins as (0, 0,
- * 0, 1): colours are added, and alpha becomes what is left for the background.
- * The picture's first row comes first. */
+/** Draws splats in one call into the bound framebuffer, which must be cleared
+ * to (0, 0, 0, 1). Colours are added to it, and alpha becomes the
+ * transmittance, the share of the background that remains visible. The
+ * picture's first row becomes the first row of the framebuffer. */
 export class SplatPainter {
     constructor(gl: WebGL2RenderingContext);
     upload(splats: Omit<SagaSplats, 'background' | 'nPrimitives'>): void;
@@ -14,7 +15,7 @@ export class SplatPainter {
 export class GpuScreen {
     /** Returns null if the browser has no WebGL2. */
     static open(canvas: HTMLCanvasElement): GpuScreen | null;
-    /** Whether the browser has what splats need. */
+    /** Whether the browser supports everything that drawing splats needs. */
     readonly takesSplats: boolean;
     showSplats(splats: Omit<SagaSplats, 'nPrimitives'>): void;
     showPixels(picture: {

@@ -15,12 +15,14 @@
 // in the alpha channel: rgb += T alpha colour, T *= 1 - alpha. Eight bits would
 // lose faint splats.
 
-const SPLAT_NBYTES = 44; // saga_splat of saga.h
-// The bit of the tool with which splats fall off faster than Gaussians.
+const SPLAT_NBYTES = 44; // bytes of a saga_splat of saga.h
+// The bit in the header's tools that says that splats fall off faster than
+// Gaussians.
 export const STEEP = 64;
 
-// The shape of a splat, for all our shaders. f: g, n, h of its conic; its peak
-// is exp2(3 - q0); d: offset from its mean in pixels, y down.
+// The shape of a splat, for all shaders here and in engine.js. f: the factor g,
+// n, h of the splat's conic. q0: the peak of its opacity is exp2(3 - q0). d:
+// the offset from its mean in pixels, y down.
 export const SHAPE_GLSL = `
 vec2 saga_corner(vec3 f, float q0, bool is_steep, vec2 corner) {
     float rest = 11.0 - q0;
@@ -82,15 +84,15 @@ void main() {
     mixed = vec4(alpha * splat.rgb, alpha);
 }`;
 
-// One triangle that covers everything.
+// One triangle covers the whole picture.
 const PICTURE_VERTEX = `#version 300 es
 void main() {
     gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0,
                        gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0);
 }`;
 
-// The remaining transparency shows the background. WebGL counts rows from the
-// bottom.
+// Adds the background, weighted by the transmittance that remains. WebGL counts
+// rows from the bottom.
 const PICTURE_FRAGMENT = `#version 300 es
 precision highp float;
 precision highp sampler2D;
@@ -150,7 +152,8 @@ export class SplatPainter {
         gl.bindVertexArray(null);
     }
 
-    // Takes { bytes, nSplats, width, height, tools } from SagaFile.splats.
+    // Uploads splats: the result { bytes, nSplats, width, height, tools } of
+    // SagaFile.splats.
     upload({ bytes, nSplats, width, height, tools }) {
         const { gl } = this;
 
@@ -160,7 +163,7 @@ export class SplatPainter {
         gl.bufferData(gl.ARRAY_BUFFER, bytes, gl.STREAM_DRAW);
     }
 
-    // The one draw call.
+    // Draws all splats in one call.
     draw() {
         const { gl, splats } = this;
 
@@ -199,7 +202,8 @@ export class GpuScreen {
     begin() {
         const { gl } = this;
 
-        // Without 16-bit floats it shows pixels only.
+        // If the browser has no framebuffers of 16-bit floats, only pixels can
+        // be shown.
         this.takesSplats = Boolean(
             gl.getExtension('EXT_color_buffer_float') ||
             gl.getExtension('EXT_color_buffer_half_float'));

@@ -3,12 +3,13 @@
 // The optional chunks between a file's head and its segments, which are not
 // needed for pictures: names of the cameras, and the sound.
 
-const CHUNK_NBYTES = 12;   // before a payload
+const CHUNK_NBYTES = 12;   // bytes of a chunk before its payload
 const MOST_NAMES = 2 ** 17; // bytes
 const USUAL_NBYTES = 4096; // enough for most names and the next chunk's header
 
-// Names the cameras of the file's rig. Returns the end of its sound, in bytes
-// from the start of the file, or 0 if it has none. bytes: the head.
+// Sets the names of the cameras in the file's rig. Returns where its sound
+// ends, in bytes from the start of the file, or 0 if it has none. bytes: the
+// file's head.
 export async function readOptional(file, bytes) {
     const end = Math.min(...file.segments.map(({ offset }) => offset));
     const readOn = (to) => file.readOn(bytes, Math.min(to, end));
@@ -39,7 +40,8 @@ function chunkAt(bytes, at, type, end) {
     return begin + nbytes <= end ? { begin, end: begin + nbytes } : null;
 }
 
-// Each name begins with the first bytes of the name before it.
+// Sets the cameras' names. A coded name says how many of its first bytes are
+// those of the name before it.
 function nameCameras(rig, bytes) {
     let at = 0;
     let name = new Uint8Array();

@@ -3,8 +3,9 @@
 // Finds the size at which sixty pictures a second are shown, as a fraction of
 // the window's size. It uses only the times at which pictures came.
 
-const SLOW_MS = 22, FAST_MS = 17.5; // between pictures
-const FEW = 6, MANY = 60;           // slow, fast pictures before a change
+const SLOW_MS = 22, FAST_MS = 17.5; // intervals between two pictures
+const FEW = 6, MANY = 60;           // number of slow or fast pictures, until
+                                    // the size changes
 const LEAST = 0.35;
 
 export class Pace {
@@ -14,14 +15,15 @@ export class Pace {
         this.pause();
     }
 
-    // Nothing moves any more.
+    // Stops the measurement, when nothing moves any more.
     pause() {
         this.last = null;
         this.slow = this.fast = 0;
     }
 
-    // A picture came at the time `now`, and the worker took `worked`, both in
-    // ms. If the worker takes most of the time, smaller pictures do not help.
+    // Notes that a picture came at the time `now`, and that the worker took
+    // `worked` for it, both in ms. If the worker takes most of the time,
+    // smaller pictures do not help.
     note(now, worked) {
         const passed = this.last === null ? 0 : now - this.last;
 
@@ -37,7 +39,8 @@ export class Pace {
         }
     }
 
-    // If a size was too large just after it grew, the next attempt comes later.
+    // Makes pictures smaller. If a size was too large just after it grew, the
+    // next attempt to grow comes later.
     shrink() {
         if (this.grew)
             this.hold = Math.min(64 * MANY, 2 * this.hold);

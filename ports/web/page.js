@@ -12,18 +12,20 @@ const $ = (id) => document.getElementById(id);
 const root = document.documentElement;
 const asked = new URLSearchParams(location.search);
 const carried = JSON.parse($('carried').textContent);
-const KEY_SECONDS = 2; // from one key camera to the next
+const KEY_SECONDS = 2; // time of the path from one key camera to the next
 const RATE_MS = 2000;  // time over which pictures are counted
-const SETTLED_MS = 300; // without a change, until the address has the view
+const SETTLED_MS = 300; // time without a change, after which the view is
+                        // written to the address
 
 const player = $('player');
 const { viewer } = player;
-let references = [];    // { camera, frame, crc } of the file that is shown
+let references = [];    // { camera, frame, crc }: known checksums of pictures
+                        // of the open file
 let keys = [];          // key cameras of the path
-let noted = null;       // the state in the address
-let settling = 0;       // timer
+let noted = null;       // the last state that was written to the address
+let settling = 0;       // the timer of SETTLED_MS
 
-// For scripts on the page, and for the tests.
+// Scripts on the page, and the tests, may use the viewer.
 window.viewer = viewer;
 
 // --- Opening ---------------------------------------------------------------
@@ -52,7 +54,8 @@ async function open(source, pictures = []) {
     return true;
 }
 
-// The frame of the parameter "frame=12", or "time=0.5" in seconds.
+// Returns the frame that the address asks for, as "frame=12" or, in seconds, as
+// "time=0.5".
 function askedFrame() {
     if (asked.has('time'))
         return Number(asked.get('time')) * viewer.info.fps;
@@ -113,7 +116,7 @@ function showFile() {
     setState('ready');
 }
 
-// Updates the page's controls after a change of the view.
+// Updates the page's controls after a change of what is shown.
 function showState() {
     $('scale').value = viewer.scale;
     $('scale').hidden = viewer.fills;
@@ -137,8 +140,8 @@ function noteState() {
 
 let shown = []; // times of the last pictures, ms
 
-// Of the pictures that are older than RATE_MS only the last one is kept: the
-// count begins at its time.
+// Notes that a picture was shown. Of the pictures older than RATE_MS only the
+// last one is kept: the count of pictures a second begins at its time.
 function noteShown(now) {
     shown.push(now);
     while (shown.length > 2 && now - shown[1] >= RATE_MS)
@@ -271,7 +274,7 @@ function savePath() {
     URL.revokeObjectURL(link.href);
 }
 
-// from: a File, or the promise of a Response.
+// Opens a path. from: a File, or the promise of a Response.
 async function openPath(from, name) {
     try {
         const file = await from;
@@ -359,8 +362,8 @@ viewer.addEventListener('opened', showFile);
 viewer.addEventListener('change', showState);
 viewer.addEventListener('drawn', showDrawn);
 viewer.addEventListener('failed', (event) => tellProblem(event.detail));
-// The address asks for ?draw=exact, or for a checksum, which needs exact
-// pictures.
+// The decoder draws if the address asks for it (draw=exact), or for a checksum,
+// which needs exact pictures.
 if (asked.get('draw') === 'exact' || (asked.has('crc') && !asked.has('draw')))
     viewer.setExact(true);
 viewer.simd = asked.get('simd') === '0' ? false : undefined;

@@ -35,14 +35,14 @@ export function parsePath(text) {
     return path;
 }
 
-// A key as a row of numbers, and back.
+// These convert a key to a row of numbers, and back.
 const flat = (key) => [key.frame, key.fov, ...key.eye, ...key.target,
     ...key.up];
 const unflat = (row, seconds) => ({ seconds, frame: row[0], fov: row[1],
     eye: row.slice(2, 5), target: row.slice(5, 8), up: row.slice(8, 11) });
 
-// The slope at key i: that between its neighbours, or at an end that of the
-// last interval.
+// Returns the slope at key i: that of the line between its neighbours, or at an
+// end of the path that of the last interval.
 function slopeAt(rows, at, i, column) {
     const a = Math.max(i - 1, 0), b = Math.min(i + 1, rows.length - 1);
 

@@ -21,8 +21,9 @@ import { Sound } from './sound.js';
 import { Viewer } from './viewer.js';
 import { enterHeadset, hasHeadset } from './xr.js';
 
-const REST_MS = 2500; // without the pointer, until the bar disappears
-const RATES = [0.25, 0.5, 1, 1.5, 2]; // of playback, in the bar
+const REST_MS = 2500; // time without a pointer movement, until the bar
+                      // disappears
+const RATES = [0.25, 0.5, 1, 1.5, 2]; // rates of playback that the bar offers
 
 const icon = (id, label, paths) => `<button class="icon" id="${id}"
     title="${label}" aria-label="${label}"><svg viewBox="0 0 24 24"
@@ -123,7 +124,7 @@ export class SagaPlayer extends HTMLElement {
         this.attachShadow({ mode: 'open' }).innerHTML = MARKUP;
         this.$ = (id) => this.shadowRoot.getElementById(id);
         this.canvas = this.shadowRoot.querySelector('canvas');
-        // For scripts that need more than the element offers.
+        // Scripts use the viewer for what the element does not offer.
         this.viewer = new Viewer(this.canvas);
         this.viewer.loop = false;
         this.sound = new Sound(this.viewer);
@@ -213,7 +214,8 @@ export class SagaPlayer extends HTMLElement {
 
     // --- A file
 
-    // Opens an address or a File. Rejects with a sentence.
+    // Opens a URL or a File. If it fails, it rejects with an error whose
+    // message is a sentence.
     async open(source) {
         this.tell('opening');
         this.showPoster(this.getAttribute('poster'));
@@ -257,8 +259,8 @@ export class SagaPlayer extends HTMLElement {
             this.$('poster').src = src;
     }
 
-    // The canvas fills the element, or has the picture's shape at the largest
-    // size that fits.
+    // Sets the canvas's size: the canvas fills the element, or has the
+    // picture's shape in the largest size that fits.
     fit() {
         const { viewer, canvas, clientWidth, clientHeight } = this;
         const sharp = globalThis.devicePixelRatio || 1;
@@ -318,12 +320,12 @@ export class SagaPlayer extends HTMLElement {
             if (this.viewer.drawn.kept.includes(i))
                 part.style.setProperty('--got', '100%');
             else if (part.style.getPropertyValue('--got') === '100%')
-                part.style.removeProperty('--got'); // forgotten
+                part.style.removeProperty('--got'); // its bytes were dropped
         });
     }
 
-    // Shows how much of the awaited segment has come, and in its part of the
-    // bar.
+    // Shows how much of the awaited segment has arrived, as text and in the
+    // segment's part of the bar.
     showProgress({ segment, got, nbytes }) {
         const { viewer } = this;
         const percent = `${Math.round(100 * got / nbytes)}%`;
@@ -337,7 +339,8 @@ export class SagaPlayer extends HTMLElement {
         this.emit('progress', { segment, got, nbytes });
     }
 
-    // Shows the bar. It stays while the user does something or nothing plays.
+    // Shows the bar, which stays while the user does something or the film
+    // stands.
     wake() {
         clearTimeout(this.sleeping);
         this.removeAttribute('resting');
@@ -433,7 +436,8 @@ export class SagaPlayer extends HTMLElement {
     get playbackRate() { return this.viewer.rate; }
     set playbackRate(rate) {
         this.viewer.rate = Math.max(0, Number(rate) || 0);
-        this.$('rate').value = this.viewer.rate; // empty if no choice
+        // The element shows nothing if the rate is not one of its choices.
+        this.$('rate').value = this.viewer.rate;
         this.emit('ratechange');
     }
 

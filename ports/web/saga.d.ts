@@ -1,20 +1,21 @@
 // SPDX-License-Identifier: MIT
 
-/** An error with a sentence for the user. */
+/** An error whose message is a sentence for the user. */
 export class SagaError extends Error {
-    /** A saga_status of saga.h, an HTTP status, or 0. */
+    /** A saga_status of saga.h, an HTTP status, or 0 if there is neither. */
     status: number;
 }
 
-/** Where the bytes of a file come from. */
+/** An object from which the bytes of a file are read. */
 export interface SagaSource {
-    /** The name for messages. */
+    /** The file's name for messages. */
     readonly name: string;
-    /** The size in bytes; NaN until it is known. */
+    /** The file's size in bytes; NaN until it is known. */
     readonly size: number;
-    /** Number of bytes that have come so far. */
+    /** Number of bytes that have arrived so far. */
     readonly fetched: number;
-    /** Returns fewer bytes only at the end of the file. */
+    /** Reads bytes. It returns fewer than nbytes only at the end of the
+     * file. */
     read(offset: number, nbytes: number): Promise<Uint8Array>;
 }
 
@@ -64,19 +65,22 @@ export interface SagaInfo {
     /** Frames a second. */
     fps: number;
     nCameras: number;
-    /** The maximum over all segments. */
+    /** The largest number of primitives in any segment. */
     maxPrimitives: number;
-    /** Bits of the header: docs/bitstream.md. */
+    /** The bits of the header's field `tools`, as docs/bitstream.md lists
+     * them. */
     tools: number;
-    /** The capture's unit: centre + unit * box units. */
+    /** A position in the capture's unit of length is centre + unit * box
+     * units. */
     unit: number;
     centre: [number, number, number];
 }
 
 export interface SagaCamera {
-    /** The number that the capture gives it. */
+    /** The number that the capture gave the camera. */
     number?: number;
-    /** What the capture calls it; "" if the file does not say. */
+    /** The name that the capture gave the camera; "" if the file does not state
+     * it. */
     name?: string;
     /** The 22 integers of saga_camera in saga.h, in its order. */
     values: Int32Array;
@@ -88,14 +92,15 @@ export interface SagaSegment {
     nFrames: number;
     offset: number;
     nbytes: number;
-    /** Of the wanted time in it, 0..65535. */
+    /** The wanted time within the segment, 0..65535. */
     t: number;
 }
 
 export interface SagaPicture {
     width: number;
     height: number;
-    /** Rows of R, G, B; a view of the decoder's memory until the next call. */
+    /** The picture's rows of R, G, B: a view of the decoder's memory, valid
+     * until the next call. */
     rgb: Uint8Array;
     /** The same picture with an alpha of 255. */
     rgba: Uint8Array;
@@ -104,18 +109,18 @@ export interface SagaPicture {
     nSplats: number;
 }
 
-/** What a graphics processor makes a picture of: see gpu.js. */
+/** The input from which a graphics processor draws a picture; see gpu.js. */
 export interface SagaSplats {
     width: number;
     height: number;
     nPrimitives: number;
     nSplats: number;
-    /** The file's, which say how they fall off. */
+    /** The tools of the file, which say how splats fall off. */
     tools: number;
-    /** R, G, B, 0..1. */
+    /** The background's R, G, B, 0..1. */
     background: number[];
-    /** An array of saga_splat of saga.h, nearest first; a view of the decoder's
-     * memory until the next call. */
+    /** An array of saga_splat of saga.h, nearest first: a view of the decoder's
+     * memory, valid until the next call. */
     bytes: Uint8Array;
 }
 
@@ -125,7 +130,8 @@ export class SagaFile {
         source: string | URL | Blob | Uint8Array | SagaSource,
         options?: {
             module?: WebAssembly.Module;
-            /** Seconds that decoding the head or a segment may take; 30. */
+            /** Limit in seconds for decoding the head or a segment; default
+             * 30. */
             seconds?: number;
         },
     ): Promise<SagaFile>;
@@ -134,46 +140,50 @@ export class SagaFile {
     readonly rig: SagaCamera[];
     readonly segments: SagaSegment[];
     readonly source: SagaSource;
-    /** Milliseconds of the last segment, view and picture. */
+    /** Milliseconds that the last segment, view and picture took. */
     readonly times: { segment: number; view: number; draw: number };
 
-    /** Whether there is a sound; it may be damaged. */
+    /** Whether the file has a sound; the sound may be damaged. */
     readonly hasSound: boolean;
 
-    /** The film's sound, fetched now, or null: the time of the film at which it
-     * begins, in seconds, and an Ogg stream of Opus. Rejects if damaged. */
+    /** Fetches the film's sound. Returns null if there is none, else the time
+     * of the film at which it begins, in seconds, and an Ogg stream of Opus.
+     * Rejects if the sound is damaged. */
     sound(): Promise<{ start: number; bytes: Uint8Array } | null>;
 
-    /** The segment that shows the time num / den, in frames. */
+    /** Returns the segment that holds the time num / den, in frames. */
     find(num: number, den: number): SagaSegment;
 
-    /** The bytes of a segment, fetched once; call it ahead of time too. */
+    /** Returns the bytes of a segment, which are fetched only once. It may be
+     * called ahead of time. */
     fetchSegment(number: number): Promise<Uint8Array>;
 
-    /** What it was opened from: the file's first bytes. */
+    /** The first bytes of the file, from which it was opened. */
     readonly head: Uint8Array;
 
-    /** Decodes a segment, unless it is decoded. */
+    /** Decodes a segment, unless it is already decoded. */
     decode(number: number): Promise<void>;
 
-    /** The decoder with its segment, for `adopt` of an instance opened from the
-     * same head, in a worker for example: decoding ahead of time. ms: what it
-     * took. */
+    /** Returns a copy of the decoder with its segment. `adopt` of another
+     * SagaFile that was opened from the same head takes it, so that a worker
+     * can decode ahead of time. ms: the time that decoding took. */
     block(): Uint8Array;
     adopt(number: number, block: Uint8Array, ms?: number): void;
 
-    /** The picture at the time num / den, in frames; both are integers. */
+    /** Draws the picture at the time num / den in frames; both are integers. */
     draw(camera: SagaCamera, num: number, den?: number): Promise<SagaPicture>;
 
-    /** The splats of that picture instead. */
+    /** Makes the splats of a picture instead of its pixels. */
     splats(camera: SagaCamera, num: number, den?: number): Promise<SagaSplats>;
 
-    /** The primitives of a time as Gaussians in the capture's units, in the
-     * colours that the camera sees. bytes: of four planes of four floats each:
-     * mean, opacity; standard deviations; quaternion w, x, y, z; colour. */
+    /** Returns the primitives at a time as Gaussians in the capture's units,
+     * with the colours that the camera sees. bytes has four planes of four
+     * floats for each primitive: mean and opacity; standard deviations;
+     * quaternion w, x, y, z; colour. */
     gaussians(camera: SagaCamera, num: number, den?: number): Promise<
         Pick<SagaSplats, 'nPrimitives' | 'nSplats' | 'tools' | 'bytes'>>;
 
-    /** CRC-32C of the last picture's rgb, 8 digits. */
+    /** Returns the CRC-32C of the last picture's rgb, as 8 hexadecimal
+     * digits. */
     crc(): string;
 }

@@ -14,22 +14,24 @@
 import { GAUSSIAN_INTS, planesOf } from './gaussians.js';
 import { readOptional } from './optional.js';
 
-// Positions of saga_web.c's structures, in 32-bit integers.
+// Indices of the fields of saga_web.c's structures, in 32-bit integers.
 const INFO = {
     version: 0, level: 1, workNbytes: 2, headNbytes: 3, nSegments: 4,
     nFrames: 5, fpsNum: 6, fpsDen: 7, nCameras: 8, maxPrimitives: 9,
     tools: 16,
 };
 const UNIT = 10, CENTRE = 12, CENTRE_EXPONENT = 15;
-const SPLAT_NBYTES = 44;  // saga_splat
-const WIDTH = 17, BACKGROUND = 19; // of a camera's values
-const CAMERA_LENGTH = 22; // values, which the camera's number follows
+const SPLAT_NBYTES = 44;  // bytes of a saga_splat
+const WIDTH = 17, BACKGROUND = 19; // indices in a camera's values
+const CAMERA_LENGTH = 22; // number of a camera's values; the camera's number
+                          // follows them
 
 const TRUNCATED = -11;
 const STOPPED = -21;
-const SECONDS = 30; // default limit for decoding
-const SOUND_RATE = 48000; // units in a second of a sound's start
-const FIRST_NBYTES = 4096; // header and rig of a usual file
+const SECONDS = 30; // default time limit for decoding
+const SOUND_RATE = 48000; // units of a sound's start in a second
+const FIRST_NBYTES = 4096; // bytes that hold the header and the rig of most
+                           // files
 const KEPT_SEGMENTS = 64;  // number of coded segments that are kept
 
 // An error whose message is a sentence for the user, with a remedy.
@@ -60,7 +62,7 @@ export class BytesSource {
     }
 }
 
-// A File or Blob.
+// A source that reads a File or Blob.
 export class BlobSource {
     constructor(blob) {
         this.blob = blob;
@@ -77,8 +79,8 @@ export class BlobSource {
     }
 }
 
-// An address. If the server does not support ranges, the whole file is fetched
-// once.
+// A source that reads a URL. If the server does not support ranges, the whole
+// file is fetched once.
 export class HttpSource {
     constructor(url) {
         this.url = url;
@@ -100,7 +102,8 @@ export class HttpSource {
         return this.whole.subarray(offset, offset + nbytes);
     }
 
-    // Returns a part of the file, or null if the whole file has come.
+    // Returns a part of the file, or null if the server has sent the whole
+    // file.
     async readPart(offset, nbytes) {
         const response = await this.request(offset, nbytes);
 
@@ -171,7 +174,8 @@ export class HttpSource {
     }
 }
 
-// Not every browser can iterate a stream.
+// Iterates over the pieces of a stream, which not every browser can do by
+// itself.
 async function *chunksOf(stream) {
     const reader = stream.getReader();
 
@@ -197,7 +201,8 @@ function joined(parts, nbytes) {
 
 // --- The module ------------------------------------------------------------
 
-// A module with one SIMD instruction, which browsers accept if they have SIMD.
+// A WebAssembly module with one SIMD instruction. Browsers that support SIMD
+// accept it.
 const SIMD_PROBE = new Uint8Array([
     0, 97, 115, 109, 1, 0, 0, 0, 1, 5, 1, 96, 0, 1, 123, 3, 2, 1, 0, 10, 10, 1,
     8, 0, 65, 0, 253, 15, 253, 98, 11,
@@ -219,7 +224,7 @@ export async function loadModule({ simd = hasSimd(), base } = {}) {
     return WebAssembly.compile(bytes);
 }
 
-// Node fetches no files.
+// Returns the bytes at a URL. Node's fetch does not read files.
 async function bytesAt(url) {
     if (url.protocol === 'file:')
         return (await import('node:fs/promises')).readFile(url);
@@ -300,7 +305,8 @@ export class SagaFile {
 
     // --- Head
 
-    // Reads the header, then the rest of the head, whose length the header has.
+    // Reads the start of the file, then the rest of the head, whose length is
+    // in the header.
     async readHead() {
         let bytes = await this.source.read(0, FIRST_NBYTES);
         let status = this.probe(bytes);
@@ -344,8 +350,9 @@ export class SagaFile {
 
         this.info = Object.fromEntries(Object.entries(INFO).map(
             ([name, at]) => [name, told[at] >>> 0]));
-        this.info.fps = this.info.fpsNum / this.info.fpsDen || 25; // if still
-        // Metres (the capture's unit) = centre + unit * box units.
+        // A still has no rate; its fps is 25.
+        this.info.fps = this.info.fpsNum / this.info.fpsDen || 25;
+        // A position in the capture's unit is centre + unit * box units.
         this.info.unit = power(told[UNIT], told[UNIT + 1]);
         this.info.centre = [0, 1, 2].map(
             (i) => power(told[CENTRE + i], told[CENTRE_EXPONENT]));
@@ -361,7 +368,7 @@ export class SagaFile {
             values: told.slice(0, CAMERA_LENGTH) };
     }
 
-    // Lists the place and the frames of every segment.
+    // Lists the byte range and the frames of every segment.
     listSegments() {
         const list = [];
 
@@ -391,7 +398,7 @@ export class SagaFile {
     async sound() {
         if (!this.hasSound)
             return null;
-        // 4 bytes more: the type of the next chunk.
+        // Another 4 bytes show the type of the next chunk.
         const bytes = await this.readOn(this.head, this.soundEnd + 4);
         const other = await SagaFile.make(this.module, this.source,
             this.seconds);
@@ -418,7 +425,8 @@ export class SagaFile {
             bytes.then(() => this.here.add(number),
                 () => this.forget(number));
         }
-        this.coded.delete(number); // moves to the end: it is forgotten last
+        this.coded.delete(number); // moves the segment to the end of the map,
+                                   // where it is dropped last
         this.coded.set(number, bytes);
         if (this.coded.size > KEPT_SEGMENTS)
             this.forget(this.coded.keys().next().value);
@@ -486,7 +494,7 @@ export class SagaFile {
     }
 
     // Decodes the segment of a time, sets the camera, and returns the time in
-    // the decoder's units.
+    // the decoder's unit, 1/65536 of the segment.
     async look(camera, num, den) {
         const { number, t } = this.find(num, den);
 

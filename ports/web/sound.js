@@ -12,10 +12,12 @@
 //
 // Event: `change`, when exists, muted or isBlocked change.
 
-const OFF_SECONDS = 0.08; // off the picture's time, until it is set anew
+const OFF_SECONDS = 0.08; // largest deviation from the picture's time, until it
+                          // is set anew
 const AGAIN_MS = 250;     // smallest interval between two such settings
 const MOST_LEAD = 0.3;    // seconds
-const STILL_MS = 500;     // without news from the clock, which then stands
+const STILL_MS = 500;     // time without a change from the clock, after which
+                          // it counts as standing
 const RATES = [1 / 16, 16]; // rates that browsers play
 const TYPE = 'audio/ogg; codecs=opus';
 const GESTURES = ['click', 'keydown'];
@@ -28,7 +30,8 @@ export class Sound extends EventTarget {
         this.viewer = viewer;
         this.audio = new Audio();
         this.wantsSilence = false;
-        this.lead = 0;           // seconds until a browser starts to play
+        this.lead = 0;           // seconds that a browser needs to start the
+                                 // sound
         this.unblock = () => setTimeout(() => this.allow());
         this.clear();
         viewer.addEventListener('opened', () => this.begin());
@@ -45,10 +48,13 @@ export class Sound extends EventTarget {
         clearTimeout(this.still);
         this.exists = false;
         this.isAsked = false;
-        this.start = 0;          // time of the film, in seconds
-        this.setAt = -Infinity;  // when the audio's time was set
+        this.start = 0;          // time of the film at which the sound begins,
+                                 // in seconds
+        this.setAt = -Infinity;  // when the time of the <audio> element was
+                                 // last set
         this.setTo = 0;
-        this.isFresh = false;    // it runs since then, and lead is not measured
+        this.isFresh = false;    // the sound has run since then, and `lead` is
+                                 // not measured yet
         this.audio.pause();
         this.allow();
         if (this.audio.src) {
@@ -90,12 +96,13 @@ export class Sound extends EventTarget {
         this.changed();
     }
 
-    // Whether the sound is heard while the film plays.
+    // Returns whether the sound is heard while the film plays.
     get isHeard() {
         return this.exists && !this.muted && !this.isBlocked;
     }
 
-    // Turns the sound on or off for the user, whose click is also a gesture.
+    // Turns the sound on or off for the user. The click is also a gesture that
+    // lets the browser play sound.
     toggle() {
         const muted = this.isHeard;
 
@@ -103,7 +110,8 @@ export class Sound extends EventTarget {
         this.muted = muted;
     }
 
-    // Browsers refuse sound until the user has done something on the page.
+    // Waits for a gesture: browsers refuse sound until the user has done
+    // something on the page.
     block() {
         this.isBlocked = true;
         for (const type of GESTURES)
@@ -148,7 +156,7 @@ export class Sound extends EventTarget {
         this.run(runs && !viewer.waiting && !this.isEarly(seconds));
     }
 
-    // Sets the rate; returns whether the browser can play at it.
+    // Sets the rate of playback. Returns whether the browser can play at it.
     setRate(rate) {
         const can = rate >= RATES[0] && rate <= RATES[1];
 
@@ -157,7 +165,8 @@ export class Sound extends EventTarget {
         return can;
     }
 
-    // While a picture is late, the sound that has played is not played again.
+    // Returns whether the sound is ahead of a picture that is late. Sound that
+    // has been played is then not played again.
     isEarly(seconds) {
         return this.viewer.isLate() &&
             this.audio.currentTime > seconds + OFF_SECONDS;
@@ -183,7 +192,8 @@ export class Sound extends EventTarget {
         audio.currentTime = this.setTo;
     }
 
-    // lead = seconds since it was set - seconds played since then
+    // Measures `lead`: the seconds since the time was set, minus the seconds
+    // played since then.
     measureLead(now) {
         const { audio } = this;
         const played = (audio.currentTime - this.setTo) / audio.playbackRate;
@@ -194,7 +204,8 @@ export class Sound extends EventTarget {
         this.isFresh = false;
     }
 
-    // At its end the audio would start from the beginning.
+    // Starts or stops the sound. At its end it is not started, since an <audio>
+    // element would begin anew.
     run(runs) {
         const { audio } = this;
 

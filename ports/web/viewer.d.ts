@@ -3,9 +3,9 @@ import type { SagaCamera, SagaInfo, SagaSegment } from './saga.js';
 
 /** A key camera, in the capture's units. */
 export interface KeyCamera {
-    /** Time of the path. */
+    /** Time of the path in seconds. */
     seconds: number;
-    /** Frame of the file. */
+    /** Frame of the file that is shown then. */
     frame: number;
     eye: number[];
     target: number[];
@@ -36,63 +36,65 @@ export class Viewer extends EventTarget {
     /** Time in frames. */
     readonly frame: number;
     readonly playing: boolean;
-    /** A segment is late; the clock stands. */
+    /** Whether a segment is late, so that the clock stands. */
     readonly waiting: boolean;
-    /** Whether the camera is none of the rig's any more. */
+    /** Whether the camera was moved, so that it is no longer one of the rig. */
     readonly moved: boolean;
-    /** Of an exact picture, relative to the camera's. */
+    /** Size of an exact picture, relative to the camera's picture. */
     readonly scale: number;
-    /** Whether the decoder draws; always where there is no WebGL2. */
+    /** Whether the decoder draws the pixels; always true without WebGL2. */
     readonly exact: boolean;
     /** Whether pictures have the size that setRoom gave. */
     readonly fills: boolean;
-    /** Whether it begins anew at the end; true. */
+    /** Whether playback begins anew at the end; initially true. */
     loop: boolean;
-    /** Of time; 1. */
+    /** Rate of playback; initially 1. */
     rate: number;
-    /** The last picture's numbers. */
+    /** Numbers of the picture that was drawn last. */
     readonly drawn: {
         width: number;
         height: number;
         nPrimitives: number;
         nSplats: number;
-        /** Drawn by the graphics processor. */
+        /** Whether the graphics processor drew it. */
         gpu: boolean;
-        /** Of an exact picture. */
+        /** CRC-32C of an exact picture. */
         crc: string | null;
         num: number;
         den: number;
         values: Int32Array;
         segment: number;
-        /** Whether it was decoded ahead of time. */
+        /** Whether its segment was decoded ahead of time. */
         ahead: boolean;
         times: { segment: number; view: number; draw: number };
         fetched: number;
         size: number;
-        /** Segments that need not be fetched again. */
+        /** Segments whose bytes are kept and need not be fetched again. */
         kept: number[];
     } | null;
-    /** Whether pictures come with their CRC. */
+    /** Whether the CRC of each exact picture is computed. */
     wantCrc: boolean;
 
     open(source: string | File): Promise<void>;
     selectCamera(index: number): void;
     setScale(scale: number): void;
     setExact(exact: boolean): void;
-    /** Pixels of the window, which the graphics processor fills. */
+    /** Sets the size of the window in pixels, which the graphics processor
+     * fills. */
     setRoom(width: number, height: number): void;
-    /** The picture on the canvas. */
+    /** Returns the picture on the canvas. */
     read(): ImageData;
-    /** Camera and time in a line. */
+    /** Returns camera and time as one line of text. */
     toState(): string;
-    /** Sets a view from such a line; returns whether it had one. */
+    /** Sets camera and time from such a line. Returns whether it had any. */
     setState(line: string): boolean;
-    /** Radians. */
+    /** Turns the camera about its pivot by angles in radians. */
     orbit(yaw: number, pitch: number): void;
     dolly(factor: number): void;
-    /** Pixels of the picture. */
+    /** Moves the camera parallel to its picture, by pixels. */
     pan(dx: number, dy: number): void;
-    /** The camera as it is; null while nothing is open. */
+    /** Returns the present camera as a key camera; null while no file is
+     * open. */
     key(seconds?: number): KeyCamera | null;
     goToKey(key: KeyCamera): void;
     seek(frame: number): void;

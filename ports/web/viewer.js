@@ -27,10 +27,12 @@ import { GpuScreen, PlainScreen } from './gpu.js';
 import { Pace } from './pace.js';
 import { keyAt } from './path.js';
 
-const TIME_DEN = 256; // times between two frames, while it plays
-const REST_MS = 150;  // without a change, after which the picture rests
+const TIME_DEN = 256; // steps of time between two frames, while it plays
+const REST_MS = 150;  // time without a change, after which the sharp picture is
+                      // drawn
 const MOST_MS = 250;  // largest step of the clock
-const WAIT_MS = 200;  // for a late segment, until `waiting` is emitted
+const WAIT_MS = 200;  // delay of a late segment, after which `waiting` is
+                      // emitted
 const AHEAD_SECONDS = 10, AHEAD_SEGMENTS = 16; // limits of what is fetched
 
 // Calls back when the page shows its next picture.
@@ -53,9 +55,10 @@ export class Viewer extends EventTarget {
         canvas?.addEventListener('webglcontextrestored', () => this.changed());
         this.simd = simd;
         this.seconds = seconds;
-        this.scale = 1;         // of an exact picture, relative to the camera's
+        this.scale = 1;         // size of an exact picture, relative to the
+                                // camera's picture
         this.loop = true;       // plays from the start after the end
-        this.rate = 1;          // of playback
+        this.rate = 1;          // rate of playback
         this.wantCrc = false;
         this.nextFrame = onPage;
         this.rig = [];
@@ -72,14 +75,18 @@ export class Viewer extends EventTarget {
         this.frame = 0;
         this.playing = false;
         this.movedAt = -Infinity; // when the camera was last moved
-        this.wanted = null;     // camera of an engine or a headset, if used
+        this.wanted = null;     // camera of an engine or a headset, which is
+                                // drawn instead
         this.path = null;       // the path of key cameras that is played
         this.busy = false;      // a picture is being drawn
         this.stale = false;     // another picture is needed after it
-        this.spare = null;      // a buffer for the next picture
+        this.spare = null;      // an ArrayBuffer that the worker may use for
+                                // the next picture
         this.drawn = null;
-        this.asked = -1;        // segment of the picture that is being drawn
-        this.looked = null;     // the segment from which others are asked for
+        this.asked = -1;        // number of the segment that the picture in
+                                // progress needs
+        this.looked = null;     // the segment for which lookAhead has asked for
+                                // the next ones
         clearTimeout(this.late);
         this.waiting = false;
     }
@@ -90,8 +97,8 @@ export class Viewer extends EventTarget {
 
     // --- A file
 
-    // Opens an address or a File. Resolves when it is open; rejects with a
-    // sentence.
+    // Opens a URL or a File. Resolves when it is open; rejects with an error
+    // whose message is a sentence.
     open(source) {
         this.clear();
         this.worker = new Worker(new URL('worker.js', import.meta.url),
@@ -177,7 +184,7 @@ export class Viewer extends EventTarget {
         this.changed();
     }
 
-    // Turns about the pivot by angles in radians.
+    // Turns the camera about the pivot by angles in radians.
     orbit(yaw, pitch) {
         if (!this.info)
             return;
@@ -190,7 +197,8 @@ export class Viewer extends EventTarget {
         this.setPose(cam.dollied(this.pose, this.pivot, factor));
     }
 
-    // Moves by pixels of the picture at the pivot's distance.
+    // Moves the camera parallel to its picture, so that things at the pivot's
+    // distance move by these pixels.
     pan(dx, dy) {
         if (!this.info)
             return;
@@ -209,7 +217,7 @@ export class Viewer extends EventTarget {
         this.changed();
     }
 
-    // Shows the decoder's own picture, or the graphics processor's.
+    // Selects who draws: the decoder, or the graphics processor.
     setExact(exact) {
         this.exact = exact || !this.screen.takesSplats;
         this.changed();
@@ -357,7 +365,7 @@ export class Viewer extends EventTarget {
         this.changed();
     }
 
-    // Starts the clock, and stops one that runs already.
+    // Starts the clock. A clock that runs already is replaced.
     runClock() {
         const next = () => this.nextFrame((now) => {
             if (this.clock !== next || !this.playing)
@@ -383,7 +391,7 @@ export class Viewer extends EventTarget {
         this.seek(Math.floor(this.frame));
     }
 
-    // Plays a path of key cameras; the view then stays at its end.
+    // Plays a path of key cameras. At its end the last view stays.
     playPath(keys) {
         if (!this.info)
             return;
@@ -393,7 +401,8 @@ export class Viewer extends EventTarget {
     }
 
     tick(now) {
-        // After a page has slept, the film continues where it was.
+        // The step is limited: if the page was suspended, the film continues
+        // where it was.
         const passed = Math.max(0, Math.min(MOST_MS, now - this.since)) / 1000;
 
         this.since = now;
@@ -457,7 +466,8 @@ export class Viewer extends EventTarget {
         this.worker.postMessage({ ahead: list });
     }
 
-    // Whether the picture in progress needs another segment than the last one.
+    // Returns whether the picture in progress needs another segment than the
+    // last picture.
     isLate() {
         return this.busy && this.asked !== this.drawn?.segment;
     }
@@ -488,7 +498,8 @@ export class Viewer extends EventTarget {
 
     // --- Pictures
 
-    // Asks for a picture, one at a time; later changes make the next one.
+    // Asks the worker for a picture, one at a time. Changes made meanwhile lead
+    // to one further picture.
     changed() {
         if (!this.info)
             return;

@@ -20,9 +20,9 @@ import { HttpSource, SagaFile, hasSimd, loadModule } from './saga.js';
 const TELL_MS = 50;
 
 let file = null;
-let next = null;       // the `Next` of this file
-let plan = [];         // the last `ahead`
-let ahead = false;     // whether what is decoded was decoded ahead of time
+let next = null;       // decodes the next segment of the open file
+let plan = [];         // the segments of the last `ahead` message
+let ahead = false;     // whether the decoded segment was decoded ahead of time
 
 // The next segment, decoded by a worker of this worker (ahead.js) while this
 // one draws.
@@ -31,8 +31,10 @@ class Next {
         this.worker = new Worker(new URL('ahead.js', import.meta.url),
             { type: 'module' });
         this.worker.postMessage({ head, seconds, module });
-        this.made = new Map(); // number -> promise of { block, ms }, or of {}
-        this.resolvers = [];   // of the segments in progress, in order
+        this.made = new Map(); // number of a segment -> promise of { block, ms
+                               // }, or of {}
+        this.resolvers = [];   // resolve functions of the segments in progress,
+                               // in order
         this.worker.onmessage = ({ data }) => this.resolvers.shift()(data);
         this.worker.onerror = () => {
             this.prepare = () => {};
@@ -61,7 +63,7 @@ class Next {
     }
 }
 
-// Makes a source from an address, which reports its progress.
+// Makes a source from a URL, whose transfers are reported as `progress`.
 function watched(source) {
     if (typeof source !== 'string')
         return source;
@@ -109,7 +111,7 @@ async function lookAhead(numbers) {
     }
 }
 
-// Takes the segment of a time, if it was decoded ahead.
+// Takes the segment that holds a time, if it was decoded ahead of time.
 async function changeSegment(num, den) {
     const { number } = file.find(num, den);
 

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: MIT
 import type { Viewer } from './viewer.js';
 
-/** Whether the browser shows pages in a headset. */
+/** Returns whether the browser can show the page's pictures in a headset. */
 export function hasHeadset(): Promise<boolean>;
-/** Shows the viewer's film there, at a click or key; the viewer's pictures come
- * back with the session's `end`. */
+/** Shows the viewer's film in the headset. It must be called at a click or key.
+ * At the `end` event of the session the pictures return to the viewer's
+ * canvas. */
 export function enterHeadset(viewer: Viewer): Promise<EventTarget>;

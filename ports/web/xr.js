@@ -11,7 +11,8 @@ import { FLOATS, FRAGMENT_GLSL, VERTEX_GLSL, floatsOf, isSteep, product, toClip,
 import { link } from './gpu.js';
 import { onPage } from './viewer.js';
 
-const MARGIN = 1.1; // of the field, since heads turn while splats are made
+const MARGIN = 1.1; // widening of the field of view, since heads turn while
+                    // splats are made
 
 const VERTEX = `#version 300 es
 precision highp float;
@@ -38,7 +39,7 @@ export async function hasHeadset() {
     try {
         return Boolean(await navigator.xr?.isSessionSupported('immersive-vr'));
     } catch {
-        return false; // the page is not allowed to ask
+        return false; // the page has no permission to ask
     }
 }
 
@@ -100,7 +101,8 @@ class EyeScreen {
     }
 }
 
-// Returns the matrix from the capture to the headset's space, whose y is up.
+// Returns the matrix that maps the capture's units to the headset's space,
+// whose y is up.
 export function standing(viewer) {
     const { pose, up } = viewer;
     const ahead = cam.forwardOf(pose);
@@ -112,8 +114,9 @@ export function standing(viewer) {
         rows.map((row) => -cam.dot(row, eye)), 1);
 }
 
-// Returns the field that covers those of all eyes from the point between them,
-// as tangents: left, right, bottom, top.
+// Returns the field of view, from the point between the eyes, that covers the
+// fields of all eyes. It has the tangents of the left, right, bottom and top
+// edge.
 function fieldOf({ transform, views }) {
     const field = [Infinity, -Infinity, Infinity, -Infinity];
 
@@ -134,7 +137,8 @@ function fieldOf({ transform, views }) {
     return field.map((x) => MARGIN * x);
 }
 
-// Returns the camera between the eyes, with the pixels of the first eye.
+// Returns the camera between the eyes, with the pixel density of the first
+// eye's picture.
 function valuesBetween(viewer, model, pose, { width, height }) {
     const [l, r, b, t] = fieldOf(pose);
     const [{ projectionMatrix: p }] = pose.views;
@@ -149,8 +153,8 @@ function valuesBetween(viewer, model, pose, { width, height }) {
         Math.round(height * p[5] * (t - b) / 2));
 }
 
-// Enters the headset, after a click or key; the headset's own button plays and
-// pauses. Resolves to the session.
+// Shows the film in the headset. It must be called at a click or key. The
+// headset's own button plays and pauses. Resolves to the session.
 export async function enterHeadset(viewer) {
     const session = await navigator.xr.requestSession('immersive-vr');
     const { screen: page, exact } = viewer, { gl } = page;
