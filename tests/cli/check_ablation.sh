@@ -3,13 +3,15 @@
 #
 # check_ablation.sh: guarantees, for lab/ablation.sh with build/saga
 # (SAGA=...) and make_refit and make_order0 beside it,
-#   bd-rate     Bjontegaard's mean change of rate: curves whose mean change is
-#               known, a monotone cubic integrated by hand
-#   options     make_refit refuses wrong ones, and files that are none
-#   small       a small scene at two rates: every variant is there and has the
-#               sources it may have; what is no ablation is the same file;
-#               anchors are shared in the rows that say so, and a higher lambda
-#               makes a smaller file; a second run makes nothing anew
+#   bd-rate     the BD-rate of curves whose mean change of rate is known, and of
+#               a monotone cubic that was integrated by hand, is right
+#   options     make_refit refuses invalid options, and files that are not saga
+#               files
+#   small       with a small scene at two rates there is a file of each variant,
+#               which uses only the sources of entropy that the variant allows;
+#               a refit that leaves nothing out gives the same bytes; anchors
+#               are shared only in the rows that say so; a higher lambda makes a
+#               smaller file; a second run computes nothing again
 set -u
 cd "$(dirname "$0")/../.." || exit
 saga=${SAGA:-${BUILD:-build}/saga}

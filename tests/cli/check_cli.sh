@@ -2,34 +2,36 @@
 # SPDX-License-Identifier: MIT
 #
 # check_cli.sh: guarantees, for the program `saga` (build/saga, or SAGA=...),
-#   help        every command explains itself; --version; no command is a
-#               mistake
+#   help        every command has a help; --version works; a command line
+#               without a command is an error
 #   usage       wrong command lines end with status 2, nothing on stdout and
 #               one line on stderr that names what is wrong
 #   quiet       every command that shows progress on a terminal shows none with
 #               --quiet
-#   good        `saga info` takes every good vector, in text and JSON, which
-#               parses and says what `saga-dec --info` says; the bytes of the
-#               parts add up to the file
-#   bad         every bad vector whose header or chunks are damaged ends with
-#               status 1 and one line that names the file; nothing crashes
-#   render      the pixels of saga-dec; times, sizes, sequences and paths; a
-#               picture that cannot be drawn or written is reported, nothing
-#               half-written stays
-#   verify      text and JSON of a file; a file without a picture is refused
-#   analyse     text and JSON of a file; a file that cannot be masked is refused
-#   outputs     of saga and saga-dec: devices and pipes stay what they are,
-#               files of the user's stay, umask is obeyed, what a killed run
-#               left is removed, a standard output that is full is reported
-#   synth       a capture appears whole, or not at all
-#   names       cameras whose names are no UTF-8 are in every report; what JSON
-#               cannot tell of is an error
-#   check       a camera without light and a hole in it are reported, in text
-#               and on a page that needs no other file; poses of another
-#               convention are named, and right in what --fix writes; anything
-#               but a capture is refused
-#   eval        a capture of the file's own pictures is found equal; a known
-#               error has its PSNR; a capture that does not fit is refused
+#   good        `saga info` reports every good vector as text and as valid JSON;
+#               both agree with `saga-dec --info`, and the bytes of the file's
+#               parts add up to its size
+#   bad         for every bad vector whose header or chunks are damaged,
+#               `saga info` ends with status 1 and one line that names the file
+#   render      pictures have the pixels of saga-dec, at any time and size, as
+#               sequences and along paths; if a picture cannot be drawn or
+#               written, that is reported and no incomplete file remains
+#   verify      a file is reported as text and JSON; a file without a picture is
+#               refused
+#   analyse     a file is reported as text and JSON; a damaged file is refused
+#   outputs     saga and saga-dec write to devices and pipes without replacing
+#               them, leave other files alone, obey umask, remove the temporary
+#               files of killed runs, and report a write error on stdout
+#   synth       a capture appears either completely or not at all
+#   names       cameras whose names are not valid UTF-8 are in every report; a
+#               string that JSON cannot represent is an error
+#   check       a camera that is darker than the others, and a missing picture,
+#               are reported as text and on a page that needs no other file;
+#               poses in another convention are recognised, and --fix writes
+#               correct ones; a folder that is not a capture is refused
+#   eval        a capture of the file's own pictures is found equal to the file;
+#               a known error has its PSNR; a capture that does not fit the file
+#               is refused
 set -u
 cd "$(dirname "$0")/../.." || exit
 

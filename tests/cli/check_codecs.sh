@@ -2,13 +2,14 @@
 # SPDX-License-Identifier: MIT
 #
 # check_codecs.sh: guarantees, for lab/compare.py (`make compare`),
-#   missing     a codec that ffmpeg has not is named and left out
-#   curves      four results of a codec, bytes and PSNR falling with its
-#               quality, of the capture's protocol; those of files; BD-rates
-#               and a page with all of them; nothing is measured twice
-#   savings     the table has the change of bytes at each PSNR, where both
-#               curves reach it, and the anchors that came with the capture
-# Without an ffmpeg that has libx265 it says so.
+#   missing     a codec that ffmpeg does not support is named and left out
+#   curves      a codec has four results, measured by the capture's protocol,
+#               whose bytes and PSNR fall with its quality setting; saga files
+#               have theirs; BD-rates and a page of all results are written;
+#               nothing is measured twice
+#   savings     the table has the change of bytes at each PSNR that both curves
+#               reach, and the curves of anchors.json in the capture's folder
+# Without an ffmpeg that supports libx265 it prints a message.
 set -u
 cd "$(dirname "$0")/../.." || exit
 export SAGA=${SAGA:-build/saga}

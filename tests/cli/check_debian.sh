@@ -2,12 +2,13 @@
 # SPDX-License-Identifier: MIT
 #
 # check_debian.sh: guarantees that
-#   release     debian/changelog begins with the release of saga.h
-#   build       dpkg-buildpackage makes the four packages in a clean copy, with
-#               nothing of `make install` left out
-#   lintian     finds nothing
-#   run         what is in them runs: the program, the module over the library
-# It takes a whole build. Where dh or lintian is missing, it says that this is
+#   release     debian/changelog begins with the release number of saga.h
+#   build       dpkg-buildpackage makes the four packages in a clean copy; they
+#               have all files that `make install` installs
+#   lintian     lintian finds nothing
+#   run         the packages' program runs, and their Python module with the
+#               packages' library
+# It builds the whole tree. If dh or lintian is missing, it prints that this is
 # skipped.
 set -u
 cd "$(dirname "$0")/../.." || exit

@@ -3,11 +3,11 @@
 #
 # check_double.sh: guarantees, with build/saga (SAGA=...) and one whose trainer
 # computes in double (make REAL=double), on four seeds of a tiny scene,
-#   warm-up     after a hundred iterations both have the same PSNR, within 0.1
-#               dB: until then rounding moves no decision that matters
-#   files       both files have the same mean PSNR over the seeds, within 0.3
-#               dB. A file for itself may be 0.4 dB apart, as files of two
-#               seeds are: docs/lab/numerics.md
+#   warm-up     after a hundred iterations both have the same PSNR within 0.1
+#               dB: until then rounding changes no decision that matters
+#   files       the mean PSNR over the seeds is the same within 0.3 dB. With one
+#               seed the files may differ by 0.4 dB, as files of two seeds do
+#               (docs/lab/numerics.md)
 # shellcheck disable=SC2034,SC2154,SC1091
 set -u
 cd "$(dirname "$0")/../.." || exit

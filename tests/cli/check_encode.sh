@@ -2,40 +2,46 @@
 # SPDX-License-Identifier: MIT
 #
 # check_encode.sh: guarantees, for `saga encode` (build/saga, or SAGA=...),
-#   good        a capture becomes a file that `saga info` takes; the report
-#               says its size, in text and JSON; no checkpoint stays; two
-#               threads make the same file
-#   size        --size and --bitrate are met within 5 %, or that is reported
+#   good        a capture is encoded to a file that `saga info` accepts; the
+#               report, as text and JSON, states its size; no checkpoint
+#               remains; two threads make the same bytes
+#   size        --size and --bitrate are met within 5 %, or a miss is reported
 #   stopped, interrupted
-#               Ctrl-C and SIGTERM end it with status 2 and a checkpoint, and
-#               --resume makes the file of a run that was not stopped; without
-#               --resume a checkpoint is not overwritten, and with it and no
-#               checkpoint no finished file; a second Ctrl-C leaves nothing
-#               half-written; a resumed run tells the percent of all; what
-#               `saga info` says of a checkpoint
-#   exposure    if cameras are exposed differently, the table states the
-#               pictures with which each row is compared; the file is compared
-#               with both
-#   alone       two runs do not write to one file; what a killed one left is
-#               removed
-#   segments    --segment makes one file of several, which eval, info, cut and
-#               saga-dec take; a killed one resumes, in the segment it was in
+#               Ctrl-C and SIGTERM end a run with status 2 and a checkpoint, and
+#               --resume then makes the bytes of a run that was not stopped;
+#               without --resume a checkpoint is not overwritten, and --resume
+#               without a checkpoint does not overwrite a finished file; a
+#               second Ctrl-C leaves no incomplete file; a resumed run reports
+#               its progress as percent of the whole training; `saga info`
+#               describes a checkpoint
+#   exposure    if cameras are exposed differently, the table states with which
+#               pictures each row is compared; the file is compared with the
+#               filmed and with the corrected pictures
+#   alone       two runs cannot write the same file at a time; the temporary
+#               files of a killed run are removed
+#   segments    --segment makes a file of several segments, which eval, info,
+#               cut and saga-dec accept; a killed run resumes in the segment
+#               that it was training
 #   layers      --layers makes a file that `saga cut --layers` cuts to the bytes
-#               and, by `saga eval`, the quality that were reported; what has no
-#               layers is refused
-#   parts       two ranks that train one segment each, and saga join, make the
-#               bytes of one process; parts that do not fit are refused
-#   log         --log keeps every tenth iteration, as CSV and as JSON lines,
-#               and a resumed run's is that of one that was not stopped
-#   sweep       --sweep makes files of ever more primitives, their results, and
-#               the curve of those that none beats, which `saga report` reads; a
-#               stopped one continues to the same files, with other options not
+#               that were reported, with the reported quality by `saga eval`; a
+#               file without layers is refused
+#   parts       two ranks that train one segment each, joined by `saga join`,
+#               make the bytes of a single process; parts that do not fit each
+#               other are refused
+#   log         --log writes every tenth iteration, as CSV and as JSON lines;
+#               the log of a resumed run equals that of a run that was not
+#               stopped
+#   sweep       --sweep makes files with ever more primitives, their results,
+#               and the curve of the results that no other result beats, which
+#               `saga report` reads; a stopped sweep continues to the same
+#               files, but not with other options
 #   usage       wrong values end with status 2 and one line that names them
-#   capture     a damaged picture, an unknown view or frame: status 1
-#   output      a folder that is not there is found before training, a full
-#               disk ends with status 2, and no half-written file stays
-#   memory      from far too little of it to just enough: a message that says
-#               how much was wanted, and no half-written file
+#   capture     a damaged picture, an unknown view or frame ends with status 1
+#   output      a missing output folder is reported before training; a full
+#               disk ends with status 2; no incomplete file remains
+#   memory      with any limit of memory, from far too little to just enough,
+#               a message says how much was wanted, and no incomplete file
+#               remains
 set -u
 saga=$(realpath "${SAGA:-${BUILD:-build}/saga}")
 dec=$(realpath "${SAGA_DEC:-${BUILD:-build}/saga-dec}")

@@ -3,11 +3,12 @@
 #
 # check_floors.sh: guarantees, for lab/floors.sh with build/saga (SAGA=...)
 # and make_zeroed beside it,
-#   table       invented reports give the differences and verdicts they must,
-#               also where a number or the held-out views are missing
-#   small       a small scene through demo.sh and floors.sh: the still file has
-#               no temporal tools and the zeroed one fewer bytes; a second run
-#               trains nothing anew; a missing demo is reported
+#   table       invented reports give the right differences and verdicts, even
+#               if a number or the held-out views are missing
+#   small       with a small scene from demo.sh, floors.sh makes a still file
+#               without temporal tools, and a file with zero features, which has
+#               fewer bytes; a second run trains nothing again; a missing demo
+#               is reported
 set -u
 cd "$(dirname "$0")/../.." || exit
 saga=${SAGA:-${BUILD:-build}/saga}

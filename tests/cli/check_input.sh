@@ -1,26 +1,28 @@
 #!/bin/bash
 # SPDX-License-Identifier: MIT
 #
-# check_input.sh: guarantees, for `saga encode` (build/saga, or SAGA=...) and
-# input or output that is bad: status 1 (the capture) or 2 (the output), one
-# line of message that has the file, the value and, behind "; ", a remedy;
-# nothing on stdout, no half-written file.
-#   json        transforms.json that is damaged, lacks keys, has wrong types,
+# check_input.sh: guarantees that `saga encode` (build/saga, or SAGA=...) ends
+# with status 1 if the capture is bad, or 2 if the output is, and with a message
+# of one line that has the file's name, the value and, after "; ", a remedy. It
+# prints nothing on stdout and leaves no incomplete file. The cases:
+#   json        transforms.json is damaged, lacks keys, or has wrong types or
 #               numbers that are not finite
-#   cameras     invalid poses, lenses and sizes that cannot be, cameras that
-#               move or have nothing in common with each other or the points
-#   frames      unequal counts, missing, empty, odd and damaged pictures and
-#               points, times that do not fit
-#   neu3d       videos and poses_bounds.npy that are missing, damaged or do not
-#               fit together
-#   paths       links, and `..` and absolute paths into the capture's folder
-#               are fine; others are refused, of pictures, videos, depths, masks
-#               and points, by every loader that takes them from a file, but
-#               with --follow-paths; frame folders have names of their own
-#   output      what cannot be written is found before the training; a disk
-#               that fills up later leaves the checkpoint, and --resume the
-#               whole file
-#   interrupt   Ctrl-C while the capture is loaded; without a checkpoint
+#   cameras     poses are invalid, lenses or sizes impossible; cameras move, or
+#               do not see the same region as each other or as the points
+#   frames      the cameras' numbers of frames differ; pictures or points are
+#               missing, empty, damaged or of an unsupported kind; times do not
+#               fit
+#   neu3d       videos or poses_bounds.npy are missing, damaged or do not fit
+#               together
+#   paths       links, and `..` and absolute paths into the capture's folder,
+#               are accepted. Every loader that takes paths from a file refuses
+#               other paths of pictures, videos, depths, masks and points,
+#               except with --follow-paths. Folders of frames may have any name
+#   output      an output that cannot be written is reported before the
+#               training; if the disk fills up later, the checkpoint remains,
+#               from which --resume makes the complete file
+#   interrupt   Ctrl-C works while the capture is loaded, and if no checkpoint
+#               can be written
 set -u
 saga=$(realpath "${SAGA:-${BUILD:-build}/saga}")
 checks=input

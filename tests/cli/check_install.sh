@@ -2,17 +2,17 @@
 # SPDX-License-Identifier: MIT
 #
 # check_install.sh: guarantees, for what `make install` puts below DESTDIR,
-#   files       all that was named, nothing outside; the release is one number
-#               everywhere
-#   library     pkg-config is enough for a program of a user; the shared library
-#               shows the functions of saga.h and no others; the examples run;
-#               the Python module finds the library beside which it is put, and
-#               ldconfig runs if nothing is put below DESTDIR
-#   web         build/web has all that its package.json names, for npm pack
+#   files       exactly the expected files are installed, none of them outside
+#               of DESTDIR; all state the same release number
+#   library     pkg-config suffices to build a program with the library; the
+#               shared library exports the functions of saga.h and no others;
+#               the examples run; the Python module finds the library that was
+#               installed with it; ldconfig runs if DESTDIR is not used
+#   web         build/web has all files that its package.json names
 #   pages       every option of every command is in the manual page and in each
-#               completion; the page has no warnings; bash completes, after an
-#               option what that takes
-#   uninstall   `make uninstall` leaves what others have put there, nothing else
+#               shell's completion; the manual page has no warnings; bash
+#               completes commands, options, and the values of options
+#   uninstall   `make uninstall` removes exactly the files that were installed
 set -u
 cd "$(dirname "$0")/../.." || exit
 checks=install

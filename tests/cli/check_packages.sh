@@ -2,18 +2,19 @@
 # SPDX-License-Identifier: MIT
 #
 # check_packages.sh: guarantees, for the archives that `make dist` makes,
-#   wheel       the library needs nothing that its tags do not promise, and one
-#               that does is refused; installed in an environment of its own,
-#               the module finds the library inside and draws the pixels of
-#               vectors/MANIFEST and of saga-dec; RECORD has every file
+#   wheel       the library needs only libraries that the wheel's platform tags
+#               promise, and a library that needs others is refused; installed
+#               in a virtual environment, the module finds the wheel's library
+#               and draws the pixels of vectors/MANIFEST and of saga-dec; RECORD
+#               lists every file
 #   npm         every file that a package.json exports is in its package, and
-#               Node imports it by its name; the package of the decoder draws
-#               saga-dec's pixels. Engines are empty here (check_engines.py has
-#               the real ones). Without npm or the decoder in WebAssembly it
-#               says that this is skipped
-#   dist        all have the release of saga.h; the source is what git has;
-#               SHA256SUMS has every archive; archives that are made twice are
-#               equal
+#               Node can import it by its name; the decoder's package draws the
+#               pixels of saga-dec. The engines are empty modules here
+#               (check_engines.py uses the real ones). Without npm or the
+#               decoder in WebAssembly it prints that this is skipped
+#   dist        all archives have the release number of saga.h; the source
+#               archive has the files that git tracks; SHA256SUMS lists every
+#               archive; making the archives twice gives the same bytes
 set -u
 cd "$(dirname "$0")/../.." || exit
 checks=packages

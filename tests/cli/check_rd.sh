@@ -2,14 +2,17 @@
 # SPDX-License-Identifier: MIT
 #
 # check_rd.sh: guarantees, for lab/rd.py with build/saga (SAGA=...),
-#   interval    BD-rate within an interval, none where too little is common, and
-#               the saving at one PSNR
-#   protocol    invented evaluations give the means that they must
-#   page        invented rows give the differences that they must, of today's
-#               options alone, the newest state against the one before
-#   small       a small scene at two rates: rows with everything in them, which
-#               a second run keeps and a change of the code does not; x265
-#               beside it, where there is one; what is missing is reported
+#   interval    the BD-rate within an interval of PSNR is right, and missing if
+#               the curves have too little in common; so is the saving at one
+#               PSNR
+#   protocol    invented evaluations give the right means over views
+#   page        invented rows give the right differences: rows with other
+#               options are left out, and the newest code is compared with the
+#               one before
+#   small       with a small scene at two rates all rows are complete; a second
+#               run keeps them, and a change of the code makes new ones; x265 is
+#               measured as well if it is installed; a missing capture or
+#               program is reported
 set -u
 cd "$(dirname "$0")/../.." || exit
 saga=$(realpath "${SAGA:-${BUILD:-build}/saga}")

@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: MIT
 #
 # check_round.sh: guarantees, for build/saga (SAGA=...) and build/saga-dec
-# (SAGA_DEC=...), the way of a tiny scene from one end to the other:
-#   round       a capture is written, encoded, understood and drawn; what was
-#               drawn resembles the capture, by the decoder's own pixels
-#   play        saga-play's pictures are saga-dec's, with any number of threads
+# (SAGA_DEC=...), with a tiny scene from the capture to the pictures:
+#   round       the scene's capture is written, encoded, and drawn from the file
+#               by the decoder; the pictures drawn resemble the capture
+#   play        saga-play draws the pictures of saga-dec, with any number of
+#               threads
 set -u
 build=${BUILD:-build}
 saga=$(realpath "${SAGA:-$build/saga}")
