@@ -2,13 +2,14 @@
 # SPDX-License-Identifier: MIT
 """check_boxes.py: guarantees, for films in the containers that docs/isobmff.md
 and docs/gltf.md draft,
-  mp4   ffprobe finds a sample for each segment, with its time, its length and
-        its place, each an access point; configuration and samples in a row are
-        the film; a segment that came by its range alone is drawn
-  hls   what a player fetches by the playlist's byte ranges, the beginning and
-        one segment, has that segment's sample for ffprobe
-  gltf  a reader that does not know the extension finds the frame's splats; the
-        film is beside them"""
+  mp4   ffprobe finds a sample for each segment, with the right time, duration
+        and position, and each is an access point; the configuration and all
+        samples, concatenated, are the film; a segment whose byte range alone
+        was fetched can be drawn
+  hls   if the initialisation range and the range of one segment are fetched by
+        the playlist, ffprobe finds the sample of this segment in them
+  gltf  a reader that does not know the extension finds the splats of a frame;
+        the film is in the same file"""
 
 import json
 import re

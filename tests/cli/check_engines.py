@@ -3,17 +3,20 @@
 """check_engines.py: guarantees, for films in scenes of other engines
 (ports/three, ports/playcanvas) in headless Chromium, where the example page
 plays the demo,
-  NAME picture   what the engine draws from a camera of the rig, and from one
-                 beside it, has at least 40 dB beside the decoder's own picture
-  NAME depth     a wall before the film hides it all, one behind it nothing, one
-                 in its midst a part
-  NAME late      splats made for another camera are where this one sees them
-  NAME placed    a film that is moved, turned and made larger looks the same from
-                 a camera that is, too
-  gsplat, spark  what PlayCanvas and Spark draw by themselves comes to 30 dB:
-                 they know no splats that fall off as ours
-The engines come from the registry of npm, once for a build folder. Without npm
-or the registry, Chromium or the decoder for it, it says that it was skipped.
+  NAME picture   the engine's picture from a camera of the rig, and from one
+                 next to it, has a PSNR of at least 40 dB against the decoder's
+  NAME depth     a wall in front of the film hides all of it, a wall behind it
+                 nothing, and a wall through its middle a part
+  NAME late      splats that were made for another camera are drawn where the
+                 present camera sees them
+  NAME placed    if film and camera are moved, turned and enlarged together, the
+                 picture stays the same
+  gsplat, spark  the pictures that PlayCanvas and Spark draw with their own
+                 splat renderers have a PSNR of at least 30 dB; these renderers
+                 do not support the steep falloff of our splats
+NAME is an engine. The engines are fetched from the registry of npm once for a
+build folder. Without npm, the registry, Chromium or the decoder in WebAssembly,
+the check prints that it was skipped.
 """
 
 import os

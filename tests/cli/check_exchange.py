@@ -2,27 +2,34 @@
 # SPDX-License-Identifier: MIT
 """check_exchange.py: guarantees, for splats that are exported and imported, and
 files that are cut and joined,
-  draw        an independent renderer draws the exported PLY like saga-dec the
-              file: places, shapes, opacities, colours, axes and units
-  formats     PLY, SPZ and GLB hold the same splats, SPZ within its steps
+  draw        an independent renderer draws the exported PLY as saga-dec draws
+              the file: positions, shapes, opacities, colours, axes and units
+              agree
+  formats     PLY, SPZ and GLB hold the same splats; SPZ within its quantisation
+              steps
   programs    @playcanvas/splat-transform reads the same splats from SPZ,
               compressed PLY and SOG, within their steps; skipped without npm
-  outputs     the frames asked for, and whole or not at all; README lists the
-              formats that the help lists
-  import      a file of PLY splats is drawn like these by an independent
-              renderer; a sequence of SPZ has its frames; an invalid PLY is
-              reported
-  cut         frames of a file draw the same pixels, from the same bytes
+  outputs     the requested frames are written, either completely or not at all;
+              README lists the same formats as the help
+  import      a file that was encoded from PLY splats is drawn as an independent
+              renderer draws the splats; a sequence of SPZ files gives as many
+              frames; an invalid PLY is reported
+  cut         frames that were cut from a file draw the same pixels, from the
+              same coded bytes
   join        the parts of a file, joined, are the file; in another order they
-              draw what they drew
-  base        a base and names are in every part; parts of two bases are refused
-  layers      a file of the first layers draws what the file draws that ends
-              where they do; info tells bytes and counts of each
-  sound       a film gets the sound that it is given, tells it, loses it again,
-              keeps it with all frames alone; its film as MP4 sounds as long as
-              it is seen, from when it should, unless time passes otherwise
-  refused     ranges inside a segment or beyond the file, and files of other
-              networks, cameras, rates or cubes, in one line that says why"""
+              draw the same pixels as before
+  base        every part has the file's base and names; parts with different
+              bases cannot be joined
+  layers      a file cut to its first layers draws what the file draws if it
+              ends after these layers; `saga info` reports the bytes and counts
+              of each layer
+  sound       sound can be put into a film and removed; `saga info` reports it;
+              a cut keeps it only if it has all frames. A film rendered as MP4
+              has sound of the film's duration and start, but none if the
+              pictures do not follow the film's time, as with --orbit
+  refused     ranges that begin or end inside a segment or beyond the file, and
+              files with other networks, cameras, rates or cubes, are refused in
+              one line that says why"""
 
 import functools
 import math

@@ -2,13 +2,14 @@
 # SPDX-License-Identifier: MIT
 """check_headset.py: guarantees, for the page of ports/web in headless Chromium
 with a headset that iwer emulates,
-  offer       without a headset there is no button for it, with one there is
-  eyes        each eye sees what the decoder draws for its camera, to 40 dB, and
-              not what the other one does; the head turned and moved too
+  offer       there is a button for the headset only if there is a headset
+  eyes        each eye's picture has a PSNR of at least 40 dB against what the
+              decoder draws for this eye's camera, and differs from that of the
+              other eye, also after the head has turned and moved
   clock       the film plays by the headset's clock; its button pauses
-  leave       afterwards the page has its own picture and plays on
-iwer comes by npm, once for a build folder. Without npm or the registry, Chromium
-or the decoder for it, it says that it was skipped.
+  leave       after the session the page shows its own picture and plays on
+iwer is fetched by npm once for a build folder. Without npm, the registry,
+Chromium or the decoder in WebAssembly, the check prints that it was skipped.
 """
 
 import os
@@ -53,7 +54,8 @@ const beside = (want, got) => {
     let sum = 0;
     for (let i = 0; i < want.length; i++)
         sum += (want[i] - got[i]) ** 2;
-    return 10 * Math.log10(255 * 255 / Math.max(1e-9, sum / want.length * 4 / 3));
+    return 10 * Math.log10(255 * 255 / Math.max(1e-9, sum / want.length * 4 /
+    3));
 };
 const inFrame = (call) => new Promise((resolve) =>
     session.requestAnimationFrame((now, frame) => resolve(call(frame))));

@@ -2,19 +2,20 @@
 # SPDX-License-Identifier: MIT
 """check_metrics.py: guarantees, for what `saga eval` measures,
 
-  ffmpeg      PSNR of RGB, and of Y, U and V as a formula written here makes
-              them, is ffmpeg's within 1e-4 dB; and SSIM within 1e-4 where its
-              definition is ours, in flat pictures
-  temporal    PSNR of differences of successive pictures is what they give,
-              and so is that after the best factor of a view
+  ffmpeg      the PSNR of RGB, and of Y, U and V by a formula written here, is
+              ffmpeg's within 1e-4 dB; SSIM is ffmpeg's within 1e-4 for flat
+              pictures, where both definitions agree
+  temporal    the PSNR of the differences of successive pictures, and that after
+              the best gain of each view, are those computed here
   lpips       a file of weights that is invalid, incomplete or cut is reported;
-              with those of ../shared/data, if they exist, LPIPS is in the
+              with the weights in ../shared/data, if they exist, LPIPS is in the
               report
-  compare     two results differ by what they say, two curves by a known
-              factor; other protocols, other files and damage are refused
+  compare     the differences of two results, and of two curves that differ by a
+              known factor, are right; results of other protocols, other files
+              and damaged files are refused
 
-Pictures are a built-in scene's and a noisy copy of them. SAGA=... is the
-program (build/saga).
+The pictures are those of a built-in scene and a noisy copy of them. SAGA=... is
+the program (build/saga).
 """
 import json
 import math

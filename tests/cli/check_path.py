@@ -1,15 +1,17 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""check_path.py: guarantees, for cameras of `saga render` that no capture had,
-  keys        key cameras in the capture's units: saga-dec's pixels for the
-              camera and time computed here, on the keys and between them
-  nerfstudio  nerfstudio's camera path, its axes and its render_time
-  colmap      COLMAP's images, text and binary: each with its lens and size, in
-              the order of names, saga-dec's pixels; a rig written so gives the
-              pixels of --camera
-  look-at     --look-at with and without --eye
-  film        .mp4 has the pictures, their number and rate; nothing stays where
-              ffmpeg fails or is missing
+"""check_path.py: guarantees, for the cameras of `saga render` that are not in
+the file,
+  keys        for a path of key cameras, the pixels are those of saga-dec for
+              the camera and time computed here, at the keys and between them
+  nerfstudio  so are those for nerfstudio's camera path, with its axes and its
+              render_time
+  colmap      so are those for COLMAP's images, as text and binary, each with
+              its lens and size, in the order of the names; a rig that was
+              written as COLMAP files gives the pixels of --camera
+  look-at     so are those for --look-at, with and without --eye
+  film        an .mp4 has the right pictures, number of pictures and rate; if
+              ffmpeg fails or is missing, no file remains
   bad         invalid paths give a message of one line"""
 
 import functools

@@ -1,13 +1,14 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""check_pipe.py: guarantees, for what saga-play writes for players,
+"""check_pipe.py: guarantees, for the streams that saga-play writes,
   rgb         the bytes are saga-dec's pixels, picture after picture, with any
               number of threads
-  y4m         header, and size of a picture, as the file says; its samples are
-              saga-dec's pixels by the formula of BT.601, of BT.709 above 576
-              lines, to the bit
-  ffmpeg      reads the stream, and has the colours again
-  failure     a file that ends too early leaves no output, nor a part of it
+  y4m         the header, and the size of a picture, agree with the file; the
+              samples are saga-dec's pixels, converted exactly by the formula of
+              BT.601, or of BT.709 above 576 lines
+  ffmpeg      ffmpeg reads the stream, and gets the same colours
+  failure     if the file ends too early, neither output nor a part of it
+              remains
   words       contradictory options give a message of one line"""
 
 import os

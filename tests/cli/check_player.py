@@ -1,22 +1,24 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""check_player.py: guarantees, for the drawing by the graphics processor and the
-player of ports/web, in headless Chromium with WebGL2 in software,
-  near        pictures drawn from splats have at least 45 dB beside the decoder's
-              own and no sample is off by more than 3: every good vector, three
-              cameras, three times; the demo also in a window's size
-  call        a picture is one draw call of all its splats
-  window      pictures fill the element, at the device's pixels; exact ones have
-              the camera's size, and the decoder's own bits
-  pace        pictures get smaller where the machine is slow, and are sharp at
-              rest; not where the worker is what takes the time
-  element     attributes, properties and events do what they say; users who
+"""check_player.py: guarantees, for the drawing by the graphics processor and
+the player of ports/web, in headless Chromium with WebGL2 in software,
+  near        pictures that the graphics processor draws have a PSNR of at least
+              45 dB against the decoder's, and no sample differs by more than 3:
+              for every good vector, three cameras, three times; for the demo
+              also in the size of a window
+  call        a picture is drawn by one draw call of all its splats
+  window      pictures fill the element, at the resolution of the device; exact
+              pictures have the camera's size and the decoder's bits
+  pace        pictures get smaller on a slow machine, and are sharp at rest;
+              they do not get smaller if the worker takes most of the time
+  element     attributes, properties and events work as documented; users who
               prefer reduced motion get no autoplay
-  keys, touch move the camera, also in a tall window
-  state       a line tells camera and time, and brings them back; the page's
-              address does
-  names       what can be focused has a name and a role
-Without Chromium, or without the decoder for it, it says that it was skipped.
+  keys, touch keys and fingers move the camera, also in a tall window
+  state       a line of text stores camera and time, from which they are
+              restored; so does the page's address
+  names       everything that can be focused has a name and a role
+Without Chromium or the decoder in WebAssembly, the check prints that it was
+skipped.
 """
 
 import json
@@ -54,8 +56,8 @@ async function near(source, places) {
         if (size)
             values = fitted(values, ...size);
         for (const part of [0, 0.37, 1]) {
-            const last = file.info.nFrames - 1, num = Math.round(64 * last * part);
-            const { rgba } = await file.draw({ values }, num, 64);
+            const last = file.info.nFrames - 1, num = Math.round(64 * last *
+            part); const { rgba } = await file.draw({ values }, num, 64);
             const want = Uint8Array.from(rgba);
             screen.showSplats(await file.splats({ values }, num, 64));
             const got = screen.read().data;

@@ -2,15 +2,20 @@
 # SPDX-License-Identifier: MIT
 """check_python.py: guarantees, for ports/python/saga.py,
 
-  structures  sizes and places of all fields are those that a C compiler gives
-              saga.h
+  structures  sizes and offsets of all fields are those that a C compiler gives
+              the structures of saga.h
   pictures    every good vector that has a rig gives the checksums of
-              vectors/MANIFEST; times between frames are saga-dec's
-  errors      a missing, cut or damaged file, and cameras and times that are not
-              there, raise saga.Error, each bad vector its status
-  arrays      of pictures and primitives, if numpy exists; else it says so
-  encode      runs the program, passes options, gives the report or the message
-  readme      the packages it names are there, its example gives what it says
+              vectors/MANIFEST; at times between frames the pixels are
+              saga-dec's
+  errors      a missing, cut or damaged file, and cameras and times that do not
+              exist, raise saga.Error; for a bad vector it has the status of
+              vectors/MANIFEST
+  arrays      pictures and primitives are right as numpy arrays; skipped, with a
+              message, without numpy
+  encode      encode() runs the program with the given options, and returns the
+              report or raises the program's message
+  readme      the packages that the README names exist, and its example prints
+              what it states
 
 BUILD=... or build has libsaga.so.0 (`make shared`), SAGA=... is the program.
 """

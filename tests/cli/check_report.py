@@ -2,18 +2,18 @@
 # SPDX-License-Identifier: MIT
 """check_report.py: guarantees, for the page of `saga report`,
 
-  page        nothing is loaded from elsewhere; the results and the pictures'
-              bytes are in it; a hostile name ends no element
-  jpeg        pictures that were turned into JPEGs are labelled as JPEGs
-  foreign     files that are no picture, or that lie outside of the results'
-              folder, also behind links and `..`, do not get into the page
-  refused     other protocols, missing files, a page that cannot be written; no
-              half a page
+  page        the page loads nothing from elsewhere; it contains the results and
+              the bytes of the pictures; a name with HTML in it is escaped
+  jpeg        pictures that were converted to JPEG are labelled as JPEGs
+  foreign     files that are not pictures, or that lie outside of the results'
+              folder, even by links and `..`, are not put into the page
+  refused     results of another protocol, missing files, and a page that cannot
+              be written are errors; no incomplete page remains
   browser     headless Chromium draws a curve for each file with a point for
               each result, a plot for each view, a bar for each file, and
-              pictures; of one result of many views, one plot with a row for
-              each and no plot of one point, and no metric that was not
-              measured; without chromium this is skipped, and said
+              pictures; for a single result of many views it draws one plot with
+              a row for each view, no plot of a single point, and no metric that
+              was not measured; without Chromium it prints that this is skipped
 
 SAGA=... is the program (build/saga).
 """

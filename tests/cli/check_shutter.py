@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""check_shutter.py: guarantees, for what `saga encode` says of shutters,
-  rolling     which one of seven cameras does not read all rows at once, and for
-              how long it reads, from pictures whose rows are those of a room
-              rendered at four times the rate
-  quiet       with SAGA_TEST_LONG: nothing where all do, in JSON. `rolling` has
-              six such cameras, measure/test_shutter.c the sums"""
+"""check_shutter.py: guarantees, for what `saga encode` reports of shutters,
+  rolling     it reports which of seven cameras has a rolling shutter, and how
+              long that takes to read a frame. Its pictures are composed of rows
+              of a room rendered at four times the rate
+  quiet       with SAGA_TEST_LONG: the JSON reports nothing if all cameras have
+              a global shutter. `rolling` has six such cameras as well;
+              measure/test_shutter.c tests the computation"""
 
 import json
 import os

@@ -1,11 +1,13 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""check_sight.py: guarantees, for what pictures of `saga render` show,
-  stereo  two eyes next to each other, the left one first: saga-dec's pixels for
-          cameras moved along their axis here, in metres or the capture's units
-  depth   the mean depth that an independent renderer finds, in the capture's
-          units, and its opacity; PNG and EXR, read here, hold the same
-  bad     options that do not go together give a message of one line"""
+"""check_sight.py: guarantees, for the kinds of pictures of `saga render`,
+  stereo  the pictures of two eyes are next to each other, the left one first.
+          They have saga-dec's pixels for cameras that are moved along their
+          axis here, in metres or the capture's units
+  depth   depths, in the capture's units, are the mean depths that an
+          independent renderer finds, and so are the opacities; PNG and EXR
+          files, read here, hold the same
+  bad     options that exclude each other give a message of one line"""
 
 import functools
 import json

@@ -2,17 +2,20 @@
 # SPDX-License-Identifier: MIT
 """check_sound.py: guarantees, for the sound of films on the page of ports/web,
 in headless Chromium,
-  button   a film with sound has a button, the demo has none; the film's sound
-           is fetched once, when it is first heard, by a range of its own
-  muted    the attribute, key M, the button and the property
-  gesture  where the browser refuses sound, a gesture begins it
-  clock    the sound is at the picture's time: played, after a seek, at twice
-           the rate, after loops, with a start before and behind the first
-           frame; it stands where the clock does, and is silent outside
-  late     it waits with a segment that does not come
-  damaged  a film whose sound is damaged is silent, and plays
-Without Chromium, or one that plays Opus, or without the decoder for it, it says
-that it was skipped.
+  button   there is a button for a film with sound, and none for the demo; the
+           sound is fetched once, when it is first heard, by a byte range of its
+           own
+  muted    the attribute, the key M, the button and the property turn it off and
+           on
+  gesture  if the browser blocks sound, the user's next gesture starts it
+  clock    the sound has the picture's time: in playback, after a seek, at twice
+           the rate, after loops, and if it starts before or after the first
+           frame; it stands if the clock does, and is silent before its start
+           and after its end
+  late     it waits if a segment is late
+  damaged  a film whose sound is damaged plays without sound
+Without Chromium, its Opus decoder or the decoder in WebAssembly, the check
+prints that it was skipped.
 """
 
 import json

@@ -1,23 +1,27 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """check_stream.py: guarantees, for films of several segments in the player of
-ports/web, in headless Chromium, from a server that sends half as fast again as
+ports/web, in headless Chromium, from a server that sends 1.5 times as fast as
 the film is played,
-  open        a poster stands until there is a picture; what has come is
+  open        the poster is shown until there is a picture; the transfer is
               reported
-  seams       the clock stands nowhere where a segment ends and the next begins,
-              or the film begins anew: each segment is fetched once, in order,
-              and decoded ahead of time. Without looking ahead the same film
-              stands at its first seam, so the measure works
-  pixels      a segment that was decoded ahead has the decoder's own bits
-  seek        a seek to what has not come is reported, and shows it
-  late        where the server is too slow the clock stands: no picture is left
+  seams       playback does not pause where one segment ends and the next
+              begins, or where the film loops: each segment is fetched once, in
+              order, and decoded ahead of time. If nothing is decoded ahead, the
+              same film pauses at its first seam, which shows that the
+              measurement works
+  pixels      a segment that was decoded ahead of time has the decoder's bits
+  seek        a seek to a segment that has not been fetched is reported as
+              waiting, and then shows its picture
+  late        if the server is too slow, the clock stands: no picture is left
               out, and `waiting` and `playing` are reported
-  rate        the speed of the bar and of the element is that of the film
-The check moves the clock of the page, a picture at a time, and lets the server
-send a number of bytes for each picture. So it counts pictures, and the speed of
-the machine does not matter.
-Without Chromium, or without the decoder for it, it says that it was skipped.
+  rate        the film plays at the rate that is chosen in the bar or set for
+              the element
+The check advances the page's clock by one picture at a time, and lets the
+server send a number of bytes for each picture. So it counts pictures, and the
+speed of the machine does not matter.
+Without Chromium or the decoder in WebAssembly, the check prints that it was
+skipped.
 """
 
 import json

@@ -1,21 +1,25 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """check_view.py: guarantees, for the server of `saga view`,
-  files       the page with what it carries, its parts, the file: whole and in
-              parts (RFC 9110, 14), with lengths and types; nothing else
-  refusals    other methods, other hosts, paths out of the folder, requests that
-              are invalid or do not end: an answer, and the server continues
-  head        the lines of a GET without its bytes
-  slow        clients that take nothing of a large file: others are answered at
-              once, Ctrl-C and SIGTERM end the server within a second, and a
-              slow client gets all of it
-  port 80     the host without a port (skipped, and said, where that port
-              cannot be had)
-  checkpoint  of a stopped training: what it would pack now, which the training
-              goes on from; in the warm-up a word of it
-  command     the address on stdout, Ctrl-C ends with 0, a port that is taken
-              and files that cannot be shown give a message of one line
-check_web.py has a browser look at it."""
+  files       it serves the page, the page's modules and the film, completely or
+              by ranges (RFC 9110, section 14), with their lengths and types,
+              and nothing else
+  refusals    it answers with an error, and continues, if a request has another
+              method, names another host, has a path out of the folder, is
+              invalid or does not end
+  head        it answers HEAD with the header lines of GET and no body
+  slow        while clients receive nothing of a large file, others are answered
+              at once; Ctrl-C and SIGTERM end the server within a second; a slow
+              client gets the complete file
+  port 80     it accepts a Host without a port (skipped, with a message, if the
+              port is not available)
+  checkpoint  for the checkpoint of a stopped training it serves the file that
+              the training would write now, without changing the training;
+              during the warm-up it prints that there is no file yet
+  command     the address is printed on stdout; Ctrl-C ends with status 0; a
+              port in use and files that cannot be shown give a message of one
+              line
+check_web.py opens the page in a browser."""
 
 import json
 import os

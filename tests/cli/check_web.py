@@ -1,30 +1,34 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """check_web.py: guarantees, for the page of ports/web in headless Chromium,
-  vectors     every good vector's frames have the MANIFEST's CRC, with SIMD and
-              without
-  pixels      the canvas has saga-dec's pixels, bit by bit: vectors, cameras of
-              the rig and moved ones, times between frames, with SIMD and
-              without; the CRC the page shows is theirs, and distinguished from
-              a wrong one
-  bad         every bad vector is refused with the MANIFEST's status; a damaged,
-              missing or wrong file gives a message that names it, Escape closes
-              it, and a good file can be opened then. A server that keeps its
-              files from other pages is distinguished from one that is not there
-  ranges      of a file of several segments only those that are shown are
-              fetched, each once, and the head; counted by the server. Without
-              ranges the file is taken whole, once. Of a film of ten seconds,
-              seeks fetch the segments they show
-  drop        a file that is dropped on the page is shown, and fetched by nobody
-  controls    mouse, wheel and keys move what they should; a key camera comes
-              back as it was, in the capture's units. What is asked of a viewer
-              before its file is open does not keep it from showing that
-  numbers     the rate that is reported is that of the last two seconds
-  view        `saga view` serves the page with the file, and the page finds the
-              program's CRC
-  rate        reports what a picture costs; no bound, since machines differ
-Without Chromium, or without the decoder for it, it says that it was skipped.
-`check_web.py FILE.saga ...` tells the rate of these files and does nothing else.
+  vectors     the frames of every good vector have the CRC of vectors/MANIFEST,
+              with and without SIMD
+  pixels      the canvas has exactly saga-dec's pixels: for vectors, cameras of
+              the rig and moved ones, times between frames, with and without
+              SIMD; the page shows their CRC, and marks a wrong one
+  bad         every bad vector is refused with the status of vectors/MANIFEST; a
+              damaged, missing or wrong file gives a message with its name,
+              which Escape closes, and then a good file can be opened. A server
+              that forbids other pages to read its files is distinguished from a
+              server that does not answer
+  ranges      of a file with several segments only the head and the segments
+              that are shown are fetched, each once, as the server counts. If
+              the server does not support ranges, the whole file is fetched
+              once. In a film of ten seconds, seeks fetch the segments that they
+              show
+  drop        a file that is dropped on the page is shown without a request to
+              the server
+  controls    mouse, wheel and keys move the camera and the time; a key camera
+              that is saved and loaded is the same, in the capture's units.
+              Calls to a viewer before its file is open do not prevent it from
+              showing the file
+  numbers     the reported rate of pictures is that of the last two seconds
+  view        `saga view` serves the page with the file, and the page computes
+              the same CRC as the program
+  rate        the time for a picture is reported, without a bound, since
+              machines differ
+Without Chromium or the decoder in WebAssembly, the check prints that it was
+skipped. `check_web.py FILE.saga ...` only reports the rate for these files.
 """
 
 import base64
