@@ -1,15 +1,15 @@
 /* SPDX-License-Identifier: MIT
  *
- * Videos are read through the programs ffprobe and ffmpeg.
+ * Reads videos through the programs ffprobe and ffmpeg.
  *
- * Colour: ffmpeg converts to RGB with the matrix and range that the stream is
- * tagged with; an untagged stream is taken as BT.709, limited range. Both are
- * given to the scaler explicitly, with exact rounding and chroma
- * interpolated at full resolution; ffmpeg's own default for untagged video
- * would be BT.601. The transfer function is left alone: display-referred
- * values come out, as from a PNG.
+ * Colour: ffmpeg converts to RGB with the matrix and range of the stream's
+ * tags; an untagged stream is taken as BT.709 in limited range. Both are given
+ * to the scaler explicitly, because ffmpeg would take untagged video as BT.601;
+ * rounding is exact, and chroma is interpolated at full resolution. The
+ * transfer function is not changed: the values are display-referred, as in a
+ * PNG file.
  *
- * Frames: every coded frame comes out once, whatever its time stamp says.
+ * Frames: every coded frame is read once, whatever its time stamp.
  */
 #ifndef SAGA_VIDEO_H
 #define SAGA_VIDEO_H

@@ -1,20 +1,22 @@
 /* SPDX-License-Identifier: MIT
  *
- * Reads the TOML files that calibration with a board gives, beside a video of
- * each camera: caliscope's camera_array.toml, and calibration.toml as Anipose,
- * Pose2Sim and FreeMoCap have it. A camera is a table; caliscope's are in a
- * table "cameras", whose keys are numbers.
+ * Reads the TOML files that calibration with a board writes; each camera has a
+ * video beside them. The files are caliscope's camera_array.toml, and the
+ * calibration.toml of Anipose, Pose2Sim and FreeMoCap. A camera is a table;
+ * caliscope's cameras are in a table "cameras", whose keys are numbers. The
+ * keys of a camera are:
  *
- *     name         the camera; without it, the table's name
- *     size         width and height of the pictures that were calibrated
+ *     name         name of the camera; without it, the table's name
+ *     size         width and height of the pictures used in the calibration
  *     matrix       3 x 3 intrinsics
- *     distortions  k1 k2 p1 p2 k3, or k1 k2 k3 k4 of a fisheye
- *     fisheye      whether it is one; false without it
- *     rotation     world to camera, OpenCV axes: a rotation vector or 3 x 3
+ *     distortions  k1 k2 p1 p2 k3, or k1 k2 k3 k4 of a fisheye lens
+ *     fisheye      whether the lens is a fisheye; default false
+ *     rotation     world to camera in OpenCV axes, a rotation vector or 3 x 3
  *     translation  world to camera
- *     ignore       whether the camera is not to be used
+ *     ignore       whether the camera must not be used
  *
- * OpenCV counts pixels from the centre of the first one, we from its corner.
+ * OpenCV's pixel coordinates begin at the centre of the first pixel, ours at
+ * its corner.
  */
 #include "alloc.h"
 #include "error.h"

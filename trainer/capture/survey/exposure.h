@@ -1,19 +1,20 @@
 /* SPDX-License-Identifier: MIT
  *
- * Cameras see one place differently bright: each has an exposure of its own, or
- * another white balance. Three estimates are made of it, of what is known when
- * they are asked for:
+ * Cameras record the same place with different brightness, because their
+ * exposures or white balances differ. The difference is estimated in three
+ * situations, from what is known in each:
  *
- *     who          compares                     and so takes
- *     the survey   places, which something may  the median of luma, whatever
- *                  hide, with what most see     some places are
- *     training     patches that match, some     the least sum of absolute
- *                  of them wrongly              differences, over all cameras
- *     evaluation   pixels of one view with      the least squares, exactly
- *                  what was made of them
+ *     who          compares                       and estimates by
+ *     the survey   a place, which may be hidden   the median of luma, which
+ *                  in one view, with what most    ignores some wrong places
+ *                  views see there
+ *     training     patches that match, some of    the least sum of absolute
+ *                  them wrongly                   differences, over all cameras
+ *     evaluation   the pixels of a view with      exact least squares
+ *                  those decoded for it
  *
- * Pictures are display-referred. The light of a display value v is v^2.2, and
- * stops are log2 of light.
+ * Pictures are display-referred. A display value v stands for the light v^2.2,
+ * and stops are log2 of light.
  */
 #ifndef SAGA_EXPOSURE_H
 #define SAGA_EXPOSURE_H

@@ -1,18 +1,19 @@
 /* SPDX-License-Identifier: MIT
  *
- * Renders a built-in scene as a nerfstudio capture: "room" (synth_room.h), or
- * "ring" (synth_ring.h), which moves hard and has cameras all round.
+ * Renders a built-in scene as a nerfstudio capture. The scenes are "room"
+ * (synth_room.h), and "ring" (synth_ring.h), which has fast motion and cameras
+ * all around. The files are:
  *
  *     DIR/transforms.json
- *     DIR/images/camNN/FFFFF.png (or .exr, linear light)
- *     DIR/depth/camNN/FFFFF.exr  for every depth_every-th frame: z at pixel
- *                                centres, in metres
- *     DIR/points.ply             as from structure-from-motion on frame 0 of
- *                                the training cameras: textured places seen
- *                                by at least two, with noise
+ *     DIR/images/camNN/FFFFF.png (or .exr, with linear light)
+ *     DIR/depth/camNN/FFFFF.exr  for every depth_every-th frame: z at the
+ *                                pixels' centres, in metres
+ *     DIR/points.ply             points as from structure from motion on frame
+ *                                0 of the training cameras: textured places
+ *                                that at least two of them see, with noise
  *
- * The folder appears whole or not at all. The same options give the same
- * bytes, for any number of threads.
+ * The folder appears either completely or not at all. The same options give the
+ * same bytes, with any number of threads.
  */
 #ifndef SAGA_SYNTH_H
 #define SAGA_SYNTH_H

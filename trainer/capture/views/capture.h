@@ -1,25 +1,26 @@
 /* SPDX-License-Identifier: MIT
  *
- * A capture is several cameras that filmed one moving scene.
+ * A capture holds the pictures of several cameras that filmed one moving scene.
  *
- * Conventions. World: right-handed, units and axes as the capture has them
- * (nothing is recentred or rescaled). Camera: OpenCV axes, x right, y down,
- * z forward; rotation and translation take world to camera,
+ * World: right-handed, with the units and axes of the capture; nothing is
+ * recentred or rescaled. Camera: OpenCV axes, x right, y down, z forward.
+ * Rotation and translation map a point P from world to camera axes and to the
+ * pixel (u, v),
  *
  *     X = rotation * P + translation,   u = fx X/Z + cx,   v = fy Y/Z + cy.
  *
  * Pixels: the corner of a picture is (0, 0) and the centre of its first pixel
- * (1/2, 1/2). Pictures are 8-bit RGB rows, display-referred (sRGB-like), no
- * padding. Lenses are gone after loading: every view is a pinhole, every
- * pixel of it valid (remap.h says how its focal length is chosen), but where a
- * mask says that it does not count. A view stands still, and one camera that
- * moves is as many views as it has pictures; frame k of every view was taken at
- * the same moment, but for parts of a frame (late).
+ * (1/2, 1/2). Pictures are rows of 8-bit RGB without padding, display-referred
+ * (sRGB-like). Loaders remove the distortion of lenses: every view is a pinhole
+ * (remap.h says how its focal length is chosen), and all of its pixels are
+ * valid except those that a mask excludes. A view does not move: a moving
+ * camera becomes as many views as it has pictures. Frame k of every view was
+ * taken at the same moment, except for fractions of a frame (`late`).
  *
- * Memory: all frames stay resident. What that needs is forecast before any
- * picture is decoded, and refused if it exceeds the budget. Nothing is cached
- * elsewhere, there is no global state; a loaded capture may be read by any
- * number of threads. Loading gives the same bytes for any number of threads.
+ * Memory: all frames stay in memory. Loaders compute how much this takes before
+ * any picture is decoded, and refuse a capture that exceeds the budget. There
+ * are no other caches and no global state, and any number of threads may read a
+ * loaded capture. The loaded bytes do not depend on the number of threads.
  */
 #ifndef SAGA_CAPTURE_H
 #define SAGA_CAPTURE_H

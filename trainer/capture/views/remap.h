@@ -1,35 +1,38 @@
 /* SPDX-License-Identifier: MIT
  *
- * Goes from the picture a lens made to the picture a pinhole would have made,
- * and from full size to 1/N, in one pass with one rounding.
+ * Resamples a picture that was taken through a lens to the picture that a
+ * pinhole camera would have taken, and reduces it to 1/N, in one pass with one
+ * rounding.
  *
- * Lens: OpenCV's models. With x, y the pinhole direction (z = 1), r2 = x x +
- * y y and g = 1 + k1 r2 + k2 r2^2 + k3 r2^3,
+ * The lens models are OpenCV's. With the pinhole direction (x, y, 1), r2 = x x
+ * + y y and g = 1 + k1 r2 + k2 r2^2 + k3 r2^3,
  *
  *     x' = x g + 2 p1 x y + p2 (r2 + 2 x x)
  *     y' = y g + p1 (r2 + 2 y y) + 2 p2 x y
- *     u  = fx x' + cx,   v = fy y' + cy,
+ *     u  = fx x' + cx,   v = fy y' + cy.
  *
- * or of a fisheye, with the angle a from the axis, tan a = |x, y|,
+ * For a fisheye lens, with the angle a from the axis, tan a = |x, y|,
  *
  *     (x', y') = (x, y) / |x, y| (a + k1 a^3 + k2 a^5 + k3 a^7 + k4 a^9).
  *
- * An equirectangular picture has fx, fy pixels a radian of longitude and
- * latitude around (cx, cy); one of its faces, a pinhole of 90 degrees square
- * with as many pixels a radian in its middle, looks in a direction of its own.
- * At the seam and the poles it takes the nearest pixel.
+ * An equirectangular picture has fx, fy pixels per radian of longitude and
+ * latitude around (cx, cy). It is resampled to faces: pinhole pictures of 90 x
+ * 90 degrees with as many pixels per radian in their middle, each with a
+ * direction of its own. At the seam and the poles a face takes the nearest
+ * pixel.
  *
- * Of other lenses the pinhole keeps the size and the principal point; both its
- * focal lengths are those of the lens times one factor, the smallest (widest
- * view) for which every pixel of the pinhole picture lies between pixel
- * centres of the source, and not wider than 110 degrees. So no pixel is invalid
- * and no mask is needed; what the lens saw beyond that is given up. A point in
- * front of the camera and inside the pinhole picture is where u = fx X/Z + cx
- * says.
+ * For the other lenses, the pinhole picture has the size and principal point of
+ * the source. Its focal lengths are those of the lens times one factor, the
+ * smallest (widest view) for which every pixel of the pinhole picture lies
+ * between pixel centres of the source, and the view is at most 110 degrees
+ * wide. So all pixels are valid and no mask is needed; what the lens saw
+ * outside is lost. A point in front of the camera and inside of the pinhole
+ * picture is at u = fx X/Z + cx, and v likewise.
  *
- * Sampling: bilinear at full size (positions to 1/256 pixel), then N x N boxes
- * are averaged; rows and columns beyond a multiple of N are dropped at the
- * right and the bottom. Depth is never mixed: the nearest source sample.
+ * Sampling is bilinear at full size (positions to 1/256 pixel); then boxes of N
+ * x N pixels are averaged, and rows and columns beyond a multiple of N are
+ * dropped at the bottom and the right. Depths are not interpolated: the nearest
+ * source sample is taken.
  */
 #ifndef SAGA_REMAP_H
 #define SAGA_REMAP_H
