@@ -69,7 +69,7 @@ typedef struct {
     saga_coder *inner;
     saga_range_dec start[3];     /* each chunk's range decoder before its first
                                   * call */
-    const uint8_t *payload;      /* of the chunk begun last */
+    const uint8_t *payload;      /* payload of the chunk begun last */
     int n_layers;
     call *calls;
     uint8_t *scales;
@@ -170,8 +170,8 @@ typedef struct {
     saga_camera camera;
     saga_job job;
     saga_picture picture;
-    uint32_t sum;                /* of results; keeps the compiler from removing
-                                  * their computation */
+    uint32_t sum;                /* sum of results; keeps the compiler from
+                                  * removing their computation */
 } file;
 
 static void read_bytes(file *f)

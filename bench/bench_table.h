@@ -16,7 +16,8 @@ typedef enum {
     BENCH_CYCLES,                /* dependent additions */
     BENCH_BYTES,                 /* bytes copied */
     BENCH_MACS,                  /* multiply-adds of int16 */
-    BENCH_FLOPS,                 /* in float; a multiply-add counts as two */
+    BENCH_FLOPS,                 /* float operations; a multiply-add counts as
+                                  * two */
     BENCH_N_KINDS
 } bench_kind;
 

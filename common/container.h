@@ -26,15 +26,15 @@ enum {
     SAGA_VERSION = 1,
     SAGA_HEADER_NBYTES = 157 + SAGA_N_OUTS, /* fixed part: magic, version, a Q
                                   * format for each output, and the rest */
-    SAGA_BANK_NBYTES = 15,       /* of the bank's networks */
-    SAGA_HASH_NBYTES = 3,        /* of the hash's network */
-    SAGA_BASE_NBYTES = 16,       /* of the base's sizes */
+    SAGA_BANK_NBYTES = 15,       /* the bank's networks in the header */
+    SAGA_HASH_NBYTES = 3,        /* the hash's network in the header */
+    SAGA_BASE_NBYTES = 16,       /* the base's sizes in the header */
     SAGA_CHUNK_NBYTES = 12,      /* chunk header: type, length, CRC-32C */
     SAGA_INDEX_ENTRY_NBYTES = 16,
     SAGA_SEGMENT_NBYTES = 24,    /* payload of SEGM with one layer */
-    SAGA_MAX_LAYERS = 8,         /* of a segment */
+    SAGA_MAX_LAYERS = 8,         /* largest number in a segment */
     SAGA_CAMERA_NBYTES = 82,
-    SAGA_SOUND_NBYTES = 4,       /* of OPUS before its Ogg stream */
+    SAGA_SOUND_NBYTES = 4,       /* bytes of OPUS before its Ogg stream */
     SAGA_MAX_SEGMENTS = 1 << 20,
     SAGA_MAX_CAMERAS = 1024
 };
@@ -56,7 +56,7 @@ enum {
 typedef struct saga_header {
     uint32_t header_nbytes;      /* all of it, CRC included */
     uint8_t level;               /* 0..3 */
-    uint8_t more_layers;         /* of a segment, behind the first: 0..7 */
+    uint8_t more_layers;         /* layers of a segment after the first, 0..7 */
     uint32_t n_segments;         /* 1..2^20 */
     uint32_t n_frames;           /* all segments together */
     uint32_t fps_num, fps_den; /* frames per second */
@@ -69,7 +69,7 @@ typedef struct saga_header {
     uint16_t n_cameras;
     saga_model model;
     saga_counts base;            /* exactly; all 0 without the tool */
-    uint32_t base_nbytes;        /* of its chunks, headers included */
+    uint32_t base_nbytes;        /* bytes of its chunks, headers included */
 } saga_header;
 
 /* Return the offset of the first camera, and the offset of the end of the
@@ -100,15 +100,16 @@ typedef struct saga_rig_camera {
 } saga_rig_camera;
 
 typedef struct saga_index_entry {
-    uint64_t offset;             /* of SEGM, from the file's start */
-    uint32_t nbytes;             /* of all the segment's chunks */
+    uint64_t offset;             /* offset of SEGM from the file's start */
+    uint32_t nbytes;             /* bytes of all the segment's chunks */
     uint32_t n_frames;           /* >= 1 */
 } saga_index_entry;
 
 /* One layer of a segment. The file has nbytes only if there are several. */
 typedef struct saga_layer_header {
     saga_counts n;
-    uint32_t nbytes;             /* of its three chunks, headers included */
+    uint32_t nbytes;             /* bytes of its three chunks, headers
+                                  * included */
 } saga_layer_header;
 
 typedef struct saga_segment_header {

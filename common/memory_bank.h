@@ -32,7 +32,7 @@ enum {
 /* The current round: the sum of its tokens so far. */
 typedef struct saga_round {
     uint32_t n;                          /* tokens so far */
-    int32_t sum[SAGA_MAX_SLOT_WIDTH];    /* of them, Q12 */
+    int32_t sum[SAGA_MAX_SLOT_WIDTH];    /* sum of these tokens, Q12 */
     int16_t read[SAGA_MAX_SLOT_WIDTH];   /* result of the last read */
 } saga_round;
 
@@ -46,7 +46,7 @@ typedef struct saga_bank {
     saga_round *round;
     uint32_t n_slots;        /* L */
     uint32_t width;          /* D */
-    uint32_t hidden;         /* of the write's network */
+    uint32_t hidden;         /* hidden width of the write's network */
 } saga_bank;
 
 /* Places the arrays of a bank, whose n_slots, width and hidden are set, in a

@@ -20,7 +20,7 @@
 enum {
     SAGA_MAX_FEATURES = 64,   /* F, feature channels of an anchor */
     SAGA_MAX_WIDTH = 128,     /* hidden units of a network */
-    SAGA_MAX_OCTAVES = 8,     /* of the positional embedding */
+    SAGA_MAX_OCTAVES = 8,     /* octaves of the positional embedding */
     SAGA_MAX_GROUPS = 16,     /* K_c of the paper */
     SAGA_MAX_WINDOW = 32,     /* w: ranks to each side of the parent's */
     SAGA_MAX_NEIGHBOURS = 16, /* K of the kernel interpolation */
@@ -169,7 +169,7 @@ typedef struct saga_tier {
     uint8_t neighbours;     /* K, 1..16 */
     uint8_t suffix_bits;    /* B of the CHILDREN of this tier's anchors, 0..8:
                              * [coarse] B_f, [fine] B_prim */
-    uint8_t max_children;   /* of this tier's anchors, 1..16 */
+    uint8_t max_children;   /* children of an anchor of this tier, 1..16 */
     uint16_t radius2_q12;   /* rho^2, d < rho^2 */
     uint16_t softmax_q8;    /* log2(e) / T, >= 1 */
 } saga_tier;
@@ -188,7 +188,7 @@ typedef struct saga_model {
     uint32_t tools;
     uint8_t sources[SAGA_N_KINDS];
     uint8_t features;       /* F, 1..64 */
-    uint8_t octaves;        /* of the embedding, 1..8 */
+    uint8_t octaves;        /* octaves of the embedding, 1..8 */
     uint16_t lambda_t_q8;   /* weight of time in the distance */
     saga_tier tier[SAGA_N_TIERS];
     uint32_t step_q16[SAGA_N_STEPS];
@@ -205,7 +205,7 @@ typedef struct saga_model {
     /* The tables of the residual hash; both are 0 without SAGA_TOOL_HASH. All
      * tables together have at most SAGA_MAX_ENTRIES entries. */
     uint8_t hash_levels;  /* 1..SAGA_MAX_HASH_LEVELS */
-    uint8_t hash_log2_entries; /* of each table, 1..9 */
+    uint8_t hash_log2_entries; /* log2 of the entries of each table, 1..9 */
 } saga_model;
 
 static inline int saga_motion_order(const saga_model *m)
@@ -317,10 +317,11 @@ typedef struct saga_level_caps {
     uint32_t n_weights;
     uint32_t n_anchors;     /* coarse and fine anchors, of the base and of all
                              * layers of a segment */
-    uint64_t work;          /* of the base and a segment: multiply-accumulates,
-                             * and SAGA_RUN_WORK for each run of a network */
-    uint16_t n_slots;       /* of the bank */
-    uint16_t cover;         /* of a view's boxes, in pictures */
+    uint64_t work;          /* work for the base and a segment:
+                             * multiply-accumulates, and SAGA_RUN_WORK for each
+                             * run of a network */
+    uint16_t n_slots;       /* slots of the memory bank */
+    uint16_t cover;         /* area of all boxes of a view, in pictures */
     uint8_t width;
     uint8_t int8_only;      /* every network must be int8 */
 } saga_level_caps;

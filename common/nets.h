@@ -22,7 +22,7 @@
 typedef struct saga_nets {
     saga_net_shape shape[SAGA_N_NETS];
     uint32_t offset[SAGA_N_NETS];  /* bytes from the block's start */
-    uint32_t nbytes;               /* of the block */
+    uint32_t nbytes;               /* bytes of the block */
 } saga_nets;
 
 /* Offsets of the parts of a layer in the block, in bytes. */

@@ -60,19 +60,19 @@ enum { SAGA_FEW = 3, SAGA_LATER_BITS = 3 };
 typedef struct saga_set_models {
     saga_adaptive space[SAGA_MAX_CHILDREN];
     saga_adaptive time[SAGA_MAX_CHILDREN];
-    saga_adaptive later[SAGA_LATER_BITS][2][SAGA_FEW]; /* by bit of time (1, 2,
-                                                        * 3 and more), then by
+    saga_adaptive later[SAGA_LATER_BITS][2][SAGA_FEW]; /* index: bit of time (1,
+                                                        * 2, 3 and more), then
                                                         * the first bit */
 } saga_set_models;
 
 /* The adaptive models of a scaffold, which keep their state from chunk to
  * chunk. */
 typedef struct saga_models {
-    saga_adaptive split[SAGA_MAX_DEPTH_X + 1];     /* by spatial depth */
-    saga_adaptive occupancy[3][4][5]; /* by split - 1, by the number of children
-                                       * so far, and by how many of these touch
-                                       * the next one */
-    saga_adaptive n_fine[SAGA_MAX_DEPTH_X + 1];    /* by spatial depth */
+    saga_adaptive split[SAGA_MAX_DEPTH_X + 1];     /* index: spatial depth */
+    saga_adaptive occupancy[3][4][5]; /* indices: split - 1; number of children
+                                       * so far; how many of these touch the
+                                       * next one */
+    saga_adaptive n_fine[SAGA_MAX_DEPTH_X + 1];    /* index: spatial depth */
     saga_adaptive n_prim;
     saga_set_models set[2];           /* fine, primitive */
 } saga_models;

@@ -18,7 +18,7 @@ typedef struct saga_counts {
 /* The symbols of one segment, in rank order. */
 typedef struct saga_symbols {
     saga_counts n;
-    uint32_t n_nodes;        /* of the tree, leaves included */
+    uint32_t n_nodes;        /* nodes of the tree, leaves included */
     uint8_t *split;          /* (n_nodes) depth first: 0 leaf, 1 space, 2 time,
                               * 3 both */
     uint16_t *occupancy;     /* (n_nodes) bit c: child c exists; 0 for leaves */
@@ -91,7 +91,7 @@ enum {
                               * suffix; symbol: number of points with bit 0 */
     SAGA_SYM_FINE_OFFSET,    /* index: fine rank; 4 residuals */
     SAGA_SYM_N_PRIM,         /* index: fine rank */
-    SAGA_SYM_PRIM_SUFFIX,    /* as FINE_SUFFIX, primitive ranks */
+    SAGA_SYM_PRIM_SUFFIX,    /* as FINE_SUFFIX, with primitive ranks */
     SAGA_SYM_PRIM_OFFSET,    /* index: primitive rank; 4 residuals */
     SAGA_SYM_NET_STEP,       /* index: net, bit: layer; 16 bits */
     SAGA_SYM_NET_STEP_SHIFT, /* 5 bits */

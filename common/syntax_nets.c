@@ -99,7 +99,7 @@ typedef struct {
     int32_t *bias;
     uint32_t n_in, n_out;
     int int8;
-    formats in, out;         /* of its inputs and outputs */
+    formats in, out;         /* formats of its inputs and outputs */
 } layer_place;
 
 static void place_layer(layer_place *to, const saga_nets *nets, uint8_t *block,

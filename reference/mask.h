@@ -33,11 +33,11 @@ typedef struct saga_mask_score {
     double error;            /* rms error of the recovered features, divided by
                               * the rms of the masked ones; 0 if all are equal
                               */
-    double cosine;           /* between masked and recovered features: the mean
-                              * over anchors where neither is 0; NaN if there
-                              * is no such anchor */
-    double psnr;             /* of the picture, compared with the picture
-                              * without masking; INFINITY if they are equal */
+    double cosine;           /* similarity of masked and recovered features: the
+                              * mean over anchors where neither is 0; NaN if
+                              * there is no such anchor */
+    double psnr;             /* PSNR of the picture against the picture without
+                              * masking; INFINITY if they are equal */
 } saga_mask_score;
 
 /* The result for one tier and one percentage of masked anchors. */

@@ -16,7 +16,7 @@
 
 /* Space has any unit; the unit of time is a segment. */
 typedef struct ref_primitive {
-    double mean[3];          /* at t_centre */
+    double mean[3];          /* position at t_centre */
     double quat[4], slope[4]; /* slope: change of quat in a unit of age */
     double log2_scale[3];
     double opacity;          /* logit in log2 units */

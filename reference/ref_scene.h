@@ -21,8 +21,8 @@ typedef struct ref_scene {
     const ref_file *file;
     const saga_model *model;
     ref_nets nets;
-    saga_scaffold before;    /* with fine anchors' supports as they were while
-                              * fine anchors were decoded */
+    saga_scaffold before;    /* the scaffold with fine anchors' supports as they
+                              * were while fine anchors were decoded */
     double (*centre)[4];     /* (coarse) as coded: box units, 1/65536 segment */
     double *coarse_feature;  /* (coarse, F) */
     double (*residual)[4];   /* (fine) residual of the offset, in half-sizes of

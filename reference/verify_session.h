@@ -15,7 +15,7 @@
 /* The base or a layer. Its primitives begin at index `first`. */
 typedef struct {
     ref_file file;
-    ref_scene scene;         /* in double */
+    ref_scene scene;         /* its values in double */
     uint32_t first;
 } part;
 

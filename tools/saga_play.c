@@ -57,7 +57,7 @@ typedef struct player {
     saga_camera camera;
     double seconds;          /* limit for decoding a segment, or the base; 0: no
                               * limit */
-    block shown[2];          /* for even and odd pictures */
+    block shown[2];          /* blocks for even and odd pictures */
     block ahead;             /* the next segment */
     pthread_t decoding;
     int is_decoding;

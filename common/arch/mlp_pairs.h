@@ -25,10 +25,10 @@
 /* The sums of some rows for two points. The 512 bytes of stack limit the number
  * of rows. */
 typedef struct {
-    int32_t sum[2][SAGA_MLP_PAIRED];     /* of each point, by rows */
+    int32_t sum[2][SAGA_MLP_PAIRED];     /* sums of each point, by rows */
     uint32_t n_row;
     uint32_t n;
-    uint64_t pair[SAGA_MLP_PAIRED];      /* of n inputs at a time */
+    uint64_t pair[SAGA_MLP_PAIRED];      /* joined sums of n inputs at a time */
 } saga_pairs;
 
 /* Joins the activations of x, (points, stride), to words. The upper halves are

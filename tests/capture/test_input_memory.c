@@ -21,7 +21,7 @@ enum { W = 16, H = 12 };
 
 typedef struct {
     const char *path;
-    uint32_t crc;            /* of everything that is to be loaded */
+    uint32_t crc;            /* CRC of everything that is to be loaded */
 } source;
 
 static uint32_t add(uint32_t crc, const void *p, size_t n)

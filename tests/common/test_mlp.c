@@ -10,7 +10,7 @@
 
 #define CANARIES 16
 #define CANARY 0x5a5a
-#define POINTS 9             /* at most at a time: two fours and a one */
+#define POINTS 9             /* largest batch: two fours and a one */
 
 /* A layer with int16 weights, and with int8 weights if they fit: by rows, and
  * in the order that the layer needs. */

@@ -35,7 +35,7 @@ typedef struct {
     uint32_t value;          /* the symbol, or the plain field */
     int32_t q;
     uint8_t scale;
-    saga_adaptive model;     /* of OP_INTERVAL: used once */
+    saga_adaptive model;     /* model of OP_INTERVAL, used once */
 } op;
 
 static const saga_at nowhere;

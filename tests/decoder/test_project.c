@@ -35,7 +35,8 @@ typedef struct {
     saga_animated a;
     saga_splat s;
     ref_splat ref;
-    int is_visible, is_kept;  /* by the decoder, by the reference */
+    int is_visible, is_kept;  /* whether the decoder and the reference draw
+                               * it */
 } trial;
 
 static int64_t dot(const int32_t *row, const int32_t *x, const int32_t *c)

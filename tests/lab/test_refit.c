@@ -29,7 +29,8 @@ typedef struct {
     uint8_t *bytes;
     size_t n;
     ref_file f;
-    saga_naming names[N_CAMERAS];   /* which ref_file leaves out */
+    saga_naming names[N_CAMERAS];   /* names of the cameras, which ref_file
+                                     * leaves out */
 } fixture;
 
 /* --- Fixture: a file of 500 primitives ----------------------------------- */

@@ -11,7 +11,7 @@
 
 enum { W = 32, H = 24, VIEWS = 5, FRAMES = 3, HELD_OUT = 2 };
 
-#define DISTANCE 4.0             /* of all cameras from the origin */
+#define DISTANCE 4.0             /* distance of all cameras from the origin */
 
 /* Makes a camera at an angle and a height of 0 that looks at the origin. */
 static void look(saga_shot *s, double angle)

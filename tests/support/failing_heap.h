@@ -34,7 +34,8 @@ static struct failing_heap {
     long kept;               /* blocks left by an attempt in which nothing
                               * failed */
     int pipe[2];             /* through which that attempt reports `kept` */
-    const void *caller;      /* of the allocation that failed; NULL: none did */
+    const void *caller;      /* caller of the allocation that failed; NULL: none
+                              * failed */
     void *trace[9];         /* its callers */
     int n_trace;
 } failing_heap;

@@ -34,7 +34,7 @@ typedef struct mutate_file {
     mutate_part part[MUTATE_PARTS];
     uint32_t n_parts;
     uint32_t segments;       /* index of the first segment's SEGM: 2 or 5 */
-    uint32_t n_layers;       /* of each segment */
+    uint32_t n_layers;       /* layers of each segment */
 } mutate_file;
 
 /* Splits a valid file with at most GEN_MAX_SEGMENTS segments into its parts,
@@ -101,12 +101,12 @@ extern const char *const mutate_stage_text[MUTATE_N_STAGES];
 
 typedef struct mutate_result {
     mutate_stage stage;      /* the earliest of all segments */
-    saga_status status;      /* at that stage */
+    saga_status status;      /* status at that stage */
     const char *broken;      /* a broken promise of saga.h, or NULL */
     size_t head_nbytes;      /* bytes of a head that saga_open and saga_find
                               * accept, or 0 */
-    uint32_t crc;            /* of all pictures and statuses: the same on every
-                              * machine */
+    uint32_t crc;            /* CRC of all pictures and statuses, the same on
+                              * every machine */
     uint32_t n_segments;     /* number of decoded segments */
     struct {
         uint64_t offset;

@@ -29,7 +29,7 @@ typedef struct gen_options {
     uint32_t n_segments;     /* 1..GEN_MAX_SEGMENTS */
     int picture;             /* networks are such that a picture can be seen */
     uint32_t features;       /* F; 0: random */
-    uint32_t tools;          /* with tools_fixed: SAGA_TOOL_* */
+    uint32_t tools;          /* the stream's SAGA_TOOL_*, if tools_fixed */
     int tools_fixed;
     /* The memory bank: 0 for none, else GEN_BANK_*. The kinds of residuals that
      * read it, and the sizes that are 0 here, are random. Its tools are added
@@ -46,7 +46,8 @@ typedef struct gen_options {
     int named;             /* names of the cameras, and a unit of length */
     int sounds;            /* gen_sound's sound, which begins at -1/10 s */
     int base;              /* a base in addition to the segments */
-    uint32_t n_layers;     /* of each segment, up to GEN_MAX_LAYERS; 0: 1 */
+    uint32_t n_layers;     /* layers of each segment, up to GEN_MAX_LAYERS; 0:
+                            * 1 */
 } gen_options;
 
 enum { GEN_BANK_ORTHOGONAL = 1, GEN_BANK_PLAIN };

@@ -13,15 +13,16 @@
 enum { GIVEN_MOST = 64 };        /* primitives in a view, without copies */
 
 typedef struct given_view {
-    gen_given p[GIVEN_MOST];     /* in the file's order, with its positions */
+    gen_given p[GIVEN_MOST];     /* primitives in the file's order, with its
+                                  * positions */
     uint32_t n, tools;
     uint8_t *bytes;              /* the file */
     size_t nbytes;
     void *work;
     saga_decoder *dec;
-    saga_camera cam;             /* of the last picture */
-    int32_t t;                   /* of the last picture */
-    saga_report report;          /* of the last picture */
+    saga_camera cam;             /* camera of the last picture */
+    int32_t t;                   /* time of the last picture */
+    saga_report report;          /* report of the last picture */
     uint8_t *rgb;                /* its samples, rows without gaps */
 } given_view;
 

@@ -102,7 +102,7 @@ static inline size_t pixel_of(int bits)
  * around everything. */
 typedef struct {
     uint8_t *block;
-    size_t nbytes;          /* of the block */
+    size_t nbytes;          /* bytes of the block */
     saga_picture pic;       /* the whole picture */
     int width, height;
 } picture;

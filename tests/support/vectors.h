@@ -21,11 +21,11 @@
 #include <stdint.h>
 
 typedef struct saga_stages {
-    uint32_t symbols;            /* of networks, base and segment */
+    uint32_t symbols;            /* CRC: of networks, base and segment */
     uint32_t final_range[3];
-    uint32_t primitives;         /* all primitives at the time */
-    uint32_t splats;             /* in drawing order */
-    uint32_t frame;              /* 8-bit picture */
+    uint32_t primitives;         /* CRC: all primitives at the time */
+    uint32_t splats;             /* CRC: splats in the order of drawing */
+    uint32_t frame;              /* CRC: 8-bit picture */
 } saga_stages;
 
 /* Returns the CRC of the symbols: every integer as 4 bytes, little-endian, in

@@ -40,7 +40,7 @@ static double gain(const saga_capture *c, const training *a, int render)
     double more;
 
     o.motion = a->motion;
-    o.lambda = 0; /* by the rule */
+    o.lambda = 0; /* the policy chooses it */
     t = tiny_train(c, &o);
     more = t.report.coded.training - t.report.warm.training;
     printf("  %d views, %d frames, %5d iterations: %.2f dB after %.2f, %zu "

@@ -21,7 +21,7 @@ static saga_train *rendered(tiny *room, int render)
 
     place = (tiny_stop){ SAGA_TRAIN_RENDER, render, 0, 0 };
     tiny_open(room, 5);
-    o.lambda = 0; /* by the rule */
+    o.lambda = 0; /* the policy chooses it */
     o.checkpoint = room->checkpoint;
     return tiny_train_until(&room->capture, &o, &place);
 }

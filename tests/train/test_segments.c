@@ -23,7 +23,7 @@ typedef struct {
     tiny room;
     bool has_base;
     saga_capture still;          /* what the base is trained on */
-    uint8_t *bytes;              /* of an encode that was never stopped */
+    uint8_t *bytes;              /* file of an encode that was never stopped */
     size_t n;
     saga_train_report report;
 } fixture;
@@ -265,7 +265,7 @@ static void first_should_make_the_networks(void **state)
     o.n_segments = 1;
     o.first = 0;
     assert_done(t = saga_train_new(slice_of(&s, f, FIRST), &o, &error));
-    t->room = 2; /* for further segments, as f's networks have it */
+    t->room = 2; /* room for further segments, which f's networks have too */
     tint(t);
     assert_done(saga_train_run(t, &error) == SAGA_DONE);
     assert_ok(saga_probe(&info, f->bytes, f->n));

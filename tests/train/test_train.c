@@ -187,9 +187,10 @@ TEST(train_should_estimate_what_is_written)
 typedef struct {
     const saga_scene *s;
     saga_rate rate;
-    double mu, sigma;            /* of mu in steps, of sigma in log2 */
-    double read;                 /* of the vectors read from the memory bank,
-                                  * whose length is at most 1 */
+    double mu, sigma;            /* differences of mu in steps, of sigma in
+                                  * log2 */
+    double read;                 /* differences of the vectors read from the
+                                  * memory bank, whose length is at most 1 */
     size_t n;
 } near_integers;
 

@@ -41,7 +41,7 @@ typedef struct saga_error {
 typedef enum saga_outcome {
     SAGA_FAILED = -1,        /* the saga_error has the reason */
     SAGA_DONE = 0,
-    SAGA_STOPPED = 1         /* by the progress function; another call
+    SAGA_STOPPED = 1         /* stopped by the progress function; another call
                               * continues */
 } saga_outcome;
 

@@ -13,7 +13,7 @@ typedef struct saga_forecast {
     const char *preset;
     int n_segments;
     int scale; /* a still's pictures are used at 1/scale of their size */
-    int n_primitives, n_iterations; /* of each segment */
+    int n_primitives, n_iterations; /* numbers for each segment */
     int n_teachers; /* trained before the warm-up; counted in `minutes` only */
     double minutes;           /* CPU time for all segments */
     double least_kb, most_kb;

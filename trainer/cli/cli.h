@@ -25,7 +25,8 @@ enum {
     SAGA_EXIT_DATA = 1,     /* the contents of a file are invalid */
     SAGA_EXIT_USAGE = 2,    /* a mistake in the command line, or a file cannot
                              * be read or written */
-    SAGA_CLI_GO_ON = -1 /* from saga_cli_parse: do not exit, run the command */
+    SAGA_CLI_GO_ON = -1 /* saga_cli_parse returns it if the command is to be
+                         * run */
 };
 
 /* --- Commands and options ------------------------------------------------ */

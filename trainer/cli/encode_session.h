@@ -39,8 +39,8 @@ typedef struct saga_encode_session {
     const volatile sig_atomic_t *signal; /* the signal that asked to stop; 0:
                               * none */
     const char *capture_name;
-    double part;                 /* in a sweep, a fraction of the largest file's
-                                  * primitives; 0: no sweep */
+    double part;                 /* primitives in a sweep, as a fraction of the
+                                  * largest file's; 0: no sweep */
     char *checkpoint;
     saga_ablation ablation;
     saga_capture whole;          /* the capture's listing, without pictures */
@@ -48,7 +48,8 @@ typedef struct saga_encode_session {
     int scale; /* pictures are loaded at 1/scale of their size */
     saga_capture capture;        /* the segment in memory */
     saga_train *train;
-    saga_quality decoded;  /* of the written file, by the integer decoder */
+    saga_quality decoded;  /* quality of the written file, by the integer
+                            * decoder */
     saga_quality evened;   /* the same, compared with pictures whose exposure is
                             * evened out as in training; 0 pictures: exposures
                             * are equal */
@@ -60,7 +61,7 @@ typedef struct saga_encode_session {
     saga_encode_cut cut[SAGA_MAX_LAYERS]; /* the file cut after each layer
                               * except the last */
     saga_output out; /* opened at the start, which reserves the name */
-    saga_layout layout;          /* of the finished file */
+    saga_layout layout;          /* layout of the finished file */
     saga_encode_log log;
     saga_error error;
     saga_meter meter;

@@ -32,7 +32,8 @@
 enum { N_RINGS = 3, N_ROUND = 8, SIDE = 400, MOST_FILES = 65535 };
 
 #define FIELD_OF_VIEW 45.0
-#define DISTANCE 2.5             /* from the centre, in radii of the scene */
+#define DISTANCE 2.5             /* distance from the centre, in radii of the
+                                  * scene */
 
 /* Lambda is chosen for this mean squared error between the file's and the
  * splats' pictures, which is 40 dB. */

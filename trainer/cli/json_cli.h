@@ -80,7 +80,7 @@ int saga_cli_write_json(json_t *o, size_t precision, const char *file);
 
 typedef struct saga_telling {
     bool json;
-    size_t precision;        /* of JSON */
+    size_t precision;        /* digits of reals in JSON */
     const char *file;        /* name for messages */
 } saga_telling;
 

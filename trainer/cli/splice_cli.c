@@ -20,7 +20,7 @@ enum { MOST_PARTS = SAGA_CLI_MOST_ARGUMENTS };
 
 typedef struct {
     const char *out;
-    int n_layers;           /* for cut; 0: all layers */
+    int n_layers;           /* layers that cut keeps; 0: all */
 } options;
 
 

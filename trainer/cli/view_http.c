@@ -21,9 +21,10 @@ enum {
     REQUEST_NBYTES = 8192,
     HEAD_NBYTES = 512,       /* size of an answer's head */
     PATIENCE_MS = 500,       /* longest time until *stop is read again */
-    SEND_MS = 10000,         /* until a browser that receives nothing is
+    SEND_MS = 10000,         /* time until a browser that receives nothing is
                               * dropped */
-    LEAVE_MS = 2000          /* until a browser that keeps sending is dropped */
+    LEAVE_MS = 2000          /* time until a browser that keeps sending is
+                              * dropped */
 };
 
 /* A client asks, gets its answer, and is then read from until it closes the

@@ -23,8 +23,8 @@ struct saga_encoder {
     saga_buffer names;           /* chunk of the names; empty: there is none */
     saga_buffer segments;        /* chunks of the segments, in the order in
                                   * which they were made */
-    saga_index_entry *index;     /* in order of time, with offsets into
-                                  * segments */
+    saga_index_entry *index;     /* index in order of time, with offsets into
+                                  * `segments` */
     saga_encode_sizes sizes;
 };
 

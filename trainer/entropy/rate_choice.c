@@ -381,7 +381,8 @@ static void choose(uint8_t best[SAGA_N_KINDS], search *f)
         0, SAGA_SOURCE_HYPER, SAGA_SOURCE_BANK,
         SAGA_SOURCE_HYPER | SAGA_SOURCE_BANK
     };
-    double least[2] = { HUGE_VAL, HUGE_VAL };  /* with and without a bank */
+    double least[2] = { HUGE_VAL, HUGE_VAL };  /* least costs with and without a
+                                                * bank */
     uint8_t sources[SAGA_N_KINDS];
     size_t i;
 

@@ -122,7 +122,7 @@ typedef struct {
     const saga_rate_options *o;
     int kind;
     saga_rng noise;
-    double step[SAGA_RATE_ROW];  /* of each channel, in the value's unit */
+    double step[SAGA_RATE_ROW];  /* step of each channel, in the value's unit */
     saga_rate_list list;
 } job;
 

@@ -43,22 +43,22 @@ enum {
 /* Bits of a kind's residuals and network when its sources were chosen, without
  * the networks of hyperprior and bank. */
 typedef struct saga_rate_gain {
-    double constants;            /* of residuals without sources */
-    double networks;             /* of residuals with all sources that were
+    double constants;            /* bits of residuals without sources */
+    double networks;             /* bits of residuals with all sources that were
                                   * trained */
-    double forgetful;            /* of residuals with all of these sources
-                                  * except the bank */
-    double chosen;               /* of residuals with the sources that were
+    double forgetful;            /* bits of residuals with all of these sources
+                                  * except the memory bank */
+    double chosen;               /* bits of residuals with the sources that were
                                   * kept */
-    double weights;              /* of the network that was kept; 0:
-                                  * constants */
+    double weights;              /* bits of the network that was kept; 0 if it
+                                  * is replaced by constants */
 } saga_rate_gain;
 
 /* The choice of sources (rate_choice.h). */
 typedef struct saga_rate_decision {
     uint64_t decided;            /* 1: the choice is made; 0: not yet, and
                                   * everything is kept */
-    double step[SAGA_N_NETS];    /* of the entropy networks' weights */
+    double step[SAGA_N_NETS];    /* steps of the entropy networks' weights */
     saga_rate_gain gain[SAGA_N_KINDS];
     double hyper_weights;        /* bits of the hyperprior's network; 0: no kind
                                   * reads it */
@@ -89,7 +89,8 @@ typedef struct saga_rate {
                                   * / 16 */
     real *decoded;               /* (fine, 5) fine offsets as decoded, and count
                                   * / 16 */
-    real *params;                /* of the rounded entropy networks */
+    real *params;                /* parameters of the rounded entropy
+                                  * networks */
     double *row_bits;            /* (blocks, SAGA_N_STEPS) */
     uint32_t *list;              /* (blocks) */
 } saga_rate;
@@ -112,7 +113,7 @@ typedef struct saga_rate_options {
     bool remember;               /* 1: the bank is evaluated again and learns,
                                   * if any kind reads it; 0: its last reads are
                                   * constants */
-    uint64_t seed;               /* of the noise */
+    uint64_t seed;               /* seed of the noise */
     real weight;                 /* price of a bit in the loss */
 } saga_rate_options;
 

@@ -37,7 +37,7 @@ enum { SAGA_WEIGHT_TENSORS = 2 * SAGA_N_NETS * SAGA_NET_LAYERS };
 typedef struct saga_weight_tensor {
     int net, layer;
     size_t at;               /* index of the first parameter in params */
-    size_t rows, cols;       /* for biases (n_out, 1) */
+    size_t rows, cols;       /* size of the matrix; biases have (n_out, 1) */
     bool int8;               /* weights have 8 bits in the file */
 } saga_weight_tensor;
 
@@ -45,9 +45,11 @@ typedef struct saga_weights {
     int n;                   /* number of tensors, in the order of params */
     saga_weight_tensor tensor[SAGA_WEIGHT_TENSORS];
     real log2_step[SAGA_WEIGHT_TENSORS];
-    real d_log2_step[SAGA_WEIGHT_TENSORS]; /* with Adam's moments below */
+    real d_log2_step[SAGA_WEIGHT_TENSORS]; /* gradients; Adam's moments are m
+                                            * and v */
     real m[SAGA_WEIGHT_TENSORS], v[SAGA_WEIGHT_TENSORS];
-    double bits[SAGA_WEIGHT_TENSORS];      /* at the last saga_weights_rate */
+    double bits[SAGA_WEIGHT_TENSORS];      /* bits at the last
+                                            * saga_weights_rate */
     int mode[SAGA_WEIGHT_TENSORS];         /* SAGA_SCALE_*, the deviations that
                                             * took the fewest bits */
 } saga_weights;

@@ -10,7 +10,7 @@ enum { MOST = SAGA_BD_MOST_POINTS };
 typedef struct {
     int n;
     double x[MOST], y[MOST];
-    double slope[MOST];      /* at the points */
+    double slope[MOST];      /* slopes at the points */
 } spline;
 
 static int by_quality(const void *a, const void *b)

@@ -15,7 +15,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { SAGA_CHANGE_LEVEL = 8 }; /* of 255 */
+enum { SAGA_CHANGE_LEVEL = 8 }; /* levels of 255 */
 
 /* Sets the medians of n samples over the n_frames >= 1 frames
  * frame[0..n_frames), of n samples each. If n_frames is even, the median is the

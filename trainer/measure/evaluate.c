@@ -28,10 +28,10 @@ enum { DIFFERENCE_GAIN = 4 };
 typedef struct {
     saga_score_sum each;    /* scores of single pictures */
     saga_change change;     /* over changing pixels */
-    double median_psnr, median_mse; /* of the temporal median picture */
+    double median_psnr, median_mse; /* results of the temporal median picture */
     double temporal_mse;    /* error of the change from frame to frame */
     int n_steps;            /* number of pairs of frames in temporal_mse */
-    saga_exposure_sums exposure[3]; /* for each channel */
+    saga_exposure_sums exposure[3]; /* sums for each channel */
     size_t n_exposed;       /* number of pixels in exposure */
 } sums;
 

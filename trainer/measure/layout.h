@@ -31,14 +31,14 @@ typedef struct saga_layout_layer {
 } saga_layout_layer;
 
 typedef struct saga_layout_segment {
-    uint32_t first_frame, n_frames; /* from the index */
+    uint32_t first_frame, n_frames; /* numbers in the index */
     uint64_t offset;
     uint32_t nbytes;         /* size of all its chunks */
     saga_counts n;           /* sums over its layers; 0 if damaged */
     uint32_t payload_nbytes[SAGA_N_PARTS]; /* sums over its layers; 0 if
                               * damaged */
-    saga_layout_layer layer[SAGA_MAX_LAYERS]; /* from the segment's header; 0 if
-                              * damaged */
+    saga_layout_layer layer[SAGA_MAX_LAYERS]; /* numbers in the segment's
+                                               * header; 0 if it is damaged */
     bool damaged;
 } saga_layout_segment;
 

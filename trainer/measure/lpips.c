@@ -23,7 +23,7 @@ typedef enum {
 
 typedef struct {
     kind kind;
-    const char *name;        /* of its weights in the file */
+    const char *name;        /* name of its weights in the file */
     int size, stride, pad;
 } step;
 

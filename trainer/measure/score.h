@@ -48,7 +48,8 @@ typedef enum saga_metric_need {
 
 typedef struct saga_metric_row {
     const char *key;         /* name in JSON */
-    const char *label; /* of the column; NULL: the metric is in JSON only */
+    const char *label; /* heading of the column; NULL: only JSON has the
+                        * metric */
     const char *unit;        /* "dB", "%" (the value is a fraction 0..1),
                               * "pixels", "" */
     int better; /* 1: higher is better; -1: lower is; 0: it is no quality */

@@ -15,7 +15,7 @@
 enum {
     CHUNK = SAGA_NET_CHUNK,
     MAX_BLOCKS = 32,     /* separate sums of gradients */
-    MIN_BLOCK = 512      /* in points */
+    MIN_BLOCK = 512      /* points */
 };
 
 /* Nanoseconds to add one number of one block. */

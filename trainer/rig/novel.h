@@ -20,12 +20,13 @@ typedef struct saga_novel {
     saga_shot *shot;      /* (n_shots) cameras, without pictures */
     double *nearest;      /* (n_shots) nearest depth, world units */
     int n_shots;
-    double part;          /* of all pictures, those from these cameras */
+    double part;          /* share of training pictures that are from these
+                           * cameras */
     int n_teachers;       /* so far */
-    saga_splat_params teacher[SAGA_NOVEL_MOST_TEACHERS]; /* with arrays of their
-                                                          * own */
+    /* Copies of the teachers' primitives. */
+    saga_splat_params teacher[SAGA_NOVEL_MOST_TEACHERS];
     uint32_t n[SAGA_NOVEL_MOST_TEACHERS]; /* number of primitives of each */
-    saga_canvas canvas;   /* for a picture by one of them */
+    saga_canvas canvas;   /* draws a teacher's picture */
 } saga_novel;
 
 /* Places cameras by the training views (held-out views are not used): three

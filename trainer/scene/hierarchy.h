@@ -32,7 +32,7 @@ typedef struct saga_hierarchy_options {
     uint32_t max_coarse;         /* most coarse anchors, >= 1 */
     uint32_t max_fine;           /* number of fine anchors, >= 1, as far as the
                                   * limits of children allow it */
-    unsigned long long seed;     /* for the networks */
+    unsigned long long seed;     /* seed of the networks' first weights */
     /* The tree splits by phi = [x, lambda_t tau, lambda_h h], with x in
      * half-cubes, tau in segments, and h the colour, log2 scale / 8, velocity
      * in half-cubes per segment, and locality in time (see min_local). */

@@ -59,7 +59,7 @@ typedef struct saga_tree {
                                       * anchors */
     int max_x, max_t, dynamic;
     double squares;                  /* weighted sum of squares of the root */
-    double weight;                   /* of all candidates */
+    double weight;                   /* weight of all candidates together */
     saga_candidate *cand;            /* (n) */
     uint32_t *order, *scratch;       /* (n) */
     saga_tree_node *node;            /* (cap_nodes), of which n_nodes are

@@ -33,8 +33,9 @@ typedef struct saga_twin_batch {
 
 typedef struct saga_twin {
     saga_counts n;
-    saga_links to_fine, to_prim;          /* from fine anchors to coarse ones,
-                                           * from primitives to fine ones */
+    saga_links to_fine, to_prim;          /* links from fine anchors to coarse
+                                           * ones, and from primitives to fine
+                                           * ones */
     saga_twin_batch batch[SAGA_N_NETS];
     real *fine_feature, *d_fine_feature;  /* (n.fine, F) */
     real *log2_support;                   /* (n.fine, 4) clamped */

@@ -35,9 +35,9 @@ enum { PAIR_NS = 40, TILE_NS = 200 };
 typedef struct {
     _Alignas(64) real trans[AREA];
     real colour[3][AREA];  /* sum so far */
-    real slope[3][AREA];   /* for the backward pass: dL/dC */
-    real rest[AREA];       /* for the backward pass: D (see
-                            * splat_raster_backward) */
+    real slope[3][AREA];   /* dL/dC, for the backward pass */
+    real rest[AREA];       /* D (see splat_raster_backward), for the backward
+                            * pass */
     int x0, y0;            /* position of the tile in the picture */
     int width, height;     /* size of its part inside the picture */
 } tile;

@@ -22,8 +22,8 @@
 
 enum {
     KEPT = 2048,           /* blocks of a tile that are kept */
-    LAST = KEPT + BLOCKS,  /* with the rest of the splat that fills them */
-    KEPT_ALL = LAST + BLOCKS /* with the blocks of the present splat */
+    LAST = KEPT + BLOCKS,  /* room for the rest of the splat that fills them */
+    KEPT_ALL = LAST + BLOCKS /* room for the blocks of the present splat too */
 };
 
 /* --- A splat ------------------------------------------------------------- */

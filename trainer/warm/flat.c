@@ -48,7 +48,7 @@ static double step_of(const saga_flat *f, saga_attr_unit unit)
     switch (unit) {
     case SAGA_UNIT_PLACE:
     case SAGA_UNIT_LENGTH:
-    case SAGA_UNIT_SUPPORT:      /* in half-cubes; no primitive here has a
+    case SAGA_UNIT_SUPPORT:      /* half-cubes; no primitive here has a
                                   * support */
         return f->reach;
     case SAGA_UNIT_TIME:

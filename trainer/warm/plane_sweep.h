@@ -47,8 +47,8 @@ typedef struct saga_plane_sweep {
 
 typedef struct saga_plane_found {
     double depth;           /* world units */
-    double cost, contrast;  /* of the best match; contrast: mean cost over all
-                             * depths, divided by the best cost */
+    double cost, contrast;  /* cost of the best match; contrast: mean cost over
+                             * all depths, divided by the best cost */
 } saga_plane_found;
 
 /* Begins the sweep of a pixel. Returns false if its patch exceeds the picture

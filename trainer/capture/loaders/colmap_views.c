@@ -137,7 +137,7 @@ bool saga_colmap_measure(saga_source *s, const saga_colmap *model,
                    s->rotation[3 * i + 1] * p->position[1] +
                    s->rotation[3 * i + 2] * p->position[2] +
                    s->translation[i];
-        e[n] = 1e9; /* behind the camera */
+        e[n] = 1e9; /* the point is behind the camera */
         if (c[2] > 0.0) {
             saga_lens_project(&s->lens, c[0] / c[2], c[1] / c[2], uv);
             /* Features are in pixels of the model's pictures, errors in pixels

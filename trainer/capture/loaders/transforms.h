@@ -23,7 +23,8 @@ typedef struct saga_entry_camera {
 } saga_entry_camera;
 
 typedef struct saga_entry {
-    const char *file;         /* as the JSON has it */
+    const char *file;         /* the picture's file name as written in the
+                               * JSON */
     const char *depth, *mask; /* NULL: none */
     int index;                /* index in "frames" */
     int view;

@@ -61,8 +61,8 @@ typedef struct saga_calibration {
                                   * fit */
     saga_mistake mistake;
     int n_fit_then;
-    saga_refinement refinement;  /* of small errors; empty if a mistake was
-                                  * found */
+    saga_refinement refinement;  /* correction of small errors; empty if a
+                                  * mistake was found */
 } saga_calibration;
 
 /* Checks the calibration. saga_calibration_free must be called also after a

@@ -25,7 +25,8 @@ enum {
     N_SIZES = 6,
     MARGIN = 9,          /* least pixels from the border to a corner */
     GRID = 8,            /* cells per side */
-    RADIUS = 9,          /* of the patch that gives a corner's direction */
+    RADIUS = 9,          /* radius of the patch that gives a corner's
+                          * direction */
     DIRECTIONS = 36,     /* bins of the direction histogram */
     PLACES = 4,          /* cells per side of a descriptor */
     TURNS = 8            /* direction bins in each cell */

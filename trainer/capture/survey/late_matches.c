@@ -31,8 +31,7 @@ enum {
 #define ALIKE 0.75           /* least cosine of two descriptors, as for
                               * points */
 #define FEW 8.0              /* least sum of counts for a result */
-#define SURE 3.0             /* in standard deviations; a count of n has
-                              * sqrt(n) */
+#define SURE 3.0             /* standard deviations; a count of n has sqrt(n) */
 /* The standard errors are those of eight groups, as in lateness.c. The parabola
  * through three counts is exact to a quarter of a frame, and a late neighbour
  * shifts the result by as much. */

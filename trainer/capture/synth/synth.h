@@ -38,8 +38,8 @@ typedef struct saga_synth_options {
     int depth_every;         /* frames between two depth maps; 0: no depth */
     int n_points;            /* 0..1000000; fewer if too few places have
                               * texture */
-    uint32_t seed;           /* of the points' places and noise; in the ring, of
-                              * everything */
+    uint32_t seed;           /* seed of the points' positions and noise; in the
+                              * ring, of everything */
     bool exr;                /* pictures as EXR */
     int n_threads;           /* 0: OpenMP's default */
     saga_progress_fn *progress; /* or NULL */

@@ -48,8 +48,8 @@ typedef struct saga_ring_plan {
                                                 * path_turn in turns per second,
                                                 * signed */
     double stride;               /* pairs of steps per second */
-    double release, aim, reach, flight;  /* of the throw; aim is the angle from
-                                          * forward */
+    double release, aim, reach, flight;  /* the throw of the ball; aim is the
+                                          * angle from forward */
     double comes, goes;
     double place[4];             /* angles of comer, goer, crate and display on
                                   * the circle */
@@ -62,7 +62,7 @@ typedef struct saga_ring_shape {
     enum saga_ring_object object;
     bool is_box;
     double a[3];                 /* beginning of the axis, or centre of a box */
-    double length, radius;       /* of a capsule: length of its axis, and radius
+    double length, radius;       /* length of a capsule's axis, and radius
                                   * around it */
     double half[3];              /* half sides of a box, along its own axes */
     double frame[3][3];          /* rows are the shape's axes; the first is a
@@ -81,7 +81,8 @@ typedef struct saga_ring_state {
 } saga_ring_state;
 
 typedef struct saga_ring_hit {
-    double distance;             /* in lengths of the ray's direction */
+    double distance;             /* distance in lengths of the ray's
+                                  * direction */
     double position[3], normal[3];
     enum saga_ring_object object;
     int shape;                   /* index of the shape; -1: the hall */

@@ -38,7 +38,7 @@ typedef struct saga_room_state {
 } saga_room_state;
 
 typedef struct saga_room_hit {
-    double distance;    /* in lengths of the ray's direction */
+    double distance;    /* distance in lengths of the ray's direction */
     double position[3], normal[3];
     enum saga_room_object object;
 } saga_room_hit;

@@ -19,7 +19,7 @@ typedef struct saga_synth_world {
 
 /* What a ray hits. */
 typedef struct saga_synth_sight {
-    double distance;         /* in lengths of the ray's direction */
+    double distance;         /* distance in lengths of the ray's direction */
     double position[3];
     bool fixed;              /* the light does not depend on the direction of
                               * view */

@@ -80,7 +80,7 @@ typedef struct saga_shot {
     double rotation[9];       /* world to camera, row-major, orthonormal */
     double translation[3];
     double near_depth, far_depth; /* along z; 0, 0 if unknown */
-    bool held_out;            /* for evaluation only, never trained on */
+    bool held_out;            /* used for evaluation only, never for training */
     double late;              /* frame k was taken at time k + late, 0 to 1 */
 
     /* Origin of the pictures, for reports. */

@@ -42,10 +42,11 @@
 typedef struct saga_lens {
     double fx, fy, cx, cy;
     double k1, k2, k3, p1, p2;
-    double k4;                /* of a fisheye, which has no p1 and p2 */
+    double k4;                /* coefficient of a fisheye, which has no p1 and
+                               * p2 */
     bool fisheye, equirect;
-    double turn[9];           /* of a face: rotation from its axes to those of
-                               * the equirectangular picture, row-major */
+    double turn[9];           /* rotation from a face's axes to those of the
+                               * equirectangular picture, row-major */
 } saga_lens;
 
 typedef struct saga_remap {

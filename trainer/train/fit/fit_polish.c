@@ -32,7 +32,7 @@ static const char what[] = "the polish of the features";
 
 typedef struct {
     saga_fit *f;
-    saga_twin *twin;             /* of the decoded scene */
+    saga_twin *twin;             /* twin of the decoded scene */
     size_t width, n_blocks;      /* number of features in a block */
     uint64_t n_pictures;
     saga_rng pictures;

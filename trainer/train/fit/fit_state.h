@@ -34,7 +34,7 @@ struct saga_fit {
     saga_weights weights;        /* steps of the weights */
     saga_canvas canvas;
     saga_rate rate;
-    double bits[SAGA_N_STEPS];   /* of each kind of step, at the last
+    double bits[SAGA_N_STEPS];   /* bits of each kind of step, at the last
                                   * iteration */
 };
 

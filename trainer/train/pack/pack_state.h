@@ -12,7 +12,7 @@ enum { SAGA_EMBEDDING_Q = 15 };
 
 /* The inputs that the packing of all networks and layers shares. */
 typedef struct {
-    const saga_model *model;     /* with the measured formats */
+    const saga_model *model;     /* the model, with the measured formats */
     const saga_rate_choice *choice;
     const saga_twin *twin;
     const saga_weights *steps;   /* steps of the weights; NULL: only the entropy
@@ -21,7 +21,7 @@ typedef struct {
                                   * values: of the networks, or of everything
                                   * else */
     const saga_nets *shapes;
-    double room;                 /* as in saga_pack_input */
+    double room;                 /* as saga_pack_input.room */
 } saga_packing;
 
 /* pack_formats.c: returns the finest Q format, at most `limit`, in which values

@@ -12,7 +12,7 @@
 
 static const struct {
     const char *name;
-    size_t offset;               /* of the member in saga_ablation */
+    size_t offset;               /* offset of the member in saga_ablation */
     long most;
 } words[] = { SAGA_ABLATION_WORDS(ROW) };
 

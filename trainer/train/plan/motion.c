@@ -8,7 +8,7 @@
 
 #include <stdlib.h>
 
-#define CHANGE 8                 /* of 255 */
+#define CHANGE 8                 /* levels of 255 */
 #define CHANGING_PART 1e-4
 #define EXPLAINED 0.1
 enum { N_VIEWS = 8, N_FRAMES = 8 }; /* the largest numbers of views and frames

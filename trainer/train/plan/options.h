@@ -33,7 +33,7 @@ typedef struct saga_train_progress saga_train_progress;
 typedef bool saga_train_progress_fn(void *user, const saga_train_progress *p);
 
 typedef struct saga_train_options {
-    int n_segments;              /* in the file, >= 1 */
+    int n_segments;              /* segments of the file, >= 1 */
     int first;                   /* the segment that is trained first, whose
                                   * training makes the networks */
     const char *networks;        /* NULL, or the path of a file that
@@ -42,13 +42,15 @@ typedef struct saga_train_options {
                                   * and with `first` from that file */
     int only;                    /* the segment to train where networks is
                                   * set */
-    uint32_t n_primitives;       /* in a segment, 1 to the level's limit */
+    uint32_t n_primitives;       /* primitives of a segment, 1 to the level's
+                                  * limit */
     bool free_count;             /* n_primitives is a guess, and the warm-up
                                   * ends with the number that suits
                                   * lambda > 0 */
     uint32_t n_coarse, n_fine;   /* most anchors of each tier; 0: derived from
                                   * n_primitives */
-    int n_iterations;            /* for all stages of a segment, >= 2 */
+    int n_iterations;            /* iterations for all stages of a segment, >=
+                                  * 2 */
     int n_warm, n_render;        /* iterations of the warm-up and of the
                                   * rendering; 0, 0: by SAGA_WARM_PART */
     double minutes;              /* time for all segments; > 0: n_iterations is
@@ -73,8 +75,8 @@ typedef struct saga_train_options {
                                   * between cameras that are far apart
                                   * (rig/novel.h); none where no cameras are far
                                   * apart */
-    int n_layers;                /* in each segment, 1..SAGA_MAX_LAYERS; each
-                                  * layer has twice the primitives of the
+    int n_layers;                /* layers of each segment, 1..SAGA_MAX_LAYERS;
+                                  * each layer has twice the primitives of the
                                   * previous one, and the first those that give
                                   * most light. With several layers there is no
                                   * memory bank, and all segments must be
@@ -84,7 +86,7 @@ typedef struct saga_train_options {
     const char *ablate;          /* a list in the words of ablation.h, or
                                   * NULL */
     const char *checkpoint;      /* path of the checkpoint, or NULL: none */
-    double checkpoint_seconds;   /* between two checkpoints, >= 0 */
+    double checkpoint_seconds;   /* seconds between two checkpoints, >= 0 */
     saga_train_progress_fn *progress; /* or NULL */
     void *progress_user;
 } saga_train_options;

@@ -17,10 +17,11 @@
 /* The training loss (fit.h) adds these prices to the squared error for each
  * bit. */
 typedef struct saga_prices {
-    double residual;             /* of a bit of a residual, while training */
-    double start;                /* of a bit of a residual, in the solve that
-                                  * starts the fit */
-    double weight;               /* of a bit of a network's weight, while
+    double residual;             /* price of a bit of a residual, while
+                                  * training */
+    double start;                /* price of a bit of a residual, in the solve
+                                  * that starts the fit */
+    double weight;               /* price of a bit of a network's weight, while
                                   * training */
 } saga_prices;
 

@@ -157,7 +157,7 @@ void saga_plan_nbytes(double *least, double *most, double n_primitives,
 
 /* Sums over the training views. */
 typedef struct {
-    double pixels;               /* of all views at one moment */
+    double pixels;               /* pixels of all views at one moment */
     double largest;              /* pixels of the largest view */
     double pictures;
     int n_views;

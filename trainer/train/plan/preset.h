@@ -17,15 +17,15 @@ typedef struct saga_preset {
                                   * bytes and time */
     int iterations;              /* least iterations of all stages together */
     int visits;                  /* least visits to each picture */
-    double still_minutes;        /* of a still, the longest time by
+    double still_minutes;        /* longest time for a still, by
                                   * saga_plan_minutes; 0: no limit */
     int still_visits;            /* least visits to each picture of a still,
                                   * which override still_minutes */
     int teachers;                /* teachers, where cameras are far apart
                                   * (rig/novel.h); two of them take some 20 %
                                   * more time, for a still 50 % */
-    const char *plus;            /* for the help: its advantage over the
-                                  * previous preset */
+    const char *plus;            /* its advantage over the previous preset, for
+                                  * the help */
     const char *better;          /* name of the preset to try if the result is
                                   * not good enough; NULL: none */
 } saga_preset;

@@ -1,16 +1,17 @@
 /* SPDX-License-Identifier: MIT
  *
- * Steers a file to a given size. The number of primitives decides most of it
- * (policy.h); the rest is steered during the rendering. At some moments the
- * file is made as if training ended there, and the features' step is changed so
- * that the size would be right. The price of a bit follows with the square of
- * the step. The last moments come when the networks are rounded and hardly
- * anything changes.
+ * Steers the size of a file to a given number of bytes. The number of
+ * primitives decides most of it (policy.h). The rest is steered during the
+ * rendering stage: at certain moments the file is made as if training ended
+ * there, and the quantisation step of the features is changed by the factor
+ * that would give the right size. The price of a bit changes with the square of
+ * the step. The last moments are late, when the networks are rounded and hardly
+ * anything changes any more.
  *
- * The base and the further segments have the networks and the step of the first
- * training. That is steered to its share of the size, by its share of the
- * primitives. The number of primitives in further segments follows from the
- * bytes that the finished ones left.
+ * The first training of a file makes the networks and the step, which the base
+ * and all segments use. It is steered to the share of the file's size that its
+ * share of the primitives suggests. The number of primitives of the next
+ * segment follows from the bytes that the finished segments left.
  */
 #include "size.h"
 

@@ -14,7 +14,8 @@
 typedef struct saga_size_terms {
     const saga_train_options *options; /* n_bytes: the size wanted; 0: none */
     const saga_train_base *base;
-    const saga_encode_sizes *sizes; /* of the file if training ended now */
+    const saga_encode_sizes *sizes; /* sizes of the file if training ended
+                                     * now */
 } saga_size_terms;
 
 /* Returns the part of the rendering that is done, in 0..1, if the step is to be

@@ -48,7 +48,7 @@ struct saga_train_progress {
     const char *name;            /* name of the stage */
     int segment;                 /* number in order of time, or
                                   * SAGA_TRAIN_BASE */
-    int iteration, n_iterations; /* in the stage, from 0 */
+    int iteration, n_iterations; /* number in the stage, from 0 */
     int all;                     /* iterations so far, of all stages and
                                   * segments */
     double psnr;                 /* PSNR in dB of recent training pictures; 0:
@@ -64,9 +64,9 @@ typedef struct saga_train_kind {
     uint32_t sources;            /* SAGA_SOURCE_* bits of the sources that were
                                   * kept */
     double constants;            /* bytes of its residuals without sources */
-    double networks;             /* with all sources that were trained */
-    double forgetful;            /* with these except the memory bank */
-    double chosen;               /* with the sources that were kept */
+    double networks;             /* bytes with all sources that were trained */
+    double forgetful;            /* bytes with these except the memory bank */
+    double chosen;               /* bytes with the sources that were kept */
     double weights;              /* bytes of its entropy network with these,
                                   * about */
 } saga_train_kind;
@@ -92,7 +92,7 @@ typedef struct saga_train_report {
     saga_quantise_report quantise;
     saga_counts n;               /* coarse anchors, fine anchors and primitives
                                   * of the largest segment */
-    saga_info info;              /* of the file, from its decoder */
+    saga_info info;              /* the file's properties, from its decoder */
     double lambda;               /* the option, or by the rule (policy.h) */
     saga_train_base base;
     bool dynamic;                /* the model has temporal tools */
@@ -105,11 +105,11 @@ typedef struct saga_train_report {
     double weight_bits;          /* bits of all weights of the networks that
                                   * have inputs, except the entropy model's, and
                                   * of scales by row or column */
-    saga_quality warm;     /* of the warm-up */
-    saga_quality model;    /* of the float model, with coarse features and
-                            * networks rounded */
-    saga_quality coded;    /* of the decoded symbols and weights, computed in
-                            * float */
+    saga_quality warm;     /* quality of the warm-up */
+    saga_quality model;    /* quality of the float model, with coarse features
+                            * and networks rounded */
+    saga_quality coded;    /* quality of the decoded symbols and weights,
+                            * computed in float */
 } saga_train_report;
 
 typedef struct saga_train saga_train;

@@ -27,7 +27,8 @@ struct saga_train {
     double *tones;               /* (views + 1, 3) exposures, and in the last
                                   * row the background; all segments use those
                                   * of the first */
-    uint64_t digest;             /* of the pictures, if there are checkpoints */
+    uint64_t digest;             /* digest of the pictures, if there are
+                                  * checkpoints */
     saga_train_options o;        /* options after all have been derived */
     saga_ablation ablation;      /* what o.ablate says */
     double lambda;               /* the option or, from the end of the warm-up
@@ -43,10 +44,11 @@ struct saga_train {
     int n_views;                 /* views of every segment */
     double n_pixels;             /* training pixels of the first segment */
     uint64_t n_finished;         /* primitives of the finished segments */
-    saga_train_stage stage;      /* of the segment in training */
+    saga_train_stage stage;      /* stage of the segment in training */
     double recent_mse;           /* mean over recent pictures of the stage, for
                                   * progress and price; 0: none yet */
-    saga_flat_options flat_options; /* of the warm-up; a teacher's differ */
+    saga_flat_options flat_options; /* options of the warm-up; a teacher's
+                                     * differ */
     saga_novel novel;            /* the segment's teachers so far */
     int n_teachers;              /* that the segment gets: the option, or 0 */
     saga_flat *flat;             /* the warm-up or, until there are n_teachers,
@@ -65,7 +67,7 @@ struct saga_train {
     saga_scene decoded;          /* the decoded scene, in float */
     saga_twin decoded_twin;
 
-    saga_packed file;            /* with the finished segments */
+    saga_packed file;            /* the file with the finished segments */
     uint8_t *bytes;              /* bytes of that file, when the segment is
                                   * finished */
     size_t nbytes;
