@@ -227,6 +227,92 @@ TEST(count_should_end_as_asked_whatever_is_asked)
     }
 }
 
+/* Returns the middle one of three values. */
+static int middle(int a, int b, int c)
+{
+    const int lo = a < b ? a : b, hi = a < b ? b : a;
+
+    return c < lo ? lo : c > hi ? hi : c;
+}
+
+/* Tells whether pixel i of a picture differs by more than 8/255 from the median
+ * of three frames in some channel. */
+static bool is_off_median(const saga_capture *c, int view, int frame, size_t i)
+{
+    for (size_t k = 3 * i; k < 3 * i + 3; k++) {
+        int v[3];
+
+        for (int j = 0; j < 3; j++)
+            v[j] = saga_capture_frame(c, view, (frame + j * FRAMES / 3) %
+                                               FRAMES)[k];
+        if (abs(v[0] - middle(v[0], v[1], v[2])) > 8)
+            return true;
+    }
+    return false;
+}
+
+/* Returns the expected fraction of short-lived ones among new primitives if
+ * pixels are drawn by their squared value, counted `factor` times where they
+ * move. */
+static double expected_share(const saga_flat *f, double factor)
+{
+    const saga_pictures *const p = f->pictures;
+    double short_lived = 0, all = 0;
+
+    for (int at = 0; at < p->n_train * FRAMES; at++) {
+        const int view = p->train[at / FRAMES], frame = at % FRAMES;
+        const uint8_t *const rgb = saga_capture_frame(p->capture, view, frame);
+
+        for (size_t i = 0; i < W * H; i++) {
+            const double w = is_off_median(p->capture, view, frame, i) ? factor
+                                                                       : 1;
+            double e = 0;
+            saga_flat_sight s;
+
+            for (size_t k = 3 * i; k < 3 * i + 3; k++)
+                e += w * rgb[k] * rgb[k];
+            if (!saga_flat_look(f, view, frame, (double)(i % W) + 0.5,
+                                (double)(i / W) + 0.5, &s))
+                continue;
+            all += e;
+            short_lived += s.still ? 0 : e;
+        }
+    }
+    return short_lived / all;
+}
+
+/* While every primitive is black, the error of a pixel is its value. Of the
+ * primitives that all rounds of growing add, as many must be short-lived as if
+ * the error of moving pixels counts four times. */
+TEST(growth_should_prefer_what_moves)
+{
+    enum { N = 3000, EACH = 25 };
+    saga_flat_options o = small();
+    double plain, wanted, share = 0;
+    saga_flat *f;
+
+    o.n_primitives = N;
+    o.n_iterations = 4000;      /* 40 rounds of growing, EACH iterations long */
+    o.coarse = 0;
+    f = make(*state, &o);
+    plain = expected_share(f, 1);
+    wanted = expected_share(f, 4);
+    for (f->iteration = EACH; f->iteration <= 1000; f->iteration += EACH) {
+        memset(f->value.colour, 0, 3 * f->n * sizeof *f->value.colour);
+        assert_done(saga_flat_change_count(f, &error));
+    }
+    assert_true(f->n > N + N / 10);
+    for (uint32_t i = N; i < f->n; i++)
+        share += f->value.log2_width[i] < f->rule[SAGA_ATTR_LOG2_WIDTH].hi;
+    share /= f->n - N;
+    printf("flat: %.1f %% of %u new primitives are short-lived; if moving "
+           "pixels count four times %.1f %%, once %.1f %%\n", 100 * share,
+           f->n - N, 100 * wanted, 100 * plain);
+    assert_true(wanted > 1.5 * plain);
+    assert_near(share, wanted, (wanted - plain) / 4);
+    saga_flat_free(f);
+}
+
 /* At the first pruning, after 0.35 of the iterations, every primitive that
  * stays must be worth at least as much as every primitive that is removed, and
  * must not change. */

@@ -23,6 +23,9 @@ enum { N_PRUNES = 3, N_ROUNDS = 40, N_PICTURES = 8 };
 #define FIRST_PRUNE 0.35
 #define PRUNE_STEP 0.1
 #define FROM_PIXELS 0.9      /* part of the new primitives */
+#define MOVING_FACTOR 4.0    /* on the squared error of pixels that move, where
+                              * places of new primitives are drawn */
+#define MOVING_LEVEL 8       /* of 255: a pixel moves if it changes by more */
 #define DEAD R(-6)           /* opacity, in log2 units */
 
 /* --- Ranking ------------------------------------------------------------- */
@@ -164,8 +167,8 @@ static bool split_most(saga_flat *f, uint32_t n, bool any, saga_error *error)
 
 /* --- From pixels --------------------------------------------------------- */
 
-/* Candidates for new primitives. sum: squared error over the channels,
- * accumulated along the picture. */
+/* Candidates for new primitives. sum: squared error over the channels, counted
+ * MOVING_FACTOR times where the pixel moves, accumulated along the picture. */
 typedef struct {
     saga_flat_sight *sight;
     uint8_t *good;
@@ -177,19 +180,61 @@ static size_t n_pixels(const saga_flat *f)
     return (size_t)f->canvas.camera.width * (size_t)f->canvas.camera.height;
 }
 
-static double error_sums(double *sum, const saga_flat *f)
+/* Sets rgb to the picture and to what its view saw a third and two thirds of
+ * the capture later, cyclically. A missing picture is replaced by this one. */
+static void three_frames(const uint8_t *rgb[3], const saga_flat *f,
+                         saga_sample picture)
+{
+    const saga_capture *const c = f->pictures->capture;
+
+    for (int k = 0; k < 3; k++) {
+        const int at = (picture.frame + k * c->n_frames / 3) % c->n_frames;
+
+        rgb[k] = saga_capture_frame(c, picture.view,
+                                    saga_capture_has(c, picture.view, at)
+                                    ? at : picture.frame);
+    }
+}
+
+/* Tells whether a pixel moves: in some channel it is brighter than in both
+ * other frames by more than MOVING_LEVEL, or darker than in both. `at` is the
+ * pixel's offset in bytes. */
+static bool moves(const uint8_t *const rgb[3], size_t at)
+{
+    for (size_t i = at; i < at + 3; i++) {
+        const int b = rgb[0][i] - rgb[1][i], c = rgb[0][i] - rgb[2][i];
+
+        if ((b > MOVING_LEVEL && c > MOVING_LEVEL) ||
+            (b < -MOVING_LEVEL && c < -MOVING_LEVEL))
+            return true;
+    }
+    return false;
+}
+
+static double error_sums(double *sum, const saga_flat *f, saga_sample picture)
 {
     const real *const x = f->canvas.image, *const y = f->canvas.truth;
-    const size_t n = n_pixels(f);
+    const size_t n = n_pixels(f), w = (size_t)f->canvas.camera.width;
+    const saga_shot *const view = f->pictures->capture->views + picture.view;
+    const size_t side = (size_t)1 << picture.mip;
+    const uint8_t *rgb[3];
     double total = 0;
 
+    three_frames(rgb, f, picture);
     for (size_t i = 0; i < n; i++) {
+        /* A pixel of a reduced picture moves if the middle of its box does. */
+        const size_t at = (i / w * side + side / 2) *
+                          saga_view_row_nbytes(view) +
+                          (i % w * side + side / 2) * 3;
+        const double factor = f->o.temporal && moves(rgb, at) ? MOVING_FACTOR
+                                                              : 1;
+
         for (size_t k = 0; k < 3; k++) {
             /* A pixel with truth < 0 does not count. */
             const double e = y[i] < 0 ? 0
                 : (double)(x[i + k * n] - y[i + k * n]);
 
-            total += e * e;
+            total += factor * e * e;
         }
         sum[i] = total;
     }
@@ -274,7 +319,7 @@ static bool grow_from_picture(saga_flat *f, const places *p, uint32_t n,
         return true;
     if (!saga_flat_draw(f, picture, error))
         return false;
-    if (!(error_sums(p->sum, f) > 0))
+    if (!(error_sums(p->sum, f, picture) > 0))
         return true;
     /* Places are found in parallel and appended in order, so the set does not
      * depend on threads. Each counter has 2^32 numbers of its own. */
