@@ -24,7 +24,7 @@ static double distance(const double a[3], const double b[3])
 {
     const double v[3] = { a[0] - b[0], a[1] - b[1], a[2] - b[2] };
 
-    return sqrt(dot(v, v));
+    return sqrt(dot3(v, v));
 }
 
 /* Returns the first shape of a kind, or NULL. */

@@ -164,3 +164,21 @@ void saga_bytes_free(saga_bytes *bytes)
     free(bytes->data);
     *bytes = (saga_bytes){0};
 }
+
+bool saga_take_line(saga_cursor *c, char *line, size_t n)
+{
+    const size_t left = saga_left(c);
+    const uint8_t *const from = c->next;
+    const uint8_t *const end = left ? memchr(from, '\n', left) : NULL;
+    if (!end)
+        return false;
+    c->next = end + 1;
+    /* The end of a line is LF or CR LF. */
+    size_t length = (size_t)(end - from);
+    if (length > 0 && from[length - 1] == '\r')
+        length--;
+    length = length < n - 1 ? length : n - 1;
+    memcpy(line, from, length);
+    line[length] = '\0';
+    return true;
+}

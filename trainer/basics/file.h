@@ -86,6 +86,10 @@ static inline uint64_t saga_take_le(saga_cursor *c, int n)
     return p ? saga_load_le(p, n) : 0;
 }
 
+/* Reads a line of text without its end, cut to n - 1 characters. Returns false
+ * if no line ends before the end of the bytes. */
+bool saga_take_line(saga_cursor *c, char *line, size_t n);
+
 static inline double saga_load_f64(const uint8_t *p)
 {
     const uint64_t bits = saga_load_le(p, 8);

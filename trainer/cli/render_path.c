@@ -5,6 +5,7 @@
 #include "file.h"
 #include "json_memory.h"
 #include "picture.h"
+#include "vec3.h"
 
 #include <jansson.h>
 #include <math.h>
@@ -29,18 +30,11 @@ static const double pi = 3.14159265358979323846;
 
 static bool normalise(double v[3])
 {
-    const double n = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+    const double n = length3(v);
 
     for (int i = 0; i < 3; i++)
         v[i] /= n;
     return n > 1e-12 && isfinite(n);
-}
-
-static void cross(double out[3], const double a[3], const double b[3])
-{
-    for (int i = 0; i < 3; i++)
-        out[i] = a[(i + 1) % 3] * b[(i + 2) % 3] -
-                 a[(i + 2) % 3] * b[(i + 1) % 3];
 }
 
 bool saga_look_at(double rotation[9], const double eye[3],
@@ -55,10 +49,10 @@ bool saga_look_at(double rotation[9], const double eye[3],
         return false;
     /* y is down, so right = forward x up and down = forward x right. If up is
      * parallel to forward, there is no right. */
-    cross(right, forward, up);
+    cross3(right, forward, up);
     if (!normalise(right))
         return false;
-    cross(down, forward, right);
+    cross3(down, forward, right);
     return true;
 }
 

@@ -50,6 +50,16 @@ int saga_cloud_largest(const float q[4])
     return largest;
 }
 
+void saga_quat_complete(float q[4], int missing, const double others[3])
+{
+    const double square = others[0] * others[0] + others[1] * others[1] +
+                          others[2] * others[2];
+
+    for (int k = 0, n = 0; k < 4; k++)
+        q[k] = (float)(k == missing ? sqrt(fmax(1.0 - square, 0.0))
+                                    : others[n++]);
+}
+
 /* A half turn F about a coordinate axis is a diagonal matrix with two entries
  * of -1 and the third 1. The ellipsoid of the rotation R becomes that of F R,
  * which is the same as that of F R F: the F on the right only changes the signs

@@ -40,6 +40,10 @@ float saga_cloud_logit(double opacity);
  * the others determine it. */
 int saga_cloud_largest(const float q[4]);
 
+/* Sets a unit quaternion from three of its components, in order, and the index
+ * of the fourth, which is not negative. */
+void saga_quat_complete(float q[4], int missing, const double others[3]);
+
 /* Turns a cloud by 180 degrees around the axis x (axis = 0) or z (axis = 2). By
  * custom, x, y and z point right, down and forward in PLY files. A turn around
  * x gives right, up and backward, the axes of SPZ; a turn around z gives left,

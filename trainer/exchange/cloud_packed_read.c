@@ -29,24 +29,6 @@ typedef struct {
 
 /* --- Header -------------------------------------------------------------- */
 
-/* Reads a line without its end, cut to the buffer's size. Returns false at the
- * end of the data. */
-static bool take_line(char line[MOST_LINE], saga_cursor *c)
-{
-    const size_t left = saga_left(c);
-    const uint8_t *const end = left ? memchr(c->next, '\n', left) : NULL;
-    size_t n;
-
-    if (!end)
-        return false;
-    n = (size_t)(end - c->next);
-    (void)snprintf(line, MOST_LINE, "%.*s", n < MOST_LINE ? (int)n : MOST_LINE,
-                   (const char *)c->next);
-    line[strcspn(line, "\r")] = '\0';
-    c->next = end + 1;
-    return true;
-}
-
 /* Elements must come in this order, each once. */
 static bool take_element(header *h, const char *name, uint64_t n)
 {
@@ -134,7 +116,7 @@ static bool take_header(header *h, saga_cursor *c, const char *path,
 {
     char line[MOST_LINE];
 
-    while (take_line(line, c)) {
+    while (saga_take_line(c, line, sizeof line)) {
         if (strcmp(line, "end_header") == 0)
             return check_header(h, saga_left(c), path, error);
         if (!take_header_line(h, line))
@@ -187,20 +169,14 @@ static void load_vector(float v[3], uint32_t word, const float range[2][3])
 
 static void load_rotation(float q[4], uint32_t word)
 {
-    const uint32_t largest = word >> 30;
-    double square = 0.0;
-    int shift = 20;
+    double v[3];
 
-    for (uint32_t k = 0; k < 4; k++)
-        if (k != largest) {
-            const double part = (double)(word >> shift & 1023) / 1023.0;
-            const double v = (part - 0.5) * sqrt(2.0);
+    for (int n = 0; n < 3; n++) {
+        const double part = (double)(word >> (20 - 10 * n) & 1023) / 1023.0;
 
-            q[k] = (float)v;
-            square += v * v;
-            shift -= 10;
-        }
-    q[largest] = (float)sqrt(fmax(1.0 - square, 0.0));
+        v[n] = (part - 0.5) * sqrt(2.0);
+    }
+    saga_quat_complete(q, (int)(word >> 30), v);
 }
 
 /* Converts a byte, which stands for the middle of its step; the first and the
@@ -271,9 +247,10 @@ bool saga_is_packed(const saga_bytes *bytes)
     saga_cursor c = { bytes->data, bytes->data + bytes->nbytes, false };
     char line[MOST_LINE];
 
-    if (!take_line(line, &c) || strcmp(line, "ply") != 0)
+    if (!saga_take_line(&c, line, sizeof line) || strcmp(line, "ply") != 0)
         return false;
-    while (take_line(line, &c) && strcmp(line, "end_header") != 0)
+    while (saga_take_line(&c, line, sizeof line) &&
+           strcmp(line, "end_header") != 0)
         if (strncmp(line, "element ", 8) == 0)
             return strncmp(line, "element chunk ", 14) == 0;
     return false;

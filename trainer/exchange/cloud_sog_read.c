@@ -229,20 +229,14 @@ static bool take_rotation(float q[4], const sog *s, size_t i)
 {
     const uint8_t *const p = pixel(s, QUATS, i);
     const int largest = p[3] - SOG_FIRST_MODE;
-    double square = 0.0;
-    int n = 0;
+    double v[3];
 
     if (largest < 0)
         return saga_fail(s->error, s->path, "copy it again", "the rotation of "
                          "splat %zu has mode %d, not 252 to 255", i, p[3]);
-    for (int k = 0; k < 4; k++)
-        if (k != largest) {
-            const double v = (p[n++] / 255.0 - 0.5) * sqrt(2.0);
-
-            q[k] = (float)v;
-            square += v * v;
-        }
-    q[largest] = (float)sqrt(fmax(1.0 - square, 0.0));
+    for (int n = 0; n < 3; n++)
+        v[n] = (p[n] / 255.0 - 0.5) * sqrt(2.0);
+    saga_quat_complete(q, largest, v);
     return true;
 }
 

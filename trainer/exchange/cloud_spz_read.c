@@ -267,26 +267,14 @@ static float load_position(const uint8_t *p, int fraction_bits)
     return (float)ldexp(v & 0x800000 ? v - 0x1000000 : v, -fraction_bits);
 }
 
-/* Returns the component that was left out: it is not negative, and makes the
- * length 1. */
-static float left_out(const double others[3])
-{
-    const double square = others[0] * others[0] + others[1] * others[1] +
-                          others[2] * others[2];
-
-    return (float)sqrt(fmax(1.0 - square, 0.0));
-}
-
 /* Version 2 stores x, y and z in -1..1. */
 static void load_first_three(float wxyz[4], const uint8_t *p)
 {
     double v[3];
 
-    for (int k = 0; k < 3; k++) {
+    for (int k = 0; k < 3; k++)
         v[k] = p[k] / 127.5 - 1.0;
-        wxyz[1 + k] = (float)v[k];
-    }
-    wxyz[0] = left_out(v);
+    saga_quat_complete(wxyz, 0, v);
 }
 
 /* Two bits tell which of x, y, z, w is left out. Each of the others has 10
@@ -294,18 +282,18 @@ static void load_first_three(float wxyz[4], const uint8_t *p)
 static void load_smallest_three(float wxyz[4], const uint8_t *p)
 {
     const uint32_t word = (uint32_t)saga_load_le(p, 4), largest = word >> 30;
+    float xyzw[4];
     double v[3];
-    int n = 0;
 
-    for (uint32_t k = 0; k < 4; k++)
-        if (k != largest) {
-            const uint32_t bits = word >> (20 - 10 * n) & 1023;
-            const double size = (bits & 511) * sqrt(0.5) / SPZ_QUAT_STEPS;
+    for (int n = 0; n < 3; n++) {
+        const uint32_t bits = word >> (20 - 10 * n) & 1023;
+        const double size = (bits & 511) * sqrt(0.5) / SPZ_QUAT_STEPS;
 
-            v[n] = bits & 512 ? -size : size;
-            wxyz[(k + 1) % 4] = (float)v[n++];
-        }
-    wxyz[(largest + 1) % 4] = left_out(v);
+        v[n] = bits & 512 ? -size : size;
+    }
+    saga_quat_complete(xyzw, (int)largest, v);
+    for (int k = 0; k < 4; k++)
+        wxyz[(k + 1) % 4] = xyzw[k];
 }
 
 static void take_splat(saga_cloud *cloud, size_t i, const spz_head *h,

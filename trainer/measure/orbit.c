@@ -4,6 +4,7 @@
 #include "alloc.h"
 #include "error.h"
 #include "order.h"
+#include "vec3.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -13,23 +14,11 @@ static const double pi = 3.14159265358979323846;
 
 /* --- Vectors ------------------------------------------------------------- */
 
-static double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
-static void cross(double c[3], const double a[3], const double b[3])
-{
-    c[0] = a[1] * b[2] - a[2] * b[1];
-    c[1] = a[2] * b[0] - a[0] * b[2];
-    c[2] = a[0] * b[1] - a[1] * b[0];
-}
-
 /* Scales *a to length 1. Returns false, and leaves *a unchanged, if it has
  * hardly any length. */
 static bool normalise(double a[3])
 {
-    const double n = sqrt(dot(a, a));
+    const double n = sqrt(dot3(a, a));
 
     if (!(n > 1e-9))
         return false;
@@ -47,10 +36,10 @@ static void solve(double x[3], const double m[9], const double v[3])
 
     /* The columns of the inverse are the cross products of m's rows, divided by
      * the determinant; as the inverse is symmetric, so are its rows. */
-    cross(c[0], m + 3, m + 6);
-    cross(c[1], m + 6, m);
-    cross(c[2], m, m + 3);
-    d = dot(m, c[0]);
+    cross3(c[0], m + 3, m + 6);
+    cross3(c[1], m + 6, m);
+    cross3(c[2], m, m + 3);
+    d = dot3(m, c[0]);
     for (int i = 0; i < 3; i++)
         x[i] = (c[0][i] * v[0] + c[1][i] * v[1] + c[2][i] * v[2]) / d;
 }
@@ -119,7 +108,7 @@ static void find_up(double up[3], const saga_shot *shots, int n)
         for (int s = 0; s < n; s++)
             for (int i = 0; i < 3; i++)
                 next[i] -= shots[s].rotation[i] *
-                           dot(shots[s].rotation, up) / n;
+                           dot3(shots[s].rotation, up) / n;
         /* If all horizontal axes are along up, nothing is left: keep up. */
         if (!normalise(next))
             return;
@@ -137,7 +126,7 @@ static double split(double level[3], const saga_orbit *o,
     saga_shot_centre(level, shot);
     for (int i = 0; i < 3; i++)
         level[i] -= o->focus[i];
-    height = dot(level, o->up);
+    height = dot3(level, o->up);
     for (int i = 0; i < 3; i++)
         level[i] -= height * o->up[i];
     return height;
@@ -153,7 +142,7 @@ static bool find_middle(saga_orbit *o, const saga_shot *shots, int n)
         o->ahead[i] = 0.0;
     for (int s = 0; s < n; s++) {
         o->height += split(level, o, &shots[s]) / n;
-        o->radius += sqrt(dot(level, level)) / n;
+        o->radius += sqrt(dot3(level, level)) / n;
         for (int i = 0; i < 3; i++)
             o->ahead[i] += level[i];
     }
@@ -164,7 +153,7 @@ static bool find_middle(saga_orbit *o, const saga_shot *shots, int n)
         if (!normalise(o->ahead))
             return false;
     }
-    cross(o->side, o->up, o->ahead);
+    cross3(o->side, o->up, o->ahead);
     return true;
 }
 
@@ -179,7 +168,7 @@ static void find_sweep(saga_orbit *o, const saga_shot *shots, int n,
         double level[3];
 
         split(level, o, &shots[s]);
-        angle[s] = atan2(dot(level, o->side), dot(level, o->ahead));
+        angle[s] = atan2(dot3(level, o->side), dot3(level, o->ahead));
     }
     qsort(angle, (size_t)n, sizeof *angle, saga_by_value);
     /* The gap across the seam at -pi and pi is the first candidate. If another
@@ -260,13 +249,13 @@ bool saga_orbit_camera(saga_camera *camera, const saga_orbit *orbit,
         forward[i] = -orbit->radius * away - orbit->height * orbit->up[i];
         centre[i] = orbit->focus[i] - forward[i];
     }
-    cross(right, forward, orbit->up);
+    cross3(right, forward, orbit->up);
     if (!normalise(forward) || !normalise(right))
         return saga_fail(error, "orbit", "give a camera",
                          "the rig looks straight down");
-    cross(down, forward, right);
+    cross3(down, forward, right);
     for (int i = 0; i < 3; i++)
-        shot.translation[i] = -dot(shot.rotation + 3 * i, centre);
+        shot.translation[i] = -dot3(shot.rotation + 3 * i, centre);
     *camera = orbit->lens;
     return saga_camera_of_shot(camera, metric, &shot,
                                metric->unit * orbit->lens.near_plane, error);

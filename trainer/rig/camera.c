@@ -2,6 +2,7 @@
 #include "camera.h"
 
 #include "pose.h"
+#include "vec3.h"
 
 #include <math.h>
 
@@ -45,7 +46,7 @@ static bool take_rotation(saga_camera *camera, const saga_shot *shot,
         const double *const r = shot->rotation + 3 * i;
         /* Rows are normalised, since a capture's matrix may be scaled or
          * rounded. */
-        const double n = sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2]);
+        const double n = length3(r);
 
         for (int k = 0; k < 3; k++)
             if (!take(&camera->rotation_q30[3 * i + k],
@@ -137,6 +138,6 @@ void saga_shot_of_camera(saga_shot *shot, const saga_metric *metric,
 
         /* The translation of world to camera is t = -R c. */
         shot->translation[i] =
-            -(r[0] * centre[0] + r[1] * centre[1] + r[2] * centre[2]);
+            -dot3(r, centre);
     }
 }

@@ -10,6 +10,7 @@
 
 #include "alloc.h"
 #include "camera.h"
+#include "vec3.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -68,11 +69,6 @@ static void solve3(double a[3][3], double *b)
     }
 }
 
-static double length(const double *x)
-{
-    return sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]);
-}
-
 /* Sets mean to the mean of the camera centres. Returns their RMS distance from
  * it. */
 static double baseline(double *mean, const saga_capture *c)
@@ -105,7 +101,7 @@ static double focus(double *x, const saga_capture *c)
     double mean[3], axis[3] = { 0 }, a[3][3] = { { 0 } };
     double base = baseline(mean, c), norm;
 
-    if (!(base > ONE_PLACE * length(mean)))
+    if (!(base > ONE_PLACE * length3(mean)))
         base = 0.2;
     x[0] = x[1] = x[2] = 0;
     for (int v = 0; v < c->n_views; v++) {
@@ -125,7 +121,7 @@ static double focus(double *x, const saga_capture *c)
             }
         }
     }
-    norm = length(axis);
+    norm = length3(axis);
     norm = norm > 0 ? norm : 1;
     for (int i = 0; i < 3; i++) {
         /* The pull has a thousandth of the weight of the axes. */

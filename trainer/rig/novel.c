@@ -3,6 +3,7 @@
 
 #include "alloc.h"
 #include "camera.h"
+#include "vec3.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -56,7 +57,7 @@ static void turn(double r[9], const double *a, const double *b, double u)
     axis[0] = between[7] - between[5];
     axis[1] = between[2] - between[6];
     axis[2] = between[3] - between[1];
-    sine = sqrt(axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2]);
+    sine = length3(axis);
     angle = u * atan2(sine, between[0] + between[4] + between[8] - 1);
     for (int i = 0; i < 3; i++)
         axis[i] = sine > 0 ? axis[i] / sine : 0;

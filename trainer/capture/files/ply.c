@@ -43,25 +43,6 @@ typedef struct ply_header {
     int field[MAX_PROPERTIES]; /* property index, -1: missing */
 } ply_header;
 
-/* Reads a line without its end, cut to the buffer's size. Returns false at the
- * end of the data. */
-static bool take_line(saga_cursor *c, char line[MAX_LINE])
-{
-    const size_t left = saga_left(c);
-    const uint8_t *const end = left ? memchr(c->next, '\n', left) : NULL;
-    if (!end)
-        return false;
-    size_t n = (size_t)(end - c->next);
-    const uint8_t *const from = c->next;
-    c->next = end + 1;
-    if (n > 0 && from[n - 1] == '\r')
-        n--;
-    n = n < MAX_LINE - 1 ? n : MAX_LINE - 1;
-    memcpy(line, from, n);
-    line[n] = '\0';
-    return true;
-}
-
 static bool add_property(ply_header *h, const char *type, const char *name)
 {
     if (h->n_properties == MAX_PROPERTIES)
@@ -131,11 +112,11 @@ static bool parse_header(ply_header *h, saga_cursor *c, const char *path,
     /* -1 marks a field that the file does not have. */
     for (int f = 0; f < h->n_fields; f++)
         h->field[f] = -1;
-    if (!take_line(c, line) || strcmp(line, "ply") != 0)
+    if (!saga_take_line(c, line, sizeof line) || strcmp(line, "ply") != 0)
         return saga_fail(error, path, "export the points as PLY",
                          "is no PLY file");
     /* Lines are read up to end_header, where the checks need all of them. */
-    while (take_line(c, line)) {
+    while (saga_take_line(c, line, sizeof line)) {
         if (strcmp(line, "end_header") == 0)
             return header_is_whole(h, &s, path, error);
         if (!header_line(h, &s, line))

@@ -431,23 +431,16 @@ static bool give_videos(calibration *c, const char *folder)
 /* Scales a lens to the size of the video's pictures. */
 static bool fit_size(const calibration *c, saga_source *s, const double size[2])
 {
-    const double sx = s->width / size[0], sy = s->height / size[1];
-    /* A ratio of axes that differs by more than 1 % means that the pictures
-     * were cropped, which scaling cannot undo. */
-    if (!(fabs(sx / sy - 1.0) <= 0.01))
+    if (!saga_source_fit(s, size[0], size[1]))
         return saga_fail(c->error, c->path, "calibrate with pictures as they "
                          "are filmed, neither turned nor cropped", "%s was "
                          "calibrated with %g x %g pixels, the video has "
                          "%d x %d", s->name, size[0], size[1], s->width,
                          s->height);
-    if (sx != 1.0 && !strstr(c->listing->notes, "size:"))
+    if (s->width != size[0] && !strstr(c->listing->notes, "size:"))
         saga_note(c->listing->notes, "size: lenses were calibrated with %g x "
                   "%g pixels and are scaled to the videos' (%s)", size[0],
                   size[1], s->name);
-    s->lens.fx *= sx;
-    s->lens.cx *= sx;
-    s->lens.fy *= sy;
-    s->lens.cy *= sy;
     return true;
 }
 

@@ -36,20 +36,12 @@ bool saga_colmap_adopt(saga_source *s, const saga_colmap *model,
         saga_colmap_camera_for(model, image, folder, error);
     if (!camera)
         return false;
-    const double sx = (double)s->width / camera->width;
-    const double sy = (double)s->height / camera->height;
-    /* A ratio of axes that differs by more than 1 % means that the pictures
-     * were cropped, which scaling cannot undo. */
-    if (fabs(sx / sy - 1.0) > 0.01)
+    s->lens = camera->lens;
+    if (!saga_source_fit(s, camera->width, camera->height))
         return saga_fail(error, folder, "reconstruct from uncropped frames",
                          "camera of %s has %d x %d pixels, its pictures "
                          "%d x %d", s->name, camera->width, camera->height,
                          s->width, s->height);
-    s->lens = camera->lens;
-    s->lens.fx *= sx;
-    s->lens.cx *= sx;
-    s->lens.fy *= sy;
-    s->lens.cy *= sy;
     memcpy(s->rotation, image->rotation, sizeof s->rotation);
     memcpy(s->translation, image->translation, sizeof s->translation);
     return true;

@@ -32,6 +32,18 @@ static void source_free(saga_source *s, int n_frames)
     free(s->video);
 }
 
+bool saga_source_fit(saga_source *source, double width, double height)
+{
+    const double sx = source->width / width, sy = source->height / height;
+    if (!(fabs(sx / sy - 1.0) <= 0.01))
+        return false;
+    source->lens.fx *= sx;
+    source->lens.cx *= sx;
+    source->lens.fy *= sy;
+    source->lens.cy *= sy;
+    return true;
+}
+
 void saga_listing_free(saga_listing *listing)
 {
     for (int i = 0; i < listing->n_sources; i++)

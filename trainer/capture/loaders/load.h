@@ -66,6 +66,11 @@ char *saga_listing_join(const saga_listing *listing, const char *folder,
  * fewer frames. */
 bool saga_listing_late(saga_listing *listing, const char *text,
                        saga_error *error);
+/* Scales the lens of a source, which is for pictures of width x height, to the
+ * size of its pictures. Returns false, and changes nothing, if the ratio of the
+ * sides differs by more than 1 %: then the pictures were cropped, which scaling
+ * cannot undo. */
+bool saga_source_fit(saga_source *source, double width, double height);
 void saga_listing_free(saga_listing *listing);
 /* Drops sources without any picture in frames first..end-1, and notes this.
  * Having no source left is an error. kept_as may be NULL, or is set to each

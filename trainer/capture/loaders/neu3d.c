@@ -101,15 +101,15 @@ static bool row_intrinsics(saga_source *source, double h, double w, double f,
         return saga_fail(error, path, "correct columns 5, 10 and 15",
                          "row of %s has height %g, width %g, focal length %g",
                          source->name, h, w, f);
-    /* A ratio of axes that differs by more than 1 % means that the pictures
-     * were cropped, which scaling cannot undo. */
-    const double sx = source->width / w, sy = source->height / h;
-    if (fabs(sx / sy - 1.0) > 0.01)
+    if (!saga_source_fit(source, w, h))
         return saga_fail(error, path, "scale the videos alike on both axes, "
                          "do not crop them", "row of %s is for %g x %g pixels, "
                          "the video has %d x %d", source->name, w, h,
                          source->width, source->height);
-    source->lens = (saga_lens){.fx = f * sx, .fy = f * sx,
+    /* The file has one focal length, for the width; the principal point is the
+     * picture's middle. */
+    const double focal = f * (source->width / w);
+    source->lens = (saga_lens){.fx = focal, .fy = focal,
                                .cx = source->width / 2.0,
                                .cy = source->height / 2.0};
     return true;

@@ -4,6 +4,7 @@
 #include "alloc.h"
 #include "linear.h"
 #include "pose.h"
+#include "vec3.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -125,8 +126,7 @@ bool saga_bundle_meet(double place[3], const saga_pinhole *cameras,
         saga_pose_centre(c->rotation, c->translation, centre);
         if (k == 0)
             memcpy(first, d, sizeof first);
-        least = fmin(least, d[0] * first[0] + d[1] * first[1] +
-                            d[2] * first[2]);
+        least = fmin(least, dot3(d, first));
         for (int i = 0; i < 3; i++)
             for (int j = 0; j < 3; j++) {
                 const double part = (i == j) - d[i] * d[j];

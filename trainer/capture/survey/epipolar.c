@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 #include "epipolar.h"
 
+#include "vec3.h"
+
 #include <math.h>
 #include <string.h>
 
@@ -27,18 +29,6 @@ static void apply(double y[3], const double m[9], const double x[3])
         y[i] = m[3 * i] * x[0] + m[3 * i + 1] * x[1] + m[3 * i + 2] * x[2];
 }
 
-static void cross(double z[3], const double x[3], const double y[3])
-{
-    for (int i = 0; i < 3; i++)
-        z[i] = x[(i + 1) % 3] * y[(i + 2) % 3] -
-               x[(i + 2) % 3] * y[(i + 1) % 3];
-}
-
-static double dot(const double x[3], const double y[3])
-{
-    return x[0] * y[0] + x[1] * y[1] + x[2] * y[2];
-}
-
 static void ray_of(double ray[3], const saga_pinhole *c, const double p[2])
 {
     ray[0] = (p[0] - c->lens[2]) / c->lens[0];
@@ -62,7 +52,7 @@ saga_epipolar saga_epipolar_between(const saga_pinhole *a,
 static double off_line(const double normal[3], const saga_pinhole *c,
                        const double ray[3])
 {
-    return fabs(dot(normal, ray)) /
+    return fabs(dot3(normal, ray)) /
            (hypot(normal[0] / c->lens[0], normal[1] / c->lens[1]) + 1e-300);
 }
 
@@ -76,22 +66,22 @@ double saga_epipolar_off(const saga_pinhole *a, const saga_pinhole *b,
     apply(turned, s->r, ra);
     /* With the essential matrix E = [t] R, the line in b has the normal E ra =
      * t x (R ra), and that in a has E^T rb = R^T (rb x t). */
-    cross(normal, s->t, turned);
-    cross(n, rb, s->t);
+    cross3(normal, s->t, turned);
+    cross3(n, rb, s->t);
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < 3; k++)
             back[k] += s->r[3 * i + k] * n[i];
     /* The depths follow from za R ra + t = zb rb by cross products with rb and
      * with R ra. */
     double across[3], x[3], y[3];
-    cross(across, turned, rb);
-    cross(x, rb, s->t);
-    cross(y, turned, s->t);
-    const double least = within / b->lens[0] * sqrt(dot(turned, turned) *
-                                                    dot(rb, rb));
-    *front = dot(across, across) <= least * least ||
-             (dot(across, x) > 0.0 && dot(across, y) > 0.0);
-    if (dot(turned, rb) <= 0.0 && dot(across, across) <= least * least)
+    cross3(across, turned, rb);
+    cross3(x, rb, s->t);
+    cross3(y, turned, s->t);
+    const double least = within / b->lens[0] * sqrt(dot3(turned, turned) *
+                                                    dot3(rb, rb));
+    *front = dot3(across, across) <= least * least ||
+             (dot3(across, x) > 0.0 && dot3(across, y) > 0.0);
+    if (dot3(turned, rb) <= 0.0 && dot3(across, across) <= least * least)
         *front = false; /* parallel rays in opposite directions */
     return fmax(off_line(normal, b, rb), off_line(back, a, ra));
 }

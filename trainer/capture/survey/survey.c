@@ -6,6 +6,7 @@
 #include "late_matches.h"
 #include "order.h"
 #include "pose.h"
+#include "vec3.h"
 
 #include <math.h>
 #include <stdarg.h>
@@ -195,7 +196,7 @@ static void find_nearest(saga_survey *survey, const saga_capture *c,
         direction_from(middle, &c->views[v], a);
         for (int w = 0; w < c->n_views; w++) {
             direction_from(middle, &c->views[w], b);
-            const double cosine = a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+            const double cosine = dot3(a, b);
             /* Rounding may make the cosine larger than 1. */
             const double angle =
                 acos(fmin(fmax(cosine, -1.0), 1.0)) * 57.29577951308232;
@@ -454,8 +455,7 @@ static void judge_twin(saga_survey *s, const saga_capture *c, int v)
         return;
     const double *const a = c->views[v].rotation + 6;
     const double *const b = c->views[w].rotation + 6;
-    if (a[0] * b[0] + a[1] * b[1] + a[2] * b[2] > ONE_WAY &&
-        fit->n_features[v] >= FEW_FEATURES &&
+    if (dot3(a, b) > ONE_WAY && fit->n_features[v] >= FEW_FEATURES &&
         fit->n_features[w] >= FEW_FEATURES)
         note(s, "%s and %s have one pose, but see different things: one of "
              "the poses, or of the files, is another camera's.",

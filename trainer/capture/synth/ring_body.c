@@ -7,22 +7,15 @@
 
 /* ------------------------------------------------------------------ shapes */
 
-static void cross(double out[3], const double a[3], const double b[3])
-{
-    out[0] = a[1] * b[2] - a[2] * b[1];
-    out[1] = a[2] * b[0] - a[0] * b[2];
-    out[2] = a[0] * b[1] - a[1] * b[0];
-}
-
 /* Completes a frame of axes. The first axis is given, and the second is the
  * part of `side` at right angles to it. */
 static void complete(double frame[3][3], const double side[3])
 {
-    const double along = dot(frame[0], side);
+    const double along = dot3(frame[0], side);
     for (int i = 0; i < 3; i++)
         frame[1][i] = side[i] - along * frame[0][i];
     normalise(frame[1]);
-    cross(frame[2], frame[0], frame[1]);
+    cross3(frame[2], frame[0], frame[1]);
 }
 
 saga_ring_shape saga_ring_capsule(const double a[3], const double b[3],
@@ -35,7 +28,7 @@ saga_ring_shape saga_ring_capsule(const double a[3], const double b[3],
         s.frame[0][i] = b[i] - a[i];
         s.centre[i] = 0.5 * (a[i] + b[i]);
     }
-    s.length = sqrt(dot(s.frame[0], s.frame[0]));
+    s.length = sqrt(dot3(s.frame[0], s.frame[0]));
     normalise(s.frame[0]);
     complete(s.frame, side);
     /* All of the shape lies in a ball of this radius, so a ray that misses the
@@ -98,9 +91,9 @@ static void add(pose *p, const double a[3], const double b[3], double radius,
                 enum saga_ring_object object)
 {
     const double v[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
-    const double left = dot(v, p->axes[1]);
+    const double left = dot3(v, p->axes[1]);
     /* The second axis of the capsule must not be parallel to the first. */
-    const int side = left * left > 0.8 * dot(v, v) ? 0 : 1;
+    const int side = left * left > 0.8 * dot3(v, v) ? 0 : 1;
     p->to[p->n++] = saga_ring_capsule(a, b, radius * p->plan->girth,
                                       p->axes[side], object);
 }
@@ -182,11 +175,11 @@ static void place(pose *p)
     p->pelvis[1] = plan->path_radius * s;
     memcpy(p->axes[2], lean, sizeof lean);
     normalise(p->axes[2]);
-    const double along = dot(p->axes[2], side);
+    const double along = dot3(p->axes[2], side);
     for (int i = 0; i < 3; i++)
         p->axes[1][i] = side[i] - along * p->axes[2][i];
     normalise(p->axes[1]);
-    cross(p->axes[0], p->axes[1], p->axes[2]);
+    cross3(p->axes[0], p->axes[1], p->axes[2]);
 }
 
 /* --------------------------------------------------------------- upper body */

@@ -193,7 +193,7 @@ static saga_ring_shape box(const double centre[3], const double half[3],
     b.frame[0][1] = s;
     b.frame[1][0] = -s;
     b.frame[2][2] = 1.0;
-    b.bound = sqrt(dot(half, half));
+    b.bound = sqrt(dot3(half, half));
     return b;
 }
 
@@ -260,7 +260,7 @@ static void bound_body(saga_ring_state *s)
             v[k] = s->shape[i].centre[k] - s->body_centre[k];
         /* The ball around the whole body; a ray that misses it skips the
          * body. */
-        const double r = sqrt(dot(v, v)) + s->shape[i].bound;
+        const double r = sqrt(dot3(v, v)) + s->shape[i].bound;
         s->body_bound = r > s->body_bound ? r : s->body_bound;
     }
 }

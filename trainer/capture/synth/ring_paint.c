@@ -94,8 +94,8 @@ static int face_of(const saga_ring_shape *b, const saga_ring_hit *hit,
         const double v[3] = {hit->position[0] - b->a[0],
                              hit->position[1] - b->a[1],
                              hit->position[2] - b->a[2]};
-        local[i] = dot(b->frame[i], v);
-        normal[i] = dot(b->frame[i], hit->normal);
+        local[i] = dot3(b->frame[i], v);
+        normal[i] = dot3(b->frame[i], hit->normal);
         /* In the box's own axes the normal is +-1 along one axis and 0 along
          * the others. */
         axis = fabs(normal[i]) > 0.5 ? i : axis;
@@ -280,7 +280,7 @@ static void around(const saga_ring_shape *s, const saga_ring_hit *hit,
                    double at[3])
 {
     for (int i = 0; i < 3; i++)
-        at[i] = dot(s->frame[i], hit->normal);
+        at[i] = dot3(s->frame[i], hit->normal);
     if (s->length > 0.0)
         at[0] = s->frame[0][0] * (hit->position[0] - s->a[0]) +
                 s->frame[0][1] * (hit->position[1] - s->a[1]) +

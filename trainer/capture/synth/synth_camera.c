@@ -7,6 +7,7 @@
 #include "pose.h"
 #include "ring_motion.h"
 #include "synth_math.h"
+#include "vec3.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -74,9 +75,7 @@ void saga_synth_view(const saga_synth_options *options, int index,
     right[0] = forward[1] / h;
     right[1] = -forward[0] / h;
     right[2] = 0.0;
-    down[0] = forward[1] * right[2] - forward[2] * right[1];
-    down[1] = forward[2] * right[0] - forward[0] * right[2];
-    down[2] = forward[0] * right[1] - forward[1] * right[0];
+    cross3(down, forward, right);
     *view = (saga_shot){.width = options->width, .height = options->height,
                         .held_out = is_held_out(options, index),
                         .original_width = options->width,

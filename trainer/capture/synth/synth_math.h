@@ -10,6 +10,8 @@
 #ifndef SAGA_SYNTH_MATH_H
 #define SAGA_SYNTH_MATH_H
 
+#include "vec3.h"
+
 #include <math.h>
 #include <stdbool.h>
 #include <stdint.h>
@@ -19,14 +21,9 @@ void saga_synth_sin_cos(double turns, double *s, double *c);
 
 /* ----------------------------------------------------------------- numbers */
 
-static inline double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
 static inline void normalise(double a[3])
 {
-    const double s = 1.0 / sqrt(dot(a, a));
+    const double s = 1.0 / sqrt(dot3(a, a));
     for (int i = 0; i < 3; i++)
         a[i] *= s;
 }
@@ -148,8 +145,8 @@ static inline bool enter_ball(const double centre[3], double radius,
 {
     const double v[3] = {centre[0] - o[0], centre[1] - o[1],
                          centre[2] - o[2]};
-    const double b = dot(v, d);
-    const double disc = b * b - d2 * (dot(v, v) - radius * radius);
+    const double b = dot3(v, d);
+    const double disc = b * b - d2 * (dot3(v, v) - radius * radius);
     if (b <= 0.0 || disc <= 0.0)
         return false;
     *t = (b - sqrt(disc)) / d2;
@@ -166,7 +163,7 @@ typedef struct ray {
 static inline ray make_ray(const double origin[3], const double direction[3])
 {
     ray r = {.origin = origin, .direction = direction,
-             .length2 = dot(direction, direction)};
+             .length2 = dot3(direction, direction)};
     for (int i = 0; i < 3; i++)
         r.inverse[i] =
             1.0 / (direction[i] == 0.0 ? 1e-300 : direction[i]);

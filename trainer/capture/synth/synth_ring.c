@@ -17,8 +17,8 @@ static bool passes(const double centre[3], double bound, const ray *r)
     /* The origin is outside the ball, and either the ball is behind, or the
      * squared distance of the ray from its centre, v v - b^2 / length2, exceeds
      * bound^2. */
-    const double b = dot(v, r->direction);
-    const double away = dot(v, v) - bound * bound;
+    const double b = dot3(v, r->direction);
+    const double away = dot3(v, v) - bound * bound;
     return away > 0.0 && (b <= 0.0 || b * b < away * r->length2);
 }
 
@@ -47,10 +47,10 @@ static bool enter_capsule(const saga_ring_shape *s, const ray *r, double *t,
                          r->origin[2] - s->a[2]};
     /* The ray is at the radius's distance from the axis where a t^2 + 2 b t + c
      * = 0. */
-    const double da = dot(d, axis), va = dot(v, axis);
+    const double da = dot3(d, axis), va = dot3(v, axis);
     const double a = r->length2 - da * da;
-    const double b = dot(v, d) - va * da;
-    const double c = dot(v, v) - va * va - s->radius * s->radius;
+    const double b = dot3(v, d) - va * da;
+    const double c = dot3(v, v) - va * va - s->radius * s->radius;
     const double disc = b * b - a * c;
     if (s->length == 0.0)
         return enter_end(s, r, false, t, normal);
@@ -79,8 +79,8 @@ static bool enter_turned(const saga_ring_shape *s, const ray *r, double *t,
     for (int i = 0; i < 3; i++) {
         const double v[3] = {r->origin[0] - s->a[0], r->origin[1] - s->a[1],
                              r->origin[2] - s->a[2]};
-        o[i] = dot(s->frame[i], v);
-        d[i] = dot(s->frame[i], r->direction);
+        o[i] = dot3(s->frame[i], v);
+        d[i] = dot3(s->frame[i], r->direction);
     }
     const ray local = make_ray(o, d);
     if (!enter_box(low, s->half, o, local.inverse, t, &axis))
@@ -154,9 +154,9 @@ static double open_of(const saga_ring_shape *s, const ray *r)
                          r->origin[2] - s->a[2]};
     /* The points where the lines of ray and axis are nearest to each other,
      * limited to the axis's ends. */
-    const double k = dot(d, axis), wd = dot(w, d);
+    const double k = dot3(d, axis), wd = dot3(w, d);
     const double across = 1.0 - k * k;
-    double along = across > 1e-9 ? (dot(w, axis) - k * wd) / across : 0.0;
+    double along = across > 1e-9 ? (dot3(w, axis) - k * wd) / across : 0.0;
     along = along < 0.0 ? 0.0 : along > s->length ? s->length : along;
     const double t = k * along - wd, width = 0.012 + 0.025 * t;
     double v[3];
@@ -164,7 +164,7 @@ static double open_of(const saga_ring_shape *s, const ray *r)
         return 1.0;
     for (int i = 0; i < 3; i++)
         v[i] = w[i] + t * d[i] - along * axis[i];
-    return ramp(s->radius - width, s->radius + width, sqrt(dot(v, v)));
+    return ramp(s->radius - width, s->radius + width, sqrt(dot3(v, v)));
 }
 
 /* Returns the fraction of the light that reaches a place. The shape with the
@@ -197,10 +197,10 @@ static double spot(const saga_ring_hit *hit, const double direction[3],
 {
     double view[3] = {direction[0], direction[1], direction[2]}, m[3];
     normalise(view);
-    const double cosine = dot(view, hit->normal);
+    const double cosine = dot3(view, hit->normal);
     for (int i = 0; i < 3; i++)
         m[i] = view[i] - 2.0 * cosine * hit->normal[i];
-    double s = clamp01(dot(m, to_light));
+    double s = clamp01(dot3(m, to_light));
     /* s^16, where s is the cosine of the angle to the mirrored ray. */
     for (int i = 0; i < 4; i++)
         s *= s;
@@ -216,11 +216,11 @@ void saga_ring_radiance(const saga_ring_state *s, const double origin[3],
         to_light[i] = s->plan.light[i] - hit.position[i];
         rgb[i] = 0.0;
     }
-    const double distance2 = dot(to_light, to_light);
+    const double distance2 = dot3(to_light, to_light);
     normalise(to_light);
     if (saga_ring_albedo(s, &hit, rgb))
         return;
-    const double facing = dot(hit.normal, to_light);
+    const double facing = dot3(hit.normal, to_light);
     const double open = facing > 0.0 ? lit(s, &hit, to_light) : 0.0;
     /* A second, weak light from the opposite side casts no shadow. */
     const double fill = -(hit.normal[0] * s->plan.light[0] +

@@ -258,10 +258,10 @@ static bool enter_rod(const double p[3], const double axis[3], double length,
                       double *t, double normal[3])
 {
     const double v[3] = {o[0] - p[0], o[1] - p[1], o[2] - p[2]};
-    const double da = dot(d, axis), va = dot(v, axis);
-    const double a = dot(d, d) - da * da;
-    const double b = dot(v, d) - va * da;
-    const double c = dot(v, v) - va * va - radius * radius;
+    const double da = dot3(d, axis), va = dot3(v, axis);
+    const double a = dot3(d, d) - da * da;
+    const double b = dot3(v, d) - va * da;
+    const double c = dot3(v, v) - va * va - radius * radius;
     const double disc = b * b - a * c;
     /* The ray misses, moves away, or is parallel to the axis. */
     if (disc <= 0.0 || b >= 0.0 || a <= 0.0)
@@ -407,9 +407,9 @@ static double shadow_of(const double centre[3], double radius,
 {
     const double v[3] = {centre[0] - p[0], centre[1] - p[1],
                          centre[2] - p[2]};
-    const double along = dot(v, to_light);
+    const double along = dot3(v, to_light);
     const double width = 0.02 + 0.10 * along;
-    const double d2 = dot(v, v) - along * along;
+    const double d2 = dot3(v, v) - along * along;
     const double reach = radius + width;
     if (along <= 0.0 || radius <= 0.0 || d2 >= reach * reach)
         return 1.0;
@@ -449,9 +449,9 @@ static void diffuse(const saga_room_state *s, const saga_room_hit *hit,
     double to_light[3] = {light[0] - hit->position[0],
                           light[1] - hit->position[1],
                           light[2] - hit->position[2]};
-    const double distance2 = dot(to_light, to_light);
+    const double distance2 = dot3(to_light, to_light);
     normalise(to_light);
-    const double facing = dot(hit->normal, to_light);
+    const double facing = dot3(hit->normal, to_light);
     /* Ambient light is slightly stronger from above. */
     double bright = 0.34 + 0.10 * hit->normal[2];
     if (hit->object == SAGA_ROOM_WALLS)
@@ -474,7 +474,7 @@ static void add_gloss(const saga_room_state *s, const saga_room_hit *hit,
     double view[3] = {direction[0], direction[1], direction[2]};
     double origin[3], mirrored[3], seen[3];
     normalise(view);
-    const double cosine = -dot(view, hit->normal);
+    const double cosine = -dot3(view, hit->normal);
     for (int i = 0; i < 3; i++) {
         mirrored[i] = view[i] + 2.0 * cosine * hit->normal[i];
         /* The origin is moved off the surface, so that the mirrored ray does
@@ -491,7 +491,7 @@ static void add_gloss(const saga_room_state *s, const saga_room_hit *hit,
                           light[1] - hit->position[1],
                           light[2] - hit->position[2]};
     normalise(to_light);
-    double spot = clamp01(dot(mirrored, to_light));
+    double spot = clamp01(dot3(mirrored, to_light));
     /* spot becomes the 32nd power of the cosine of the angle to the mirrored
      * ray. */
     for (int i = 0; i < 5; i++)

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 #include "pose.h"
 
+#include "vec3.h"
+
 #include <math.h>
 #include <string.h>
 
@@ -36,18 +38,6 @@ void saga_pose_from_turn(const double turn[3], double rotation[9])
     memcpy(rotation, r, sizeof r);
 }
 
-static void cross(const double a[3], const double b[3], double c[3])
-{
-    c[0] = a[1] * b[2] - a[2] * b[1];
-    c[1] = a[2] * b[0] - a[0] * b[2];
-    c[2] = a[0] * b[1] - a[1] * b[0];
-}
-
-static double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
 /* Returns the largest deviation of the rows from orthonormal; NaN if a row has
  * NaN. */
 static double defect(const double r[9])
@@ -55,7 +45,7 @@ static double defect(const double r[9])
     double worst = 0.0;
     for (int i = 0; i < 3; i++)
         for (int j = i; j < 3; j++) {
-            const double e = dot(r + 3 * i, r + 3 * j) - (i == j ? 1.0 : 0.0);
+            const double e = dot3(r + 3 * i, r + 3 * j) - (i == j ? 1.0 : 0.0);
             if (isnan(e))
                 return e;
             worst = fmax(worst, fabs(e));
@@ -70,10 +60,10 @@ static void nearest_rotation(double r[9])
     for (int round = 0; round < 6; round++) {
         /* Each round squares the error, which begins below 0.01. */
         double inv[9];
-        cross(r + 3, r + 6, inv);
-        cross(r + 6, r, inv + 3);
-        cross(r, r + 3, inv + 6);
-        const double det = dot(r, inv);
+        cross3(inv, r + 3, r + 6);
+        cross3(inv + 3, r + 6, r);
+        cross3(inv + 6, r, r + 3);
+        const double det = dot3(r, inv);
         for (int i = 0; i < 9; i++)
             r[i] = 0.5 * (r[i] + inv[i] / det);
     }
@@ -93,8 +83,8 @@ bool saga_pose_from_axes(const double right[3], const double down[3],
         !isfinite(centre[1]) || !isfinite(centre[2]))
         return false;
     /* If right x down is not forward, the axes are mirrored. */
-    cross(r, r + 3, c);
-    if (dot(c, r + 6) < 0.0)
+    cross3(c, r, r + 3);
+    if (dot3(c, r + 6) < 0.0)
         return false;
     nearest_rotation(r);
     memcpy(rotation, r, sizeof r);
@@ -123,7 +113,7 @@ void saga_pose_translation(const double rotation[9], const double centre[3],
 {
     /* X = R (P - centre), so t = -R centre. */
     for (int i = 0; i < 3; i++)
-        translation[i] = -dot(rotation + 3 * i, centre);
+        translation[i] = -dot3(rotation + 3 * i, centre);
 }
 
 void saga_pose_centre(const double rotation[9], const double translation[3],

@@ -1,0 +1,28 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Vectors of three doubles.
+ */
+#ifndef SAGA_VEC3_H
+#define SAGA_VEC3_H
+
+#include <math.h>
+
+static inline double dot3(const double a[3], const double b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+static inline double length3(const double a[3])
+{
+    return sqrt(dot3(a, a));
+}
+
+/* Sets c, which overlaps neither a nor b, to a x b. */
+static inline void cross3(double c[3], const double a[3], const double b[3])
+{
+    c[0] = a[1] * b[2] - a[2] * b[1];
+    c[1] = a[2] * b[0] - a[0] * b[2];
+    c[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+#endif
