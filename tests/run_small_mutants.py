@@ -8,9 +8,11 @@ one at a time. A condition whose absence no line of vectors/ notices fails,
 unless NEEDLESS says why nothing can.
 
 random: N changes of one operator or number each, in the source files of common/
-and decoder/, drawn with SEED (the commit's hash if there is none). Prints those
-that no vector notices, and fails if they are more than 5 % of those not listed
-in EQUIVALENT.
+and decoder/, drawn with SEED (the commit's hash if there is none). Tables of
+numbers alone are left out, since a test compares each with its formula. A
+change that no vector notices runs on the vectors under sanitizers, then through
+the unit tests of common/, decoder/ and stream/. Prints those that nothing
+notices, and fails if they are more than 5 % of those not listed in EQUIVALENT.
 
 A mutant is one file compiled anew and linked with the rest, on which
 check_vectors runs: for checks with the refusals alone, for random changes with
@@ -69,10 +71,10 @@ EQUIVALENT = {}
 
 # --- Building ----------------------------------------------------------------
 
-def commands():
+def commands(build, flags):
     """How each file is compiled, and how check_vectors is linked."""
-    program = f"{BUILD}/check_vectors"
-    make = ["make", "-s", f"BUILD={BUILD}", "OPT=-O1", "WERROR="]
+    program = f"{build}/check_vectors"
+    make = ["make", "-s", f"BUILD={build}", "OPT=-O1", "WERROR=", *flags]
     subprocess.run(make + [program], check=True)
     text = subprocess.run(["make", "-Bn", *make[2:], program], check=True,
                           capture_output=True, text=True).stdout
@@ -87,8 +89,8 @@ def commands():
 
 
 class Builder:
-    def __init__(self, folder, ways):
-        self.compiles, self.link = commands()
+    def __init__(self, folder, ways, build=BUILD, flags=()):
+        self.compiles, self.link = commands(build, flags)
         self.folder, self.ways = folder, ways
 
     def try_source(self, path, text):
@@ -246,10 +248,13 @@ SWAPS = {"<": ["<=", ">"], "<=": ["<", "=="], ">": [">=", "<"],
 TOKEN = re.compile(r"(?<=[\w)\]] )(<<|>>|<=|>=|==|!=|&&|\|\||\+=|-=|[-<>+&|])"
                    r"(?= )|\b(\d+)(?=[uU]?\b)(?![.x\w])")
 
+# A line of a table.
+NUMBERS = re.compile(r"^[ ]*\d+(?:, *\d+)+,?$", re.M)
+
 
 def changes(path):
     """All changes of a file: place, length, new text."""
-    code = blanked(read(path))
+    code = NUMBERS.sub(lambda m: " " * len(m[0]), blanked(read(path)))
     for match in TOKEN.finditer(code):
         if match[1]:
             for new in SWAPS[match[1]]:
@@ -258,12 +263,51 @@ def changes(path):
             yield match.start(), len(match[2]), str(int(match[2]) + 1)
 
 
+class UnitTests:
+    """The unit tests in a copy of the tree, in which one file is changed."""
+    FOLDERS = ("common", "decoder", "stream")
+
+    def __init__(self):
+        self.tree = f"{BUILD}/tree"
+        if not os.path.exists(self.tree):
+            os.makedirs(self.tree)
+            for name in ("Makefile", "common", "decoder", "reference", "trainer",
+                         "tests", "docs", "tools"):
+                subprocess.run(["cp", "-Rp", name, self.tree], check=True)
+            os.symlink(os.path.abspath("vectors"), f"{self.tree}/vectors")
+        self.sources = " ".join(
+            f"tests/{folder}/{name}" for folder in self.FOLDERS
+            for name in sorted(os.listdir(f"tests/{folder}"))
+            if name.startswith("test_") and name.endswith(".c"))
+        found = self.failing("common/mlp.c", read("common/mlp.c"))
+        if found:
+            raise SystemExit(f"FAIL tests fail without a change: {found}")
+
+    def failing(self, path, text):
+        """The names of the tests that fail."""
+        was = read(path)
+        with open(f"{self.tree}/{path}", "w") as f:
+            f.write(text)
+        subprocess.run(["rm", "-rf", f"{self.tree}/build/log"], check=True)
+        subprocess.run(
+            ["make", "-s", "-k", f"-j{os.cpu_count()}", "WERROR=-w",
+             "TIMEOUT=300", f"TESTS_SRC={self.sources}", "run-tests"],
+            cwd=self.tree, capture_output=True)
+        with open(f"{self.tree}/{path}", "w") as f:
+            f.write(was)
+        logs = f"{self.tree}/build/log"
+        return sorted(name[:-3] for name in os.listdir(logs)
+                      if name.endswith(".rc") and
+                      read(f"{logs}/{name}").strip() != "0")
+
+
 def random_mutants(builder, n, seed):
     files = [p for p in sorted(builder.compiles)
              if re.match(r"(?:common|decoder)/\w+\.c$", p)]
     every = [(p, c) for p in files for c in changes(p)]
     drawn = random.Random(int(hashlib.sha256(seed.encode()).hexdigest(), 16))
-    missed = tried = 0
+    sanitized = units = None
+    by_vectors = by_sanitizers = by_tests = tried = 0
     while tried < n:
         path, (at, length, new) = drawn.choice(every)
         text = read(path)
@@ -276,12 +320,25 @@ def random_mutants(builder, n, seed):
         if result == BROKEN:
             continue
         tried += 1
-        if result == MISSED:
-            missed += 1
-            print(f"     missed {path}:{line}: {after}", flush=True)
+        if result == NOTICED:
+            by_vectors += 1
+            continue
+        sanitized = sanitized or Builder(
+            "vectors", [["plain"], []], f"{BUILD}/sanitize",
+            ["CC=clang", "SANITIZE=1"])
+        if sanitized.try_source(path, changed)[0] == NOTICED:
+            by_sanitizers += 1
+            continue
+        units = units or UnitTests()
+        failing = units.failing(path, changed)
+        by_tests += len(failing) > 0
+        print(f"     {'noticed by ' + failing[0] if failing else 'missed'} "
+              f"{path}:{line}: {after}", flush=True)
+    missed = n - by_vectors - by_sanitizers - by_tests
     ok = missed * 20 <= n
     print(f"{'ok  ' if ok else 'FAIL'} {n - missed} of {n} random mutants are "
-          f"noticed, of {len(every)}; seed {seed}")
+          f"noticed, {by_vectors} by vectors, {by_sanitizers} by these under "
+          f"sanitizers, {by_tests} by unit tests; of {len(every)}, seed {seed}")
     return not ok
 
 

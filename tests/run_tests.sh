@@ -266,6 +266,7 @@ many() {
     check init tests/check_init.sh "$size"
     [ "$what" != all ] || check mutants tests/run_mutants.sh
     [ "$what" != all ] || check coverage python3 tests/check_coverage.py
+    [ "$what" != all ] || check crashes python3 tests/cli/run_crashes.py
     [ "$what" != all ] || check checks python3 tests/run_small_mutants.py checks
 }
 
