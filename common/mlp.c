@@ -216,7 +216,7 @@ void saga_mlp_layer(int16_t *y, const saga_layer *layer, const int16_t *x,
                     uint32_t n)
 {
     const uint32_t n_row = layer->n_out;
-    uint32_t row = 0;
+    uint32_t row = 0, done = 0;  /* points of which all rows are computed */
 
 #ifdef SAGA_MLP_TILE
 #ifdef SAGA_MLP_MAY_AVX2
@@ -225,9 +225,13 @@ void saga_mlp_layer(int16_t *y, const saga_layer *layer, const int16_t *x,
 #else
     row = run_tiles(y, layer, x, n);
 #endif
+    if (row < n_row)
+        done = run_rest(y, layer, x, row, n);
 #endif
-    for (; row < n_row; row += BLOCK)
-        run_rows(y, layer, x, row, n);
+    x += done * saga_mlp_pad(layer->n_in);
+    y += done * saga_mlp_pad(layer->n_out);
+    for (; row < n_row && done < n; row += BLOCK)
+        run_rows(y, layer, x, row, n - done);
 #ifdef SAGA_COUNT_MACS
     saga_count_macs((uint64_t)n * layer->n_in * n_row);
 #endif

@@ -56,35 +56,30 @@ static moment moment_of(const saga_primitive *p, const saga_prim_format *f,
     return m;
 }
 
-/* Returns ((b3 age + b2) age + b1) age in Q20, in supports. Since |b| <= 2^35
+/* Computes x + support ((b3 age + b2) age + b1) age. Since |b| <= 2^35 in Q20
  * and |age| <= 4, the sums are at most 1, 5 and 21 times 2^35, the products are
- * below 2^58, and the result is below 2^42 before it saturates. */
-static int64_t motion_q20(const saga_primitive *p, const saga_prim_format *f,
-                          int axis, int32_t age)
-{
-    int64_t sum = 0;
-    int order;
-
-    for (order = f->motion_order; order >= 1; order--) {
-        /* Horner's scheme, from the highest order down. */
-        sum += to_q20(p->motion[3 * (order - 1) + axis],
-                      f->q_motion[order - 1]);
-        sum = fx_rshift64(sum * age, 16);
-    }
-    return sum < -LIMIT_MOTION ? -LIMIT_MOTION
-         : sum > LIMIT_MOTION ? LIMIT_MOTION : sum;
-}
-
-/* support <= 2^23: the product is at most 2^62. */
+ * below 2^58, and the motion is below 2^42 before it saturates. With support <=
+ * 2^23 the last product is at most 2^62. */
 static void animate_mean(int32_t x[3], const saga_primitive *p,
                          const saga_prim_format *f, int32_t age)
 {
-    int i;
+    int64_t sum[3] = { 0 };
+    int order, i;
 
+    for (order = f->motion_order; order >= 1; order--) {
+        /* Horner's scheme, from the highest order down. */
+        const int16_t *const b = p->motion + 3 * (order - 1);
+        const int q = f->q_motion[order - 1];
+
+        for (i = 0; i < 3; i++)
+            sum[i] = fx_rshift64((sum[i] + to_q20(b[i], q)) * age, 16);
+    }
     for (i = 0; i < 3; i++) {
-        const int64_t m = motion_q20(p, f, i, age) * p->support[i];
+        const int64_t motion = sum[i] < -LIMIT_MOTION ? -LIMIT_MOTION
+                             : sum[i] > LIMIT_MOTION ? LIMIT_MOTION : sum[i];
 
-        x[i] = fx_clamp64(p->x[i] + fx_rshift64(m, 20), -LIMIT_X, LIMIT_X);
+        x[i] = fx_clamp64(p->x[i] + fx_rshift64(motion * p->support[i], 20),
+                          -LIMIT_X, LIMIT_X);
     }
 }
 
@@ -138,6 +133,22 @@ static int32_t q0_q20(const saga_primitive *p, const saga_prim_format *f,
                           (SAGA_PEAK_LOG2 << 12);
 
     return saga_softplus2_q12_q20(o_q12) + fade_q20(u);
+}
+
+int saga_animate_visible(saga_animated *out, const saga_primitive *p,
+                         const saga_prim_format *f, int32_t t)
+{
+    const moment m = moment_of(p, f, t);
+    int i;
+
+    out->q0_q20 = q0_q20(p, f, m.u);
+    if (out->q0_q20 >= SAGA_CUT_Q20)
+        return 0;
+    animate_mean(out->x, p, f, m.age);
+    animate_quat(out, p, f, m.age);
+    for (i = 0; i < 3; i++)
+        out->log2_scale_q10[i] = p->log2_scale_q10[i];
+    return 1;
 }
 
 void saga_animate(saga_animated *out, const saga_primitive *p,

@@ -24,6 +24,11 @@
 void saga_animate(saga_animated *out, const saga_primitive *p,
                   const saga_prim_format *f, int32_t t);
 
+/* Does as saga_animate and returns 1 if the primitive is visible (q0 < 11);
+ * otherwise returns 0, and *out is undefined. */
+int saga_animate_visible(saga_animated *out, const saga_primitive *p,
+                         const saga_prim_format *f, int32_t t);
+
 /* Computes x only. */
 void saga_animate_mean(int32_t x[3], const saga_primitive *p,
                        const saga_prim_format *f, int32_t t);

@@ -365,6 +365,25 @@ saga_status saga_primitive_at(saga_animated *out, const saga_decoder *dec,
     return SAGA_OK;
 }
 
+saga_status saga_visible_at(saga_visible *out, uint32_t *n_out,
+                            const saga_decoder *dec, uint32_t first,
+                            uint32_t n, int32_t t)
+{
+    uint32_t n_visible = 0, i;
+
+    if (!dec->has_segment)
+        return SAGA_ERR_STATE;
+    if (first > n_prims(dec) || n > n_prims(dec) - first || t < 0 ||
+        t > SAGA_T_MAX)
+        return SAGA_ERR_ARG;
+    for (i = first; i < first + n; i++)
+        if (saga_animate_visible(&out[n_visible].at, &const_prims_of(dec)[i],
+                                 &dec->format, t))
+            out[n_visible++].index = i;
+    *n_out = n_visible;
+    return SAGA_OK;
+}
+
 const char *saga_status_text(saga_status status)
 {
     if (status == SAGA_OK)

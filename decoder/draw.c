@@ -32,9 +32,9 @@ static void shade(saga_splat *splats, uint32_t n, const int32_t *from,
 }
 
 /* Sets the colour of a splat, or adds it to `seen`, whose colours are computed
- * together. */
+ * together. `middle` is the primitive's position at mid-segment, or NULL. */
 static void see(saga_splat *splat, const saga_decoder *dec, uint32_t prim,
-                saga_seen *seen)
+                const int32_t *middle, saga_seen *seen)
 {
     const int16_t *const base =
         (const int16_t *)(const void *)const_at(dec, dec->plan.colours_at) +
@@ -43,8 +43,13 @@ static void see(saga_splat *splat, const saga_decoder *dec, uint32_t prim,
 
     if (dec->header.model.tools & SAGA_TOOL_VIEW) {
         seen->base[seen->n] = base;
-        saga_animate_mean(seen->x[seen->n++], &const_prims_of(dec)[prim],
-                          &dec->format, SAGA_T_MID);
+        if (middle)
+            for (i = 0; i < 3; i++)
+                seen->x[seen->n][i] = middle[i];
+        else
+            saga_animate_mean(seen->x[seen->n], &const_prims_of(dec)[prim],
+                              &dec->format, SAGA_T_MID);
+        seen->n++;
         return;
     }
     for (i = 0; i < 3; i++)
@@ -74,7 +79,7 @@ static uint32_t make_splats(saga_splat *splats, saga_key *keys,
                 continue;
             keys[n].depth = splats[n].depth;
             keys[n].index = n;
-            see(&splats[n++], dec, at, &seen);
+            see(&splats[n++], dec, at, NULL, &seen);
             if (seen.n == most)
                 shade(splats, n, dec->camera.centre, &sc, &seen);
         }
@@ -178,9 +183,20 @@ saga_status saga_draw(const saga_decoder *dec, saga_job *job,
     return saga_raster(job, picture, &drawing, budget);
 }
 
+/* Returns whether |x| <= 2^29 in all coordinates. */
+static int is_in_space(const int32_t x[3])
+{
+    int i;
+
+    for (i = 0; i < 3; i++)
+        if (x[i] < -(1 << 29) || x[i] > 1 << 29)
+            return 0;
+    return 1;
+}
+
 saga_status saga_colours_at(saga_splat *splats, saga_decoder *dec,
                             const uint32_t *index, uint32_t n,
-                            const int32_t from[3])
+                            const int32_t from[3], const int32_t (*middle)[3])
 {
     saga_seen seen = { 0 };
     saga_scaffold sc;
@@ -188,16 +204,15 @@ saga_status saga_colours_at(saga_splat *splats, saga_decoder *dec,
 
     if (!dec->has_segment)
         return SAGA_ERR_STATE;
+    if (!is_in_space(from))
+        return SAGA_ERR_ARG;
     for (i = 0; i < n; i++)
-        if (index[i] >= n_prims(dec))
-            return SAGA_ERR_ARG;
-    for (i = 0; i < 3; i++)
-        if (from[i] < -(1 << 29) || from[i] > 1 << 29)
+        if (index[i] >= n_prims(dec) || (middle && !is_in_space(middle[i])))
             return SAGA_ERR_ARG;
     saga_block_scaffold(&sc, dec, &dec->n);
     most = saga_shade_points(&sc);
     for (i = 0; i < n; i++) {
-        see(splats + i, dec, index[i], &seen);
+        see(splats + i, dec, index[i], middle ? middle[i] : NULL, &seen);
         if (seen.n == most)
             shade(splats, i + 1, from, &sc, &seen);
     }
@@ -209,7 +224,7 @@ saga_status saga_colour_at(uint16_t colour_q15[3], saga_decoder *dec,
                            uint32_t index, const int32_t from[3])
 {
     saga_splat splat;
-    const saga_status s = saga_colours_at(&splat, dec, &index, 1, from);
+    const saga_status s = saga_colours_at(&splat, dec, &index, 1, from, NULL);
     int i;
 
     for (i = 0; !s && i < 3; i++)

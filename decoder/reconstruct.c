@@ -90,17 +90,16 @@ static uint16_t colour_of(int16_t out, int q)
     return (uint16_t)fx_clamp(16384 + fx_requant32(out, q, 15), 0, 32768);
 }
 
-/* Runs the layers of F_color after the first, on n points with pre-activations
- * z, which may be in sc->net.v->in. */
-static void finish_colours(const saga_scaffold *sc, const int16_t *z,
-                           uint32_t n)
+/* Runs the layers of F_color after the first, on n points whose pre-activations
+ * are in sc->net.v->in. */
+static void finish_colours(const saga_scaffold *sc, uint32_t n)
 {
     const uint32_t end = saga_in_point(&sc->net, SAGA_NET_COLOUR, n);
     int16_t *const in = sc->net.v->in;
     uint32_t i;
 
     for (i = 0; i < end; i++)
-        in[i] = (int16_t)fx_max(z[i], 0);
+        in[i] = (int16_t)fx_max(in[i], 0);
     saga_net_run(&sc->net, SAGA_NET_COLOUR, n);
 }
 
@@ -200,7 +199,9 @@ static void set_colours(int16_t *colours, uint32_t stride,
         return;
     }
     /* Otherwise colours are final, and views need no network. */
-    finish_colours(sc, sc->net.v->out, r->n);
+    for (i = 0; i < saga_in_point(&sc->net, SAGA_NET_COLOUR, r->n); i++)
+        sc->net.v->in[i] = sc->net.v->out[i];
+    finish_colours(sc, r->n);
     for (i = 0; i < r->n; i++) {
         get_colour(colour_q15, sc, i);
         for (k = 0; k < 3; k++)
@@ -355,7 +356,7 @@ void saga_shade(saga_splat *splats, const saga_scaffold *sc,
                       seen->base[i],
                       saga_out_point(&sc->net, SAGA_NET_COLOUR_VIEW, i),
                       width);
-    finish_colours(sc, sc->net.v->in, seen->n);
+    finish_colours(sc, seen->n);
     for (i = 0; i < seen->n; i++)
         get_colour(splats[i].colour_q15, sc, i);
 }

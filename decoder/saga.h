@@ -369,6 +369,20 @@ typedef struct saga_animated {
 saga_status saga_primitive_at(saga_animated *out, const saga_decoder *dec,
                               uint32_t index, int32_t t);
 
+/* A primitive that is visible at one time. */
+typedef struct saga_visible {
+    saga_animated at;
+    uint32_t index;
+} saga_visible;
+
+/* Computes those of primitives first..first+n-1 that are visible at time t
+ * (0..65535), in ascending order, as saga_primitive_at does, in less time.
+ * Writes them to `out`, which has room for n, and their number to *n_out.
+ * Returns SAGA_OK, ARG or STATE; on an error nothing is written. */
+saga_status saga_visible_at(saga_visible *out, uint32_t *n_out,
+                            const saga_decoder *dec, uint32_t first,
+                            uint32_t n, int32_t t);
+
 /* Computes the colour of primitive `index` as seen from `from`, in box units,
  * |from| <= 2^29. The view remains valid, but no other thread may use the
  * decoder during the call, because it uses working memory of the decoder.
@@ -377,10 +391,13 @@ saga_status saga_colour_at(uint16_t colour_q15[3], saga_decoder *dec,
                            uint32_t index, const int32_t from[3]);
 
 /* Sets colour_q15 of splats[0..n) to the colours of primitives index[0..n), as
- * saga_colour_at does, in less time. On an error nothing is written. */
+ * saga_colour_at does, in less time. middle[i] is the position of primitive
+ * index[i] in the middle of the segment, that is x of saga_primitive_at for t =
+ * 32768. A program that keeps these positions saves their computation; if
+ * `middle` is NULL, they are computed. On an error nothing is written. */
 saga_status saga_colours_at(saga_splat *splats, saga_decoder *dec,
                             const uint32_t *index, uint32_t n,
-                            const int32_t from[3]);
+                            const int32_t from[3], const int32_t (*middle)[3]);
 
 /* Gets splat number `order` of the last view, in drawing order, nearest first.
  * Returns SAGA_OK, ARG or STATE. */

@@ -454,5 +454,60 @@ INLINE uint32_t run_tiles(int16_t *y, const saga_layer *layer,
                        : run_all(y, layer, x, n, 0);
 }
 
+/* --- Rows after the last tile -------------------------------------------- */
+
+/* Stores relu?(sat16(fx_rshift(bias + sum, shift))) of one row for four points.
+ * The lanes of `sum` are points, so that all are shifted by one number. */
+INLINE void finish_points(int16_t *y, uint32_t y_stride,
+                          const saga_layer *layer, uint32_t row,
+                          saga_i32x4 sum)
+{
+    const int shift = layer->shift[row];
+    const saga_i32x4 v = (sum + (layer->bias[row] + (1 << shift >> 1))) >>
+                         shift;
+    int16_t out[8];
+    uint32_t p;
+
+    store_results(out, layer->relu ? v & ~(v >> 31) : v, v);
+    for (p = 0; p < 4; p++)
+        y[p * y_stride + row] = out[p];
+}
+
+INLINE saga_i32x4 dot_points(const saga_layer *layer, const int16_t *x,
+                             uint32_t row, int int8)
+{
+    const uint32_t n = saga_mlp_pad(layer->n_in);
+    const int8_t *const w8 = layer->weight;
+    const int16_t *const w16 = layer->weight;
+    saga_sums s[4] = { { 0 } };
+    uint32_t k, p;
+
+    for (k = 0; k < n; k += LANES) {
+        const saga_words w = int8 ? load_i8(w8 + row * n + k)
+                                  : load_i16(w16 + row * n + k);
+
+        for (p = 0; p < 4; p++)
+            s[p] += products(w, load_i16(x + p * n + k));
+    }
+    return fold4(fold2(s[0], s[1]), fold2(s[2], s[3]));
+}
+
+/* Computes the rows from `row` on, four points at a time. Returns the number of
+ * points that this is done for, of n. */
+INLINE uint32_t run_rest(int16_t *y, const saga_layer *layer, const int16_t *x,
+                         uint32_t row, uint32_t n)
+{
+    const uint32_t stride = saga_mlp_pad(layer->n_in);
+    const uint32_t y_stride = saga_mlp_pad(layer->n_out);
+    uint32_t p, i;
+
+    for (p = 0; p + 4 <= n; p += 4, x += 4 * stride, y += 4 * y_stride)
+        for (i = row; i < layer->n_out; i++)
+            finish_points(y, y_stride, layer, i,
+                          layer->int8 ? dot_points(layer, x, i, 1)
+                                      : dot_points(layer, x, i, 0));
+    return p;
+}
+
 #endif
 #endif

@@ -14,24 +14,27 @@
 
 enum {
     LANES = 4,
-    N_FIELDS = sizeof(saga_animated) / sizeof(int32_t),
-    X = 0, QUAT = 3, SCALE = 7, Q0 = 10, /* fields */
-    INVISIBLE = 11 << 20,        /* q0_q20 from there on */
-    DIGIT = 11,                  /* bits that are sorted at a time */
+    X = 0, QUAT = 3, SCALE = 7, Q0 = 10, N_FIELDS, /* of saga_animated */
+    MIDDLE = 32768,              /* of a segment, in time */
+    RUN = 64,                    /* primitives that are animated together */
+    DIGIT = 12,                  /* bits that are sorted at a time: depths
+                                  * mostly differ by less than 2^24 */
     N_DIGITS = 1 << DIGIT
 };
-
-_Static_assert(offsetof(saga_animated, quat) == 4 * QUAT &&
-               offsetof(saga_animated, log2_scale_q10) == 4 * SCALE &&
-               offsetof(saga_animated, q0_q20) == 4 * Q0, "fields");
 
 typedef float floats __attribute__((vector_size(4 * LANES)));
 typedef int32_t ints __attribute__((vector_size(4 * LANES)));
 
 typedef struct {
+    int32_t middle[3];           /* the position at t = MIDDLE */
     uint16_t q15[3];
-    uint16_t known;
+    uint16_t known;              /* KEPT_* */
 } colour;
+
+typedef struct {
+    uint32_t depth;
+    uint32_t made;               /* index in parts.made */
+} key;
 
 /* The memory for n primitives is divided into these parts. */
 typedef struct {
@@ -39,7 +42,9 @@ typedef struct {
     saga_splat *made;            /* (n) in the order of primitives */
     colour *colours;             /* (n) of primitives */
     uint32_t *prim;              /* (n) of each that is made */
-    uint32_t *list, *order;      /* (n) */
+    uint32_t *list;              /* (n) of primitives whose colours are new */
+    int32_t (*middle)[3];        /* (n) of these */
+    key *keys, *other_keys;      /* (n) */
     uint32_t *place;             /* (N_DIGITS) */
 } parts;
 
@@ -288,126 +293,168 @@ static uint32_t project(const parts *m, uint32_t n, batch *b, const lens *l)
 
 /* --- All ----------------------------------------------------------------- */
 
+static void add(batch *b, const saga_visible *visible)
+{
+    const saga_animated *const from = &visible->at;
+    const int n = b->n++;
+    int k;
+
+    for (k = 0; k < 3; k++) {
+        b->field[X + k][n] = from->x[k];
+        b->field[SCALE + k][n] = from->log2_scale_q10[k];
+    }
+    for (k = 0; k < 4; k++)
+        b->field[QUAT + k][n] = from->quat[k];
+    b->field[Q0][n] = from->q0_q20;
+    b->prim[n] = visible->index;
+}
+
 static int32_t make(const parts *m, const saga_decoder *dec, uint32_t n,
                     const lens *l, int32_t t)
 {
-    uint32_t n_made = 0, i;
+    uint32_t n_made = 0, first, n_visible, i;
+    saga_visible visible[RUN];
     batch b = { .n = 0 };
 
-    for (i = 0; i < n; i++) {
-        saga_animated a;
-        int32_t fields[N_FIELDS];
-        int k;
-
-        if (saga_primitive_at(&a, dec, i, t))
+    for (first = 0; first < n; first += RUN) {
+        if (saga_visible_at(visible, &n_visible, dec, first,
+                            n - first < RUN ? n - first : RUN, t))
             return -1;
-        if (a.q0_q20 >= INVISIBLE)
-            continue;
-        __builtin_memcpy(fields, &a, sizeof a);
-        for (k = 0; k < N_FIELDS; k++)
-            b.field[k][b.n] = fields[k];
-        b.prim[b.n++] = i;
-        if (b.n == LANES)
-            n_made = project(m, n_made, &b, l);
+        for (i = 0; i < n_visible; i++) {
+            add(&b, visible + i);
+            if (b.n == LANES)
+                n_made = project(m, n_made, &b, l);
+        }
     }
     return (int32_t)project(m, n_made, &b, l);
 }
 
-/* Computes the colours that are not known yet; returns 0 if that is refused. */
+static int find_middle(int32_t x[3], const saga_decoder *dec, uint32_t prim)
+{
+    saga_animated a;
+    int k;
+
+    if (saga_primitive_at(&a, dec, prim, MIDDLE))
+        return 0;
+    for (k = 0; k < 3; k++)
+        x[k] = a.x[k];
+    return 1;
+}
+
+/* Sets the colours, of which it computes those that are not known yet. Returns
+ * 0 if that is refused. */
 static int find_colours(const parts *m, saga_decoder *dec, uint32_t n,
                         const int32_t *from)
 {
     uint32_t n_new = 0, i;
     int k;
 
-    for (i = 0; i < n; i++)
-        if (!m->colours[m->prim[i]].known)
-            m->list[n_new++] = m->prim[i];
-    if (saga_colours_at(m->sorted, dec, m->list, n_new, from))
+    for (i = 0; i < n; i++) {
+        colour *const c = m->colours + m->prim[i];
+
+        if (c->known == KEPT_COLOURS)
+            continue;
+        if (c->known == KEPT_NOTHING &&
+            !find_middle(c->middle, dec, m->prim[i]))
+            return 0;
+        for (k = 0; k < 3; k++)
+            m->middle[n_new][k] = c->middle[k];
+        m->list[n_new++] = m->prim[i];
+    }
+    if (saga_colours_at(m->sorted, dec, m->list, n_new, from,
+                        (const int32_t (*)[3])m->middle))
         return 0;
     for (i = 0; i < n_new; i++) {
         colour *const c = m->colours + m->list[i];
 
         for (k = 0; k < 3; k++)
             c->q15[k] = m->sorted[i].colour_q15[k];
-        c->known = 1;
+        c->known = KEPT_COLOURS;
     }
+    for (i = 0; i < n; i++)
+        for (k = 0; k < 3; k++)
+            m->made[i].colour_q15[k] = m->colours[m->prim[i]].q15[k];
     return 1;
 }
 
-/* Sorts the numbers of splats in m->list by DIGIT bits of their depths. */
-static void sort_digit(const parts *m, uint32_t n, uint32_t least, int shift)
+/* Sorts m->keys by DIGIT bits of their depths. */
+static void sort_digit(parts *m, uint32_t n, uint32_t least, int shift)
 {
+    key *const from = m->keys, *const to = m->other_keys;
     uint32_t sum = 0, i;
 
     for (i = 0; i < N_DIGITS; i++)
         m->place[i] = 0;
     for (i = 0; i < n; i++)
-        m->place[(m->made[i].depth - least) >> shift & (N_DIGITS - 1)]++;
+        m->place[(from[i].depth - least) >> shift & (N_DIGITS - 1)]++;
     for (i = 0; i < N_DIGITS; i++) {
         const uint32_t count = m->place[i];
 
         m->place[i] = sum;
         sum += count;
     }
-    for (i = 0; i < n; i++) {
-        const uint32_t depth = m->made[m->list[i]].depth - least;
-
-        m->order[m->place[depth >> shift & (N_DIGITS - 1)]++] = m->list[i];
-    }
+    for (i = 0; i < n; i++)
+        to[m->place[(from[i].depth - least) >> shift & (N_DIGITS - 1)]++] =
+            from[i];
+    m->keys = to;
+    m->other_keys = from;
 }
 
-/* Sorts by depth, then by primitive, as saga_view does, and sets colours. */
+/* Sorts by depth, then by primitive, as saga_view does. */
 static void sort(parts *m, uint32_t n)
 {
     uint32_t least = UINT32_MAX, most = 0, i;
-    int shift, k;
+    int shift;
 
     for (i = 0; i < n; i++) {
-        least = m->made[i].depth < least ? m->made[i].depth : least;
-        most = m->made[i].depth > most ? m->made[i].depth : most;
-        m->list[i] = i;
-    }
-    for (shift = 0; shift < 32 && n && (most - least) >> shift;
-         shift += DIGIT) {
-        uint32_t *const from = m->list;
+        const uint32_t depth = m->made[i].depth;
 
+        least = depth < least ? depth : least;
+        most = depth > most ? depth : most;
+        m->keys[i].depth = depth;
+        m->keys[i].made = i;
+    }
+    for (shift = 0; shift < 32 && n && (most - least) >> shift; shift += DIGIT)
         sort_digit(m, n, least, shift);
-        m->list = m->order;
-        m->order = from;
-    }
-    for (i = 0; i < n; i++) {
-        const uint32_t from = m->list[i];
+    for (i = 0; i < n; i++)
+        m->sorted[i] = m->made[m->keys[i].made];
+}
 
-        m->sorted[i] = m->made[from];
-        for (k = 0; k < 3; k++)
-            m->sorted[i].colour_q15[k] = m->colours[m->prim[from]].q15[k];
-    }
+/* Forgets what is not kept of n primitives. */
+static void forget(const parts *m, uint32_t n, kept_splats kept)
+{
+    uint32_t i;
+
+    for (i = 0; i < n; i++)
+        if (m->colours[i].known > kept)
+            m->colours[i].known = (uint16_t)kept;
 }
 
 uint64_t float_splats_nbytes(uint32_t n)
 {
-    return n * (uint64_t)(2 * sizeof(saga_splat) + sizeof(colour) + 12) +
+    return n * (uint64_t)(2 * sizeof(saga_splat) + sizeof(colour) +
+                         2 * sizeof(key) + 20) +
            4 * N_DIGITS;
 }
 
 int32_t float_splats(void *memory, saga_decoder *dec, uint32_t n,
-                     const saga_camera *camera, int32_t t, int kept)
+                     const saga_camera *camera, int32_t t, kept_splats kept)
 {
     parts m;
     lens l;
     int32_t n_made;
-    uint32_t i;
 
     m.sorted = memory;
     m.made = m.sorted + n;
     m.colours = (colour *)(void *)(m.made + n);
     m.prim = (uint32_t *)(void *)(m.colours + n);
     m.list = m.prim + n;
-    m.order = m.list + n;
-    m.place = m.order + n;
-    for (i = 0; !kept && i < n; i++)
-        m.colours[i].known = 0;
+    m.middle = (int32_t (*)[3])(void *)(m.list + n);
+    m.keys = (key *)(void *)(m.middle + n);
+    m.other_keys = m.keys + n;
+    m.place = (uint32_t *)(void *)(m.other_keys + n);
+    if (kept != KEPT_COLOURS)
+        forget(&m, n, kept);
     look_through(&l, camera);
     n_made = make(&m, dec, n, &l, t);
     if (n_made < 0 ||

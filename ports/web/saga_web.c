@@ -21,8 +21,7 @@ enum {
     ALIGN = 64,
     TILE = 32,
     LIST = 1 << 15,         /* splats that a band sees at a time */
-    INVISIBLE = 11 << 20    /* not drawn if saga_animated's q0_q20 is this or
-                             * more */
+    RUN = 64                /* primitives that are animated together */
 };
 
 /* saga_info for JavaScript, which reads all structures as 32-bit integers. */
@@ -54,7 +53,7 @@ typedef struct {
     int32_t start;
 } web_sound;
 
-/* A primitive at a time, from saga_primitive_at and saga_colour_at. */
+/* A primitive at a time, from saga_visible_at and saga_colour_at. */
 typedef struct {
     saga_animated at;
     uint16_t colour_q15[4]; /* the last one is 0 */
@@ -482,19 +481,21 @@ int32_t saga_web_draw(void)
     return SAGA_OK;
 }
 
-/* Returns whether the input's memory has the colours of this place. */
-static int has_colours(const int32_t *centre)
+/* Returns what the input's memory has for a camera at this place. */
+static kept_splats kept_for(const int32_t *centre)
 {
     const saga_camera *const c = &web.looked;
 
-    return c->width && c->centre[0] == centre[0] &&
-           c->centre[1] == centre[1] && c->centre[2] == centre[2];
+    if (!c->width)
+        return KEPT_NOTHING;
+    return c->centre[0] == centre[0] && c->centre[1] == centre[1] &&
+           c->centre[2] == centre[2] ? KEPT_COLOURS : KEPT_POSITIONS;
 }
 
 const saga_splat *saga_web_splats(int32_t t)
 {
     const uint32_t n = web.picture.n_primitives;
-    const int kept = has_colours(web.camera.centre);
+    const kept_splats kept = kept_for(web.camera.centre);
     int32_t n_splats;
 
     web.looked.width = 0;
@@ -515,21 +516,23 @@ const web_gaussian *saga_web_gaussians(int32_t t)
     const uint32_t n = web.picture.n_primitives;
     web_gaussian *const first = (web_gaussian *)(void *)web.input;
     web_gaussian *to = first;
-    uint32_t i;
+    saga_visible visible[RUN];
+    uint32_t n_visible, i, k;
 
     web.looked.width = 0;
     if (!web.dec || !reach(web.input, (uint64_t)n * sizeof *to))
         return NULL;
-    /* Invisible primitives are left out. */
-    for (i = 0; i < n; i++) {
-        if (saga_primitive_at(&to->at, web.dec, i, t))
+    for (i = 0; i < n; i += RUN) {
+        if (saga_visible_at(visible, &n_visible, web.dec, i,
+                            n - i < RUN ? n - i : RUN, t))
             return NULL;
-        if (to->at.q0_q20 >= INVISIBLE)
-            continue;
-        if (saga_colour_at(to->colour_q15, web.dec, i, web.camera.centre))
-            return NULL;
-        to->colour_q15[3] = 0;
-        to++;
+        for (k = 0; k < n_visible; k++, to++) {
+            to->at = visible[k].at;
+            to->colour_q15[3] = 0;
+            if (saga_colour_at(to->colour_q15, web.dec, visible[k].index,
+                               web.camera.centre))
+                return NULL;
+        }
     }
     web.picture.n_splats = (uint32_t)(to - first);
     return first;

@@ -746,6 +746,7 @@ static void check_colours(uint32_t tools)
     FREED seen *list;
     FREED saga_splat *made;
     FREED uint32_t *index;
+    FREED int32_t (*middle)[3];
     uint32_t crc, n;
 
     o.tools = tools;
@@ -759,22 +760,37 @@ static void check_colours(uint32_t tools)
     assert_true(n > 5);
     made = must(malloc(n * sizeof *made));
     index = must(malloc(n * sizeof *index));
-    for (uint32_t i = 0; i < n; i++)
-        index[i] = list[i].index;
-    assert_ok(saga_colours_at(made, p.dec, index, n, c.centre));
+    middle = must(malloc(n * sizeof *middle));
     for (uint32_t i = 0; i < n; i++) {
-        uint16_t colour[3];
-        saga_splat s;
+        saga_animated a;
 
-        assert_ok(saga_colour_at(colour, p.dec, list[i].index, c.centre));
-        assert_ok(saga_splat_at(&s, p.dec, i));
-        assert_memory_equal(colour, s.colour_q15, sizeof colour);
-        assert_memory_equal(made[i].colour_q15, colour, sizeof colour);
+        index[i] = list[i].index;
+        assert_ok(saga_primitive_at(&a, p.dec, index[i], 32768));
+        memcpy(middle[i], a.x, sizeof a.x);
     }
-    /* One that is not there spoils all. */
-    index[n - 1] = p.info.max_primitives + p.info.base_primitives;
+    for (int given = 0; given < 2; given++) {
+        memset(made, 1, n * sizeof *made);
+        assert_ok(saga_colours_at(made, p.dec, index, n, c.centre,
+                                  given ? (const int32_t (*)[3])middle : NULL));
+        for (uint32_t i = 0; i < n; i++) {
+            uint16_t colour[3];
+            saga_splat s;
+
+            assert_ok(saga_colour_at(colour, p.dec, list[i].index, c.centre));
+            assert_ok(saga_splat_at(&s, p.dec, i));
+            assert_memory_equal(colour, s.colour_q15, sizeof colour);
+            assert_memory_equal(made[i].colour_q15, colour, sizeof colour);
+        }
+    }
+    /* One position beyond 2^29, or one primitive that is not there, spoils all.
+     */
     memset(made, 1, n * sizeof *made);
-    assert_int_equal(saga_colours_at(made, p.dec, index, n, c.centre),
+    middle[n - 1][2] = -(1 << 29) - 1;
+    assert_int_equal(saga_colours_at(made, p.dec, index, n, c.centre,
+                                     (const int32_t (*)[3])middle),
+                     SAGA_ERR_ARG);
+    index[n - 1] = p.info.max_primitives + p.info.base_primitives;
+    assert_int_equal(saga_colours_at(made, p.dec, index, n, c.centre, NULL),
                      SAGA_ERR_ARG);
     assert_int_equal(made[0].colour_q15[0], 257);
     assert_int_equal(draw(p.dec, &c), crc);
@@ -804,6 +820,72 @@ TEST(colour_of_what_is_not_there_should_be_refused)
     assert_int_equal(saga_colour_at(colour, p.dec, 0, beyond), SAGA_ERR_ARG);
     beyond[2] = -beyond[2];
     assert_int_equal(saga_colour_at(colour, p.dec, 0, beyond), SAGA_ERR_ARG);
+}
+
+/* --- Visible primitives -------------------------------------------------- */
+
+/* Checks that all visible primitives at time t are found, n at a time, as
+ * saga_primitive_at computes them. Returns the number of those that are not
+ * visible. */
+static uint32_t check_visible(const saga_decoder *dec, uint32_t n, int32_t t)
+{
+    uint32_t invisible = 0;
+    saga_report report;
+
+    assert_ok(saga_tell(&report, dec));
+    for (uint32_t i = 0; i < report.n_primitives; i += n) {
+        const uint32_t left = report.n_primitives - i;
+        saga_visible got[8];
+        uint32_t n_got, k = 0;
+
+        assert_true(n <= 8);
+        assert_ok(saga_visible_at(got, &n_got, dec, i, left < n ? left : n, t));
+        for (uint32_t j = i; j < i + (left < n ? left : n); j++) {
+            saga_animated a;
+
+            assert_ok(saga_primitive_at(&a, dec, j, t));
+            if (a.q0_q20 >= 11 << 20) {
+                invisible++;
+                continue;
+            }
+            assert_true(k < n_got);
+            assert_int_equal(got[k].index, j);
+            assert_memory_equal(&got[k].at, &a, sizeof a);
+            k++;
+        }
+        assert_int_equal(k, n_got);
+    }
+    return invisible;
+}
+
+TEST(visible_primitives_should_be_those_that_are_drawn)
+{
+    FREED_BY(end) player p;
+    saga_visible got[8];
+    saga_report report;
+    uint32_t n_got = 7, invisible = 0;
+
+    begin(&p, &picture_options);
+    assert_int_equal(saga_visible_at(got, &n_got, p.dec, 0, 0, 0),
+                     SAGA_ERR_STATE);
+    assert_ok(decode(&p, p.dec, 0));
+    assert_ok(saga_tell(&report, p.dec));
+    for (int32_t t = 0; t < 65536; t += 13107) {
+        invisible += check_visible(p.dec, 8, t);
+        invisible += check_visible(p.dec, 1, t);
+    }
+    assert_true(invisible > 0);
+    assert_int_equal(saga_visible_at(got, &n_got, p.dec,
+                                     report.n_primitives - 1, 2, 0),
+                     SAGA_ERR_ARG);
+    assert_int_equal(saga_visible_at(got, &n_got, p.dec,
+                                     report.n_primitives + 1, 0, 0),
+                     SAGA_ERR_ARG);
+    assert_int_equal(saga_visible_at(got, &n_got, p.dec, 0, 1, 65536),
+                     SAGA_ERR_ARG);
+    assert_int_equal(n_got, 7);
+    assert_ok(saga_visible_at(got, &n_got, p.dec, report.n_primitives, 0, 0));
+    assert_int_equal(n_got, 0);
 }
 
 /* --- Order of calls ------------------------------------------------------ */
