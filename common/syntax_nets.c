@@ -140,6 +140,7 @@ static int64_t code_weights(const layer_place *to, const uint8_t *scale,
     int64_t sum = 0;
     uint32_t k, i;
 
+    /* A row is coded in pieces, so that its symbols fit on the stack. */
     for (k = 0; k < n_in; k += PIECE) {
         const uint32_t n = n_in - k < PIECE ? n_in - k : PIECE;
 
@@ -156,6 +157,7 @@ static int64_t code_weights(const layer_place *to, const uint8_t *scale,
             sum += w < 0 ? -w : w;
         }
     }
+    /* The padding lets SIMD read whole vectors. */
     for (k = n_in; k < saga_mlp_pad(n_in); k++)
         store_weight(to, at.row, k, 0);
     return sum;
@@ -170,6 +172,7 @@ static int code_row(layer_place *to, uint8_t *scale,
     int32_t q;
     int shift;
 
+    /* Formats and scales come before the values that need them. */
     at.sym = SAGA_SYM_NET_ROW_SHIFT;
     shift = code_shift(m, c, at);
     at.sym = SAGA_SYM_NET_FINER;

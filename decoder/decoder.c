@@ -250,6 +250,8 @@ saga_status saga_open(saga_decoder **dec, void *work, size_t work_nbytes,
     s = saga_block_plan(&d->header, &d->plan, head, n, 1);
     if (s)
         return s;
+    /* The block is large enough from here on. Networks come before the base,
+     * whose symbols are predicted by them. */
     begin(d);
     (void)set_watch(d, watch);
     s = read_networks(d, head);

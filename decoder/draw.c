@@ -74,6 +74,8 @@ static uint32_t make_splats(saga_splat *splats, saga_key *keys,
             splats + n, prims_of(dec) + i, left < SAGA_RUN ? left : SAGA_RUN,
             &look, (saga_cpu)dec->cpu);
 
+        /* Bit k of `visible` stands for primitive i + k. Its splat is shaded
+         * later, together with others: networks run on several points. */
         for (; visible != 0; visible >>= 1, at++) {
             if (!(visible & 1))
                 continue;
@@ -133,6 +135,7 @@ saga_status saga_view(saga_decoder *dec, const saga_camera *camera, int32_t t)
         return s;
     if (t < 0 || t > SAGA_T_MAX)
         return SAGA_ERR_ARG;
+    /* If the view costs more than the level allows, no view is left. */
     dec->camera = *camera;
     dec->has_view = 0;
     dec->n_splats = 0;
@@ -209,6 +212,7 @@ saga_status saga_colours_at(saga_splat *splats, saga_decoder *dec,
     for (i = 0; i < n; i++)
         if (index[i] >= n_prims(dec) || (middle && !is_in_space(middle[i])))
             return SAGA_ERR_ARG;
+    /* Shade as many points at a time as the networks accept. */
     saga_block_scaffold(&sc, dec, &dec->n);
     most = saga_shade_points(&sc);
     for (i = 0; i < n; i++) {

@@ -103,6 +103,7 @@ saga_status saga_name_camera(saga_naming *naming, const uint8_t *bytes,
         return SAGA_ERR_ARG;
     if (n < info.head_nbytes || n - info.head_nbytes < 4)
         return SAGA_ERR_TRUNCATED;
+    /* The names, if there are any, are the first chunk after the head. */
     networks = saga_head_networks_crc(&h, bytes);
     bytes += info.head_nbytes;
     n -= info.head_nbytes;

@@ -158,6 +158,8 @@ saga_status saga_plan_make(saga_plan *p, const saga_header *h,
     saga_status s = check_version(h);
     uint64_t nbytes;
 
+    /* Sizes are computed only from fields that have been checked, so that no
+     * product below overflows. */
     if (s)
         return s;
     s = check_counts(h);

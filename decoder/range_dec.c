@@ -95,6 +95,7 @@ static int32_t one_residual(saga_range_dec *d, uint32_t scale)
     while (m <= row.max && d->code >= r * row.start[m + 1])
         m++;
     start = row.start[m];
+    /* What is left beyond the table's last pair is the escape. */
     if (m > row.max) {
         narrow(d, r, start, SAGA_PROB_TOTAL);
         return escaped(d, row.max);
@@ -104,6 +105,7 @@ static int32_t one_residual(saga_range_dec *d, uint32_t scale)
         narrow(d, r, 0, end);
         return 0;
     }
+    /* The first half of the pair's range is +m, the second -m. */
     half = (start + end) >> 1;
     if (d->code < r * half) {
         narrow(d, r, start, half);

@@ -193,6 +193,7 @@ INLINE i64s rotation(i64s r[9], i64s *k, const i64s q[4])
     r[6] = xz - wy;
     r[7] = yz + wx;
     r[8] = ww - xx - yy + zz;
+    /* Every entry is at most |q|^2, so that one shift suits all. */
     *k = 28 + n_bits_nibble(shift_down(norm, 58));
     by = round_by(*k);
     for (i = 0; i < 9; i++)

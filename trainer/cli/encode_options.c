@@ -126,6 +126,8 @@ json_t *saga_encode_options_json(const saga_encode_options *o)
     const saga_capture_choice *const c = &o->capture;
     json_t *const list = json_object();
 
+    /* Values are those that the training used; options that have no effect on
+     * the file (threads, names of files) are left out. */
     saga_put_text(list, "preset", o->preset);
     saga_put(list, "frames", json_pack("[ii]", c->frames.a, c->frames.b));
     saga_put_int(list, "scale", c->scale ? c->scale : 1);

@@ -287,6 +287,7 @@ static void put_file(json_t *o, const saga_encode_session *s)
     saga_put_text(o, "/why_lambda", reason_of_lambda(s));
     saga_put_int(o, "level", r->info.level);
     saga_put_int(o, "parameters", r->n_parameters);
+    /* Parameters that are not coded have 16 bits each. */
     if (s->ablation.raw_networks)
         saga_put_int(o, "/raw_nbytes", 2 * (json_int_t)r->n_parameters);
     saga_put(o, "tools", tools_of(r));

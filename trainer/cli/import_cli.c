@@ -239,6 +239,7 @@ static bool rig_cameras(session *s)
         uint32_t number;
 
         ok = saga_film_rig(&film, (uint32_t)i, &c, &number, &s->error);
+        /* --size changes the number of pixels, not what the camera sees. */
         if (ok && s->o->size.a)
             saga_camera_resize(&c, s->o->size.a, s->o->size.b);
         if (ok)

@@ -90,6 +90,7 @@ static json_t *pictures_of(const saga_verify *v)
         saga_put_int(o, "n_stop", (json_int_t)p->n_stop);
         saga_put_real(o, "psnr_same", p->psnr_same);
         saga_put_int(o, "max_same", p->max_same);
+        /* The printed report has shares of all pixels instead of counts. */
         saga_put_real(o, "/cut", (double)p->n_cut / n);
         saga_put_real(o, "/stop", (double)p->n_stop / n);
         saga_put_text(o, "/comma", i ? "," : "\n ");

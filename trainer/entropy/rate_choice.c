@@ -426,6 +426,7 @@ static void settle(search *f)
             f->bits[kind][forgetful(f, kind)], f->bits[kind][best[kind]],
             best[kind] ? f->weights[kind][best[kind]] : 0
         };
+        /* From here on the network has only the sources that are kept. */
         fold(f, kind, best[kind], 1);
         f->r->context.keep[kind] = best[kind];
         if (best[kind] & SAGA_SOURCE_HYPER)

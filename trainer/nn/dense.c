@@ -89,6 +89,7 @@ static void tile_4x1(const tile *t, size_t row, size_t column)
     if (t->bias)
         a0 = vec_load(t->bias + column);
     a1 = a2 = a3 = a0;
+    /* The weights of an input are loaded once for all four points. */
     for (k = 0; k < t->n_in; k++, w += t->stride) {
         const vec wa = vec_load(w);
 

@@ -346,6 +346,7 @@ static void write_fine(const builder *b, uint32_t parent,
     saga_position_cell(&p, &b->scene->coarse[parent]);
     for (int i = 0; i < 4; i++) {
         a->support[i] = p.support[i];
+        /* The middle of suffix cell v, in Q14 of the leaf's half-size. */
         a->local[i] = (int16_t)((int32_t)((2 * v[i] + 1) << (14 - bits)) -
                                 16384);
         x[i] = (real)(i < 3 ? c->phi[i] : c->t);

@@ -74,6 +74,8 @@ static int move_medoids(saga_medoid_division *v)
         const uint32_t a = v->of[i];
         double cost = 0;
 
+        /* The cost of member i as the medoid: the weighted distances from it to
+         * all members of its cluster. */
         for (j = 0; j < v->n; j++)
             if (v->of[j] == a)
                 cost += v->w[j] * v->distance[i * v->n + j];

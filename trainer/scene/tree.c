@@ -38,6 +38,7 @@ bool saga_tree_init(saga_tree *t, uint32_t n, const saga_hierarchy_options *o,
         saga_tree_free(t);
         return false;
     }
+    /* The root has all candidates; splits will sort them by node. */
     for (uint32_t i = 0; i < n; i++)
         t->order[i] = i;
     return true;

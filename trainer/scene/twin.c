@@ -45,6 +45,7 @@ static void lay_out(saga_twin *w, saga_arena *a, const saga_scene *s)
     w->log2_support = saga_arena_take(a, 4 * fine);
     w->support = saga_arena_take(a, 4 * fine);
     w->d_log2_support = saga_arena_take(a, 4 * fine);
+    /* Fine anchors use the context before primitives do. */
     w->context = saga_arena_take(a, most * f);
     w->d_context = saga_arena_take(a, most * f);
     w->fine_offset = saga_arena_take(a, 4 * fine);

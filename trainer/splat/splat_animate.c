@@ -112,6 +112,8 @@ static real motion_backward(saga_splat_params *d, const real *d_mean,
         const real support = p->support ? p->support[3 * i + a] : 1;
         const real s = support * d_mean[a];
 
+        /* The mean moves by s p(age), p = b1 age + b2 age^2 + b3 age^3, so that
+         * dL/db_k = s dL/dmean age^k and dL/dage = s dL/dmean p'(age). */
         if (d->motion) {
             real *const db = d->motion + 9 * i + a;
 

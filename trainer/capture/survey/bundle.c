@@ -410,6 +410,8 @@ bool saga_bundle_adjust(saga_bundle *bundle, saga_error *error)
     part *const parts = saga_alloc(n_cameras, sizeof *parts, what, error);
     const bool ok = w.s && w.g && w.moved && w.strict && w.cameras &&
                     w.places && parts;
+    /* The pull towards the given cameras depends on the depth of the scene
+     * before the first step. */
     if (ok) {
         set_strict(&w, depth_of(bundle));
         descend(&w, parts);

@@ -207,6 +207,8 @@ bool saga_refine(saga_refinement *refinement, const saga_pairs *pairs,
     refinement->cameras = saga_alloc((size_t)c->n_views,
                                      sizeof *refinement->cameras,
                                      "the cameras", error);
+    /* Matches between pairs of views are joined to tracks, whose places are
+     * adjusted together with the cameras. */
     bool ok = refinement->cameras && make_tracks(&t, error);
     t.off = ok ? saga_alloc(t.n_sights + 1, sizeof *t.off, "the matches",
                             error) : NULL;
@@ -214,6 +216,7 @@ bool saga_refine(saga_refinement *refinement, const saga_pairs *pairs,
     for (int v = 0; ok && v < c->n_views; v++)
         refinement->cameras[v] = saga_pinhole_of(&c->views[v]);
     if (ok && t.n_places >= FEW_PLACES) {
+        /* The same matches judge both states of the cameras. */
         refinement->before = judge(&t, refinement->cameras);
         ok = adjust(refinement, &t, error);
         refinement->after = judge(&t, refinement->cameras);

@@ -34,6 +34,7 @@ static bool check_options(const saga_synth_options *o, const char *folder,
         {"width", o->width, 8, 4096},
         {"height", o->height, 8, 4096},
         {"cameras", o->n_cameras, 2, 99},
+        /* Two cameras at least are left for training. */
         {"held-out cameras", o->n_hold_out, 0, o->n_cameras - 2},
         {"frames", o->n_frames, 1, 100000},
         {"samples per axis", o->samples, 1, 8},
