@@ -4,14 +4,13 @@
  * headers. Each structure has one function, which either reads or writes its
  * fields. docs/bitstream.md has the tables.
  *
- *     header | INDX | NETS | base: COAR FINE PRIM | NAME | OPUS
+ *     header | INDX | NETS | base: COAR FINE PRIM | NAME | EXPO | OPUS
  *                          | per segment: SEGM, per layer: COAR FINE PRIM
  *
  * The header consists of its fixed part, the bank's networks, the hash's
  * network and the base's sizes (each only with its tool), the cameras of the
- * rig, and a CRC. The head
- * ends with the last chunk of the base. NAME and OPUS are optional; no pixel
- * depends on them.
+ * rig, and a CRC. The head ends with the last chunk of the base. NAME, EXPO and
+ * OPUS are optional; no pixel depends on them.
  */
 #ifndef SAGA_CONTAINER_H
 #define SAGA_CONTAINER_H
@@ -34,6 +33,7 @@ enum {
     SAGA_SEGMENT_NBYTES = 24,    /* payload of SEGM with one layer */
     SAGA_MAX_LAYERS = 8,         /* largest number in a segment */
     SAGA_CAMERA_NBYTES = 82,
+    SAGA_EXPOSURE_NBYTES = 6,    /* bytes of EXPO for each camera */
     SAGA_SOUND_NBYTES = 4,       /* bytes of OPUS before its Ogg stream */
     SAGA_MAX_SEGMENTS = 1 << 20,
     SAGA_MAX_CAMERAS = 1024
@@ -50,6 +50,7 @@ enum {
 #define SAGA_CHUNK_FINE SAGA_FOURCC('F', 'I', 'N', 'E')
 #define SAGA_CHUNK_PRIM SAGA_FOURCC('P', 'R', 'I', 'M')
 #define SAGA_CHUNK_NAMES SAGA_FOURCC('N', 'A', 'M', 'E')
+#define SAGA_CHUNK_EXPOSURES SAGA_FOURCC('E', 'X', 'P', 'O')
 #define SAGA_CHUNK_SOUND SAGA_FOURCC('O', 'P', 'U', 'S')
 
 /* The header without its rig. */
@@ -164,8 +165,8 @@ extern const uint8_t saga_magic[SAGA_MAGIC_NBYTES];
 /* Returns the CRC-32C of a chunk, over its type and length as stored, then its
  * payload. It continues the CRC of the chunk's owner, so that the chunk is
  * valid with this owner only: the header for INDX and NETS, the chunk before
- * for a chunk of the base, NETS for NAME and OPUS, the head's last chunk for
- * the chunks of a segment. */
+ * for a chunk of the base, NETS for NAME, EXPO and OPUS, the head's last chunk
+ * for the chunks of a segment. */
 uint32_t saga_chunk_crc(uint32_t owner, const saga_chunk *c,
                         const uint8_t *payload);
 

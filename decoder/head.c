@@ -87,3 +87,27 @@ saga_status saga_head_chunk(saga_chunk *chunk, uint32_t type, uint32_t owner,
         return SAGA_ERR_DATA;
     return SAGA_OK;
 }
+
+saga_status saga_head_type(uint32_t *type, const uint8_t *bytes, size_t n,
+                           size_t at)
+{
+    if (n - at < 4)
+        return SAGA_ERR_TRUNCATED;
+    *type = fx_load32_le(bytes + at);
+    return SAGA_OK;
+}
+
+saga_status saga_head_skip(size_t *at, uint32_t type, uint32_t owner,
+                           const uint8_t *bytes, size_t n)
+{
+    saga_chunk c;
+    uint32_t found;
+    saga_status s = saga_head_type(&found, bytes, n, *at);
+
+    if (s || found != type)
+        return s;
+    s = saga_head_chunk(&c, type, owner, bytes + *at, n - *at);
+    if (s == SAGA_OK)
+        *at += SAGA_CHUNK_NBYTES + (size_t)c.nbytes;
+    return s;
+}

@@ -24,8 +24,8 @@ uint64_t saga_head_base(const saga_header *h);
  * header. */
 uint32_t saga_head_crc(const saga_header *h, const uint8_t *bytes);
 
-/* Returns the stored CRC of NETS, which those of NAME and OPUS continue. The
- * whole head is at bytes. */
+/* Returns the stored CRC of NETS, which those of NAME, EXPO and OPUS continue.
+ * The whole head is at bytes. */
 uint32_t saga_head_networks_crc(const saga_header *h, const uint8_t *bytes);
 
 /* Checks the chunk at bytes[0..n) and fills *chunk; its payload is at
@@ -33,5 +33,16 @@ uint32_t saga_head_networks_crc(const saga_header *h, const uint8_t *bytes);
  * if the CRC does not continue that of the owner. */
 saga_status saga_head_chunk(saga_chunk *chunk, uint32_t type, uint32_t owner,
                             const uint8_t *bytes, size_t n);
+
+/* Reads the type of the chunk at byte `at` of bytes[0..n), at <= n. Returns OK
+ * or TRUNCATED. */
+saga_status saga_head_type(uint32_t *type, const uint8_t *bytes, size_t n,
+                           size_t at);
+
+/* Moves *at past an optional chunk: if the chunk at byte *at has the type, it
+ * is checked as by saga_head_chunk; its payload is not checked. Returns OK, or
+ * an error of the two functions above. */
+saga_status saga_head_skip(size_t *at, uint32_t type, uint32_t owner,
+                           const uint8_t *bytes, size_t n);
 
 #endif

@@ -261,6 +261,25 @@ typedef struct saga_naming {
 saga_status saga_name_camera(saga_naming *naming, const uint8_t *bytes,
                              size_t n, uint32_t index);
 
+typedef struct saga_exposure {
+    uint16_t gain_q12[3];    /* R, G, B, 256..65535; 4096 is 1 */
+} saga_exposure;
+
+/* Gets the exposure of camera `index` in the capture. The decoder draws all
+ * views in one tone, that of the mean camera. In the tone of this camera, a
+ * sample s of channel k of a picture, 0..255 or 0..65535, is
+ *
+ *     min((s * gain_q12[k] + 2048) >> 12, 255 or 65535)
+ *
+ * where the product and the sum fit in uint32_t. saga_draw does not apply it.
+ * bytes[0..n): the start of the file. The chunk of exposures, if there is one,
+ * follows the names, or the head.
+ * Returns SAGA_OK; ARG if there is no such camera or the file has no
+ * exposures, and then the cameras have one tone; TRUNCATED if more bytes are
+ * needed; DATA; else as saga_probe. On an error *exposure is unchanged. */
+saga_status saga_find_exposure(saga_exposure *exposure, const uint8_t *bytes,
+                               size_t n, uint32_t index);
+
 typedef struct saga_sound {
     uint64_t offset;         /* of its bytes, from the start of the file */
     uint32_t nbytes;
@@ -270,8 +289,8 @@ typedef struct saga_sound {
 
 /* Finds the sound of a film, which is one Ogg stream of Opus for a player of
  * sound. Nothing of it is checked but its first four bytes. bytes[0..n): the
- * start of the file. The chunk of sound, if there is one, follows the names, or
- * the head.
+ * start of the file. The chunk of sound, if there is one, follows names and
+ * exposures, or the head.
  * Returns SAGA_OK; ARG if the film is silent; TRUNCATED if more bytes are
  * needed, at most 4 behind the sound; DATA if the chunk is damaged or a second
  * one follows; else as saga_probe. */

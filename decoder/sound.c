@@ -8,32 +8,6 @@
 #include "saga.h"
 #include "work_block.h"
 
-/* Reads the type of the chunk at byte `at`, which is at most n. */
-static saga_status type_at(uint32_t *type, const uint8_t *bytes, size_t n,
-                           size_t at)
-{
-    if (n - at < 4)
-        return SAGA_ERR_TRUNCATED;
-    *type = fx_load32_le(bytes + at);
-    return SAGA_OK;
-}
-
-/* Moves *at, the end of the head, past the chunk of names if there is one. */
-static saga_status skip_names(size_t *at, uint32_t networks,
-                              const uint8_t *bytes, size_t n)
-{
-    saga_chunk c;
-    uint32_t type;
-    saga_status s = type_at(&type, bytes, n, *at);
-
-    if (s || type != SAGA_CHUNK_NAMES)
-        return s;
-    s = saga_head_chunk(&c, SAGA_CHUNK_NAMES, networks, bytes + *at, n - *at);
-    if (s == SAGA_OK)
-        *at += SAGA_CHUNK_NBYTES + (size_t)c.nbytes;
-    return s;
-}
-
 /* Checks the payload of the chunk at byte `at`, and that no second one follows.
  */
 static saga_status check_payload(const saga_chunk *c, const uint8_t *bytes,
@@ -47,7 +21,7 @@ static saga_status check_payload(const saga_chunk *c, const uint8_t *bytes,
     if (c->nbytes < SAGA_SOUND_NBYTES + 4 ||
         fx_load32_le(bytes + begin + SAGA_SOUND_NBYTES) != ogg)
         return SAGA_ERR_DATA;
-    s = type_at(&next, bytes, n, begin + c->nbytes);
+    s = saga_head_type(&next, bytes, n, begin + c->nbytes);
     return s == SAGA_OK && next == SAGA_CHUNK_SOUND ? SAGA_ERR_DATA : s;
 }
 
@@ -62,12 +36,15 @@ saga_status saga_find_sound(saga_sound *sound, const uint8_t *bytes, size_t n)
 
     if (s)
         return s;
-    /* The chunk follows the head and the names; both continue NETS' CRC. */
+    /* The chunk follows the head, the names and the exposures; all three
+     * continue NETS' CRC. */
     at = (size_t)saga_head_nbytes(&h);
     networks = saga_head_networks_crc(&h, bytes);
-    s = skip_names(&at, networks, bytes, n);
+    s = saga_head_skip(&at, SAGA_CHUNK_NAMES, networks, bytes, n);
     if (!s)
-        s = type_at(&type, bytes, n, at);
+        s = saga_head_skip(&at, SAGA_CHUNK_EXPOSURES, networks, bytes, n);
+    if (!s)
+        s = saga_head_type(&type, bytes, n, at);
     if (s)
         return s;
     if (type != SAGA_CHUNK_SOUND)

@@ -176,7 +176,9 @@ def rules_of_the_page():
     """The numbered checks of section 4 of bitstream.md."""
     text = small.read("docs/bitstream.md")
     for name, heading in (("open", "**Opening**"), ("segment", "**A segment**"),
-                          ("names", "**Names.**"), ("sound", "**Sound.**")):
+                          ("names", "**Names.**"),
+                          ("exposures", "**Exposures.**"),
+                          ("sound", "**Sound.**")):
         table = text[text.index(heading):].split("| # | check |")[1]
         for line in table.splitlines()[2:]:
             number = re.match(r"\| (\d+) \|", line)

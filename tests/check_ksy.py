@@ -33,7 +33,7 @@ const compiler = require(path.join(here, "kaitai-struct-compiler.js"));
 const yaml = require(path.join(here, "js-yaml.js"));
 const KaitaiStream = require(path.join(here, "KaitaiStream.js"));
 const parsed = ["header", "bank", "base", "cameras", "crc", "index", "nets",
-                "base_chunks", "names", "sound", "entries", "entry", "segment",
+                "base_chunks", "names", "exposures", "sound", "entries", "entry", "segment",
                 "start", "fields", "layers", "chunks", "coarse", "fine",
                 "prim"];
 
@@ -133,9 +133,11 @@ def path_of(name):
         parts = path_in_segment(number, parts[1:])
     elif parts == ["header", "crc"]:
         parts = ["crc"]
-    elif where in ("INDX", "NETS", "NAME", "OPUS"):
+    elif where in ("INDX", "NETS", "NAME", "EXPO", "OPUS"):
         parts[0] = {"INDX": "index", "NETS": "nets", "NAME": "names",
-                    "OPUS": "sound"}[where] + ".start"
+                    "EXPO": "exposures", "OPUS": "sound"}[where] + ".start"
+    elif where == "exposure":
+        parts[0] = f"exposures.cameras[{number}]"
     elif where == "base" and len(parts) == 3:
         parts = ["baseChunks", KINDS[parts[1]], "start", parts[2]]
     return ".".join(parts)

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
 //
 // The optional chunks between a file's head and its segments, which are not
-// needed for pictures: names of the cameras, and the sound.
+// needed for pictures: names and exposures of the cameras, and the sound. The
+// exposures are not used.
 
 const CHUNK_NBYTES = 12;   // bytes of a chunk before its payload
 const MOST_NAMES = 2 ** 17; // bytes
@@ -22,6 +23,12 @@ export async function readOptional(file, bytes) {
         at = names.end;
         bytes = await readOn(at + CHUNK_NBYTES);
         nameCameras(file.rig, bytes.subarray(names.begin + 8, names.end));
+    }
+    const exposures = chunkAt(bytes, at, 'EXPO', end);
+
+    if (exposures) {
+        at = exposures.end;
+        bytes = await readOn(at + CHUNK_NBYTES);
     }
     return chunkAt(bytes, at, 'OPUS', end)?.end ?? 0;
 }

@@ -186,7 +186,7 @@ for what, a, b in [
     ("chunks", j["crc"]["chunks_checked"], 2 +
      sum(1 + 3 * len(x["layers"]) for x in s) +
      3 * (j["bytes"]["base"] > 0) + (j["bytes"]["names"] > 0) +
-     (j["bytes"]["sound"] > 0)),
+     (j["bytes"]["exposures"] > 0) + (j["bytes"]["sound"] > 0)),
     ("other bytes", j["bytes"]["other"], 0),
     ("layers", {len(x["layers"]) for x in s}, {d["n_layers"]}),
     ("most primitives", max(x["n_primitives"] for x in s)

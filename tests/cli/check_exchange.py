@@ -64,6 +64,9 @@ def write(path, data):
 
 # --- A file's chunks, read and signed here ---------------------------------
 
+ASIDE = b"NAME", b"EXPO", b"OPUS" # optional chunks between head and segments
+
+
 def signed(data):
     """Returns the file with the CRCs computed by docs/bitstream.md, section
     2."""
@@ -74,11 +77,11 @@ def signed(data):
     struct.pack_into("<I", data, at - 4, owner)
     while at < len(data):
         kind, n = struct.unpack_from("<4sI", data, at)
-        crc = crc32c(crc32c(nets if kind in (b"NAME", b"OPUS") else owner,
+        crc = crc32c(crc32c(nets if kind in ASIDE else owner,
                             data[at:at + 8]), data[at + 12:at + 12 + n])
         struct.pack_into("<I", data, at + 8, crc)
         nets = crc if kind == b"NETS" else nets
-        in_head = in_head and kind not in (b"NAME", b"OPUS", b"SEGM")
+        in_head = in_head and kind not in (*ASIDE, b"SEGM")
         if in_head and kind != b"INDX":
             owner = crc
         at += 12 + n

@@ -248,11 +248,14 @@ static saga_status find_last(const uint8_t *bytes, size_t n)
 static saga_status refusal(const char *kind, const uint8_t *bytes, size_t n)
 {
     saga_stages stages;
+    saga_exposure exposure;
     saga_naming naming;
     saga_sound sound;
 
     return strcmp(kind, "names") == 0 ? saga_name_camera(&naming, bytes, n, 0)
          : strcmp(kind, "sound") == 0 ? saga_find_sound(&sound, bytes, n)
+         : strcmp(kind, "exposure") == 0
+           ? saga_find_exposure(&exposure, bytes, n, 0)
          : strcmp(kind, "last") == 0 ? find_last(bytes, n)
          : saga_stages_of(&stages, bytes, n, 0, 0, 0, pixels, sizeof pixels);
 }

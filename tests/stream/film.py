@@ -120,9 +120,13 @@ class Film:
             at = self.add_chunk(f"base.{name}", at, self.last)
             self.last = f"base.{name}"
         self.head_nbytes = at
-        for name in ("NAME", "OPUS"):
+        for name in ("NAME", "EXPO", "OPUS"):
             if self.data[at:at + 4] == name.encode():
-                at = self.add_chunk(name, at, "NETS")
+                begin, at = at, self.add_chunk(name, at, "NETS")
+                for i in range(self.get("header.n_cameras")
+                               if name == "EXPO" else 0):
+                    self.add(f"exposure{i}", "Exposure", begin + 12 +
+                             i * page.sizes["Exposure"])
 
     def read_segment(self, number):
         """Returns where the segment begins and ends."""

@@ -68,13 +68,24 @@ instances:
     pos: head_nbytes
     type: names_chunk
     if: has_names
-  sound_at:
+  exposures_at:
     value: 'head_nbytes + (has_names ? 12 + names.start.nbytes : 0)'
   after_names:
+    pos: exposures_at
+    size: 4
+  has_exposures:
+    value: after_names == [69, 88, 80, 79]
+  exposures:
+    pos: exposures_at
+    type: exposures_chunk
+    if: has_exposures
+  sound_at:
+    value: 'exposures_at + (has_exposures ? 12 + exposures.start.nbytes : 0)'
+  after_exposures:
     pos: sound_at
     size: 4
   has_sound:
-    value: after_names == [79, 80, 85, 83]
+    value: after_exposures == [79, 80, 85, 83]
   sound:
     pos: sound_at
     type: sound_chunk
@@ -145,6 +156,14 @@ JOINED = """\
         type: name
       - id: rest
         size: lengths.more
+  exposures_chunk:
+    seq:
+      - id: start
+        type: chunk_header
+      - id: cameras
+        type: exposure
+        repeat: expr
+        repeat-expr: _root.header.n_cameras
   sound_chunk:
     seq:
       - id: start

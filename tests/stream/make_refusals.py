@@ -367,7 +367,7 @@ def layered(film):
         Edit(film, sign=False).cut(film.chunk("segment0.layer0.COAR").at))
 
 
-# --- Views, names, sound -----------------------------------------------------
+# --- Views, names, exposures, sound ------------------------------------------
 
 def views(film):
     for name, field in film.fields.items():
@@ -453,6 +453,56 @@ def sound(film):
             Edit(film).set("OPUS.nbytes", n), kind="sound")
 
 
+def exposures(film, without, with_base):
+    """Finding the exposure of camera 0: of a film with names and sound, of one
+    without exposures, and of one with a base and no names."""
+    def ask(rule, name, status, edit):
+        row(f"exposures.{rule}" if status else "exposures", name, status, edit,
+            kind="exposure")
+
+    chunk, names = film.chunk("EXPO"), film.chunk("NAME")
+    n = chunk.nbytes - 12
+    ask(1, "no-camera", ARG, Edit(film).without_cameras())
+    for at, what in ((film.header_nbytes, "header"), (names.at + 3, "head+3")):
+        ask(2, f"cut={what}", TRUNCATED, Edit(film, sign=False).cut(at))
+    ask(3, "NAME.crc", DATA, Edit(film).damage("NAME.crc"))
+    ask(3, "NAME.nbytes", TRUNCATED,
+        Edit(film).set("NAME.nbytes", len(film.data)))
+    for by in (-1, 0, 3):
+        ask(3, f"NAME.cut={by}", TRUNCATED,
+            Edit(film, sign=False).cut(names.end + by))
+    ask(4, "none", ARG, Edit(without))
+    ask(4, "EXPO.type", ARG, Edit(film).set("EXPO.type", 0x58585858))
+    ask(5, "EXPO.crc", DATA, Edit(film).damage("EXPO.crc"))
+    ask(5, "EXPO.owner", DATA, Edit(film).owned("EXPO", 0))
+    ask(5, "EXPO.nbytes", TRUNCATED,
+        Edit(film).set("EXPO.nbytes", len(film.data)))
+    for by in (4, 11, chunk.nbytes - 1):
+        ask(5, f"EXPO.cut={by}", TRUNCATED,
+            Edit(film, sign=False).cut(chunk.at + by))
+    ask(5, "EXPO.cut=end", 0, Edit(film, sign=False).cut(chunk.end))
+    for by in (-1, 1):
+        ask(6, f"EXPO.nbytes{by:+}", DATA, Edit(film).resize("EXPO", by))
+    ask(6, "EXPO.nbytes=0", DATA, Edit(film).resize("EXPO", -n))
+    for camera in range(film.get("header.n_cameras")):
+        for k in range(3):
+            name = f"exposure{camera}.gain_q12[{k}]"
+            ask(7, f"{name}=255", DATA, Edit(film).set(name, 255))
+    ask(7, "exposure0.gain_q12[0]=256", 0,
+        Edit(film).set("exposure0.gain_q12[0]", 256))
+    base = with_base.chunk("base.PRIM")
+    ask(5, "damaged-base", 0, Edit(with_base).damage("base.PRIM.crc"))
+    ask(2, "cut-in-base", TRUNCATED,
+        Edit(with_base, sign=False).cut(base.end - 1))
+    # The sound stands behind the exposures.
+    row("sound.2", "EXPO.crc", DATA, Edit(film).damage("EXPO.crc"),
+        kind="sound")
+    row("sound", "EXPO.gain", 0,
+        Edit(film).set("exposure0.gain_q12[0]", 255), kind="sound")
+    row("sound.2", "EXPO.cut=3", TRUNCATED,
+        Edit(film, sign=False).cut(chunk.end + 3), kind="sound")
+
+
 # --- Contents ----------------------------------------------------------------
 
 def contents(transcode, plain, folder):
@@ -524,6 +574,7 @@ def main():
     views(plain)
     names(film("names"))
     sound(film("sound"))
+    exposures(film("exposures"), film("sound"), film("exposures_base"))
     counts(plain)
     depths(film("deepest_in_space"), film("deepest_in_time"))
     if transcode != "-":

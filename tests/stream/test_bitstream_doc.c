@@ -6,7 +6,7 @@
 #include "bitstream_page.h"
 #include "testing.h"
 
-static int n_named, n_layered, n_sounds;
+static int n_named, n_layered, n_sounds, n_exposed;
 
 /* --- The page by itself -------------------------------------------------- */
 
@@ -181,6 +181,22 @@ static void check_names(file *f, size_t *at)
     assert_int_equal(done, nbytes);
 }
 
+/* Checks the chunk of exposures, if there is one: each camera has one. */
+static void check_exposures(file *f, size_t *at)
+{
+    uint32_t nbytes;
+    uint8_t *p;
+
+    if (f->n - *at < 4 || memcmp(f->p + *at, "EXPO", 4) != 0)
+        return;
+    p = chunk(f, at, "EXPO", &nbytes);
+    n_exposed++;
+    assert_int_equal(nbytes, tables[EXPOSURE].nbytes *
+                             get(HEADER, f->p, "n_cameras", 0));
+    for (uint32_t i = 0; i < nbytes; i += tables[EXPOSURE].nbytes)
+        check_values(EXPOSURE, p + i, f);
+}
+
 /* Checks the chunk of sound, if there is one. */
 static void check_sound(file *f, size_t *at)
 {
@@ -210,6 +226,7 @@ TEST(chunks_should_tile_every_file)
         assert_int_equal(nbytes, get(HEADER, f->p, "nets_nbytes", 0));
         check_base(f, &at);
         check_names(f, &at);
+        check_exposures(f, &at);
         check_sound(f, &at);
         for (uint32_t s = 0; s < n; s++) {
             uint8_t *const entry = index + s * tables[ENTRY].nbytes;
@@ -221,5 +238,6 @@ TEST(chunks_should_tile_every_file)
         assert_int_equal(first_frame, get(HEADER, f->p, "n_frames", 0));
         assert_int_equal(at, f->n);
     }
-    assert_true(n_named > 0 && n_layered > 0 && n_sounds > 0);
+    assert_true(n_named > 0 && n_layered > 0 && n_sounds > 0 &&
+                n_exposed > 0);
 }

@@ -36,11 +36,11 @@ static table tables[] = {
     { .name = "Index entry" }, { .name = "Segment header" },
     { .name = "Bank networks" }, { .name = "Base" }, { .name = "Names" },
     { .name = "Name" }, { .name = "Layer" }, { .name = "Sound" },
-    { .name = "Hash network" }
+    { .name = "Hash network" }, { .name = "Exposure" }
 };
 enum {
     HEADER, TIER, NETWORK, CAMERA, CHUNK, ENTRY, SEGMENT, BANK, BASE, NAMES,
-    NAME, LAYER, SOUND, HASH, N_TABLES
+    NAME, LAYER, SOUND, HASH, EXPOSURE, N_TABLES
 };
 
 typedef struct {
@@ -468,8 +468,8 @@ static inline void check_values(int t, uint8_t *p, file *where)
 /* --- Chunks and segments ------------------------------------------------- */
 
 /* Returns the CRC with which the CRC of a chunk begins: that of the header for
- * INDX and NETS, of the preceding chunk for those of the base, of NETS for NAME
- * and OPUS, of the head's last chunk for those of a segment. */
+ * INDX and NETS, of the preceding chunk for those of the base, of NETS for
+ * NAME, EXPO and OPUS, of the head's last chunk for those of a segment. */
 static inline uint32_t owner_of(const file *f, size_t at)
 {
     const size_t index = (size_t)get(HEADER, f->p, "header_nbytes", 0);
@@ -483,6 +483,7 @@ static inline uint32_t owner_of(const file *f, size_t at)
     if (at <= nets)
         return (uint32_t)load(f->p + index - 4, 4);
     while (next < at && next < end && memcmp(f->p + at, "NAME", 4) != 0 &&
+           memcmp(f->p + at, "EXPO", 4) != 0 &&
            memcmp(f->p + at, "OPUS", 4) != 0) {
         k = next;
         next += tables[CHUNK].nbytes + (size_t)get(CHUNK, f->p + k, "nbytes",

@@ -593,7 +593,8 @@ gen_stream gen_stream_make(const gen_options *o)
 {
     const uint32_t n_layers = o->n_layers ? o->n_layers : 1;
     uint64_t r = o->seed;
-    gen_stream g = { .named = o->named, .sounds = o->sounds };
+    gen_stream g = { .named = o->named, .exposed = o->exposed,
+                     .sounds = o->sounds };
 
     fit_model(&g.header.model, &r, o);
     g.header.level = (uint8_t)o->level;
@@ -646,6 +647,26 @@ static int add_names(saga_encoder *e, const gen_stream *g, saga_error *error)
     return saga_encoder_names(e, names, error);
 }
 
+saga_exposure gen_stream_exposure(uint32_t camera)
+{
+    static const saga_exposure of[GEN_MAX_CAMERAS] = {
+        { { 3877, 4096, 4353 } }, { { 65535, 65535, 65535 } },
+        { { 256, 256, 256 } }
+    };
+
+    return of[camera % GEN_MAX_CAMERAS];
+}
+
+static int add_exposures(saga_encoder *e, const gen_stream *g,
+                         saga_error *error)
+{
+    saga_exposure exposures[GEN_MAX_CAMERAS];
+
+    for (uint32_t i = 0; i < g->header.n_cameras; i++)
+        exposures[i] = gen_stream_exposure(i);
+    return saga_encoder_exposures(e, exposures, error);
+}
+
 static int add_sound(uint8_t **bytes, size_t *n, saga_error *error)
 {
     uint8_t ogg[GEN_SOUND_NBYTES];
@@ -668,6 +689,7 @@ void gen_stream_encode(gen_stream *g, uint8_t **bytes, size_t *n)
     saga_encoder *const e = saga_encoder_open(&g->header, g->rig, &g->nets,
                                               &error);
     int ok = e && (!g->named || add_names(e, g, &error)) &&
+             (!g->exposed || add_exposures(e, g, &error)) &&
              (!g->has_base || saga_encoder_base(e, &g->base, &error));
 
     for (uint32_t i = 0; ok && i < g->n_segments; i++)

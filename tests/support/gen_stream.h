@@ -44,6 +44,7 @@ typedef struct gen_options {
                               * picture */
     int linear;            /* F_fine and F_geo have one layer */
     int named;             /* names of the cameras, and a unit of length */
+    int exposed;           /* exposures of the cameras */
     int sounds;            /* gen_sound's sound, which begins at -1/10 s */
     int base;              /* a base in addition to the segments */
     uint32_t n_layers;     /* layers of each segment, up to GEN_MAX_LAYERS; 0:
@@ -62,7 +63,7 @@ typedef struct gen_stream {
     saga_symbols segment[GEN_MAX_SEGMENTS * GEN_MAX_LAYERS]; /* layer k of
                               * segment i is i * layers + k */
     uint32_t n_frames[GEN_MAX_SEGMENTS];
-    int named, sounds;
+    int named, exposed, sounds;
 } gen_stream;
 
 /* Returns the next number of splitmix64, whose state begins as the seed. */
@@ -75,6 +76,11 @@ void gen_stream_free(gen_stream *g);
 
 /* Sets the name that a named stream gives a camera of its rig. */
 void gen_stream_name(saga_naming *naming, uint32_t camera);
+
+/* Returns the exposure that an exposed stream gives a camera of its rig. The
+ * three channels of camera 0 differ; the gains of cameras 1 and 2 are the
+ * largest and the smallest that are valid. */
+saga_exposure gen_stream_exposure(uint32_t camera);
 
 /* Makes the file's bytes, which the caller frees; exits with a message if the
  * encoder refuses the stream. */

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "bytes_table.h"
 
-enum { N_ROWS = 12 };
+enum { N_ROWS = 13 };
 
 typedef struct {
     const char *name, *key;
@@ -17,6 +17,7 @@ static void fill(row rows[N_ROWS], const saga_layout *l)
         { "base", "base", (uint64_t)l->base_nbytes[SAGA_PART_COARSE] +
           l->base_nbytes[SAGA_PART_FINE] + l->base_nbytes[SAGA_PART_PRIM] },
         { "names", "names", l->names_nbytes },
+        { "exposures", "exposures", l->exposures_nbytes },
         { "sound", "sound", l->sound_nbytes },
         { "coarse anchors", "coarse", l->part_nbytes[SAGA_PART_COARSE] },
         { "fine anchors", "fine", l->part_nbytes[SAGA_PART_FINE] },

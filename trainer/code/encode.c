@@ -82,8 +82,8 @@ bool saga_encoder_names(saga_encoder *e, const saga_naming *names,
     uint8_t *p;
     size_t n = 8, i;
 
-    e->names.n = 0;
-    p = saga_buffer_reserve(&e->names, most, error);
+    e->aside.n = 0;
+    p = saga_buffer_reserve(&e->aside, most, error);
     if (!p)
         return false;
     p += SAGA_CHUNK_NBYTES;
@@ -93,7 +93,26 @@ bool saga_encoder_names(saga_encoder *e, const saga_naming *names,
     fx_store32_le(p + 4, (uint32_t)names->metre_exponent);
     for (i = 0; i < e->header.n_cameras; i++)
         n += write_name(p + n, i ? names[i - 1].name : "", names[i].name);
-    saga_buffer_end_chunk(&e->names, SAGA_CHUNK_NAMES, n);
+    saga_buffer_end_chunk(&e->aside, SAGA_CHUNK_NAMES, n);
+    return true;
+}
+
+bool saga_encoder_exposures(saga_encoder *e, const saga_exposure *exposures,
+                            saga_error *error)
+{
+    const size_t n = e->header.n_cameras * (size_t)SAGA_EXPOSURE_NBYTES;
+    uint8_t *p = saga_buffer_reserve(&e->aside, SAGA_CHUNK_NBYTES + n, error);
+
+    if (!p)
+        return false;
+    p += SAGA_CHUNK_NBYTES;
+    for (size_t i = 0; i < 3 * (size_t)e->header.n_cameras; i++, p += 2) {
+        const uint16_t gain = exposures[i / 3].gain_q12[i % 3];
+
+        p[0] = (uint8_t)(gain & 255u);
+        p[1] = (uint8_t)(gain >> 8);
+    }
+    saga_buffer_end_chunk(&e->aside, SAGA_CHUNK_EXPOSURES, n);
     return true;
 }
 
@@ -266,9 +285,10 @@ static bool write_index(saga_encoder *e, saga_buffer *out, saga_error *error)
 {
     const uint32_t nbytes = e->header.n_segments * SAGA_INDEX_ENTRY_NBYTES;
     /* The first segment is preceded by this index and NETS, each with a chunk
-     * header, and by the base and names, whose sizes here include theirs. */
+     * header, and by the base, names and exposures, whose sizes here include
+     * theirs. */
     uint64_t offset = out->n + 2u * SAGA_CHUNK_NBYTES + nbytes +
-                      e->header.nets_nbytes + e->base.n + e->names.n;
+                      e->header.nets_nbytes + e->base.n + e->aside.n;
     saga_io io = { NULL, saga_buffer_reserve(out, SAGA_CHUNK_NBYTES + nbytes,
                                              error), SAGA_CHUNK_NBYTES };
     uint32_t i;
@@ -329,10 +349,12 @@ static bool write_segments(const saga_encoder *e, saga_buffer *out,
 }
 
 /* Tells whether a chunk stands between the base and the segments (names,
- * sound). No picture needs such a chunk. */
+ * exposures, sound). No picture needs such a chunk. */
 static bool is_aside(const saga_chunk *chunk)
 {
-    return chunk->type == SAGA_CHUNK_NAMES || chunk->type == SAGA_CHUNK_SOUND;
+    return chunk->type == SAGA_CHUNK_NAMES ||
+           chunk->type == SAGA_CHUNK_EXPOSURES ||
+           chunk->type == SAGA_CHUNK_SOUND;
 }
 
 void saga_file_sign(uint8_t *file, size_t n, size_t header_nbytes)
@@ -349,9 +371,10 @@ void saga_file_sign(uint8_t *file, size_t n, size_t header_nbytes)
 
         saga_chunk_io(&in, &chunk);
         /* The CRC of a chunk continues from another one's, so that a chunk of a
-         * different file does not match: INDX and NETS from the header's, NAME
-         * and OPUS from that of NETS, each of the base's from the previous one,
-         * and all of the segments' from the last one in the head. */
+         * different file does not match: INDX and NETS from the header's,
+         * NAME, EXPO and OPUS from that of NETS, each of the base's from the
+         * previous one, and all of the segments' from the last one in the
+         * head. */
         chunk.crc = saga_chunk_crc(is_aside(&chunk) ? nets : owner, &chunk,
                                    p + SAGA_CHUNK_NBYTES);
         saga_chunk_io(&out, &chunk);
@@ -385,12 +408,12 @@ bool saga_encoder_finish(saga_encoder *e, uint8_t **bytes, size_t *n,
 
     if (e->header.n_segments == 0)
         return saga_fail(error, NULL, REMEDY, "there is no segment");
-    /* The file has header, index, networks, base, names and segments, in this
-     * order. */
+    /* The file has header, index, networks, base, names, exposures and
+     * segments, in this order. */
     ok = write_header(e, &out, error) && write_index(e, &out, error) &&
          append(&out, e->networks.p, e->networks.n, error) &&
          (!e->base.n || append(&out, e->base.p, e->base.n, error)) &&
-         (!e->names.n || append(&out, e->names.p, e->names.n, error)) &&
+         (!e->aside.n || append(&out, e->aside.p, e->aside.n, error)) &&
          write_segments(e, &out, error);
     /* CRCs come last, then a decoder's check of the header. */
     if (ok)
@@ -415,7 +438,7 @@ void saga_encoder_free(saga_encoder *e)
     free(e->params);
     free(e->networks.p);
     free(e->base.p);
-    free(e->names.p);
+    free(e->aside.p);
     free(e->segments.p);
     free(e->index);
     free(e);

@@ -49,6 +49,12 @@ saga_encoder *saga_encoder_open(const saga_header *header,
 bool saga_encoder_names(saga_encoder *e, const saga_naming *names,
                         saga_error *error);
 
+/* Adds a chunk with the exposures of all cameras of the rig, once, and after
+ * the names if there are any. Gains must be in the range that saga.h states.
+ * Returns false with *error set if memory is short. */
+bool saga_encoder_exposures(saga_encoder *e, const saga_exposure *exposures,
+                            saga_error *error);
+
 /* Returns the block of dequantised networks and sets *nets to its layout, for a
  * traversal before the symbols are known. Both are owned by e. */
 const uint8_t *saga_encoder_params(const saga_encoder *e,

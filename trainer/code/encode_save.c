@@ -49,7 +49,7 @@ static void walk(saga_encoder *e, saga_checkpoint *c, saga_error *error)
     walk_block(&e->params, e->nets.nbytes, c, error);
     walk_buffer(&e->networks, c, error);
     walk_buffer(&e->base, c, error);
-    walk_buffer(&e->names, c, error);
+    walk_buffer(&e->aside, c, error);
     walk_buffer(&e->segments, c, error);
     /* There are no segments while the base is made. */
     if (e->header.n_segments)

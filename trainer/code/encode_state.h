@@ -20,7 +20,8 @@ struct saga_encoder {
     uint8_t *params;             /* dequantised networks */
     saga_buffer networks;        /* chunk as it will be in the file */
     saga_buffer base;            /* chunks of the base; empty: there is none */
-    saga_buffer names;           /* chunk of the names; empty: there is none */
+    saga_buffer aside;           /* chunks of names and exposures, each of which
+                                  * may be absent */
     saga_buffer segments;        /* chunks of the segments, in the order in
                                   * which they were made */
     saga_index_entry *index;     /* index in order of time, with offsets into

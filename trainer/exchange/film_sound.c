@@ -31,7 +31,9 @@ static bool take_apart(parts *p, const char *name, const saga_bytes *film,
     if (!saga_layout_read(&p->layout, name, film->data, film->nbytes, error))
         return false;
     p->before = info.head_nbytes +
-                (l->names_nbytes ? SAGA_CHUNK_NBYTES + l->names_nbytes : 0u);
+                (l->names_nbytes ? SAGA_CHUNK_NBYTES + l->names_nbytes : 0u) +
+                (l->exposures_nbytes ? SAGA_CHUNK_NBYTES + l->exposures_nbytes
+                                     : 0u);
     p->after = p->before +
                (l->sound_nbytes ? SAGA_CHUNK_NBYTES + l->sound_nbytes : 0u);
     return true;

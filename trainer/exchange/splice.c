@@ -127,28 +127,33 @@ typedef struct {
     size_t n;
 } span;
 
-/* Returns the chunk of names, which follows the networks and the base. It is
- * empty if the file has no names. */
-static span names_of(const piece *p)
+static size_t chunk_nbytes(uint32_t payload_nbytes)
 {
-    const uint32_t n = p->layout.names_nbytes;
-
-    return (span){ networks_of(p) + p->layout.nets_nbytes +
-                   p->header.base_nbytes, n ? SAGA_CHUNK_NBYTES + n : 0 };
+    return payload_nbytes ? SAGA_CHUNK_NBYTES + payload_nbytes : 0;
 }
 
-/* Returns the chunk of sound, which follows the chunk of names. It is taken
+/* Returns the chunks of names and of exposures, which follow the networks and
+ * the base. They describe the cameras, so that every part of a film has them.
+ * The span is empty if the file has neither. */
+static span cameras_of(const piece *p)
+{
+    return (span){ networks_of(p) + p->layout.nets_nbytes +
+                   p->header.base_nbytes,
+                   chunk_nbytes(p->layout.names_nbytes) +
+                   chunk_nbytes(p->layout.exposures_nbytes) };
+}
+
+/* Returns the chunk of sound, which follows those of the cameras. It is taken
  * only with a whole file, because a cut would need the sound cut as well. It is
  * empty otherwise. */
 static span sound_of(const piece *p, int n_pieces)
 {
-    const span names = names_of(p);
-    const uint32_t n = p->layout.sound_nbytes;
+    const span cameras = cameras_of(p);
     const bool whole = n_pieces == 1 && p->first == 0 &&
                        p->end == p->layout.n_segments;
 
-    return (span){ names.bytes + names.n,
-                   n && whole ? SAGA_CHUNK_NBYTES + n : 0 };
+    return (span){ cameras.bytes + cameras.n,
+                   whole ? chunk_nbytes(p->layout.sound_nbytes) : 0 };
 }
 
 enum {
@@ -327,10 +332,10 @@ static void write_index(splice *s, const piece *p, int n_pieces)
 {
     const uint32_t nbytes = s->header.n_segments * SAGA_INDEX_ENTRY_NBYTES;
     /* The first segment stands behind this chunk, the networks, the base, the
-     * names and the sound. */
+     * names, the exposures and the sound. */
     uint64_t at = s->at + 2u * SAGA_CHUNK_NBYTES + nbytes +
                   s->header.nets_nbytes + s->header.base_nbytes +
-                  names_of(p).n + sound_of(p, n_pieces).n;
+                  cameras_of(p).n + sound_of(p, n_pieces).n;
 
     write_chunk_head(s, SAGA_CHUNK_INDEX, nbytes);
     for (int k = 0; k < n_pieces; k++)
@@ -383,7 +388,7 @@ static void write_all(splice *s, const piece *p, int n_pieces)
     write_chunk_head(s, SAGA_CHUNK_NETS, s->header.nets_nbytes);
     write_bytes(s, networks_of(p), s->header.nets_nbytes +
                                    s->header.base_nbytes);
-    write_bytes(s, names_of(p).bytes, names_of(p).n);
+    write_bytes(s, cameras_of(p).bytes, cameras_of(p).n);
     write_bytes(s, sound_of(p, n_pieces).bytes, sound_of(p, n_pieces).n);
     for (int k = 0; k < n_pieces; k++)
         for (uint32_t i = p[k].first; i < p[k].end; i++)
@@ -422,7 +427,7 @@ static bool splice_pieces(splice *s, const piece *p, int n_pieces,
             return false;
     /* The size is exact, so writing never needs to enlarge the buffer. */
     nbytes += h->header_nbytes + 2u * SAGA_CHUNK_NBYTES + h->nets_nbytes +
-              h->base_nbytes + names_of(p).n + sound_of(p, n_pieces).n +
+              h->base_nbytes + cameras_of(p).n + sound_of(p, n_pieces).n +
               (size_t)h->n_segments * SAGA_INDEX_ENTRY_NBYTES;
     s->bytes = saga_alloc(nbytes, 1, "the file to be written", error);
     if (!s->bytes)

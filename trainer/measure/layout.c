@@ -119,10 +119,13 @@ static bool take_if_there(uint32_t *nbytes, walk *w, uint32_t type,
     return true;
 }
 
-/* Reads the optional chunks of names and sound, which begin at byte `at`. */
+/* Reads the optional chunks of names, exposures and sound, which begin at byte
+ * `at`. */
 static bool take_aside(walk *w, uint64_t at)
 {
     return take_if_there(&w->to->names_nbytes, w, SAGA_CHUNK_NAMES, &at) &&
+           take_if_there(&w->to->exposures_nbytes, w, SAGA_CHUNK_EXPOSURES,
+                         &at) &&
            take_if_there(&w->to->sound_nbytes, w, SAGA_CHUNK_SOUND, &at);
 }
 
@@ -171,8 +174,8 @@ static bool take_head(walk *w, const saga_header *h)
     to->nets_nbytes = c.nbytes;
     w->owner = c.crc;
     at += SAGA_CHUNK_NBYTES + (uint64_t)c.nbytes;
-    /* Names and sound are stored after the base, but their CRCs continue from
-     * that of NETS. */
+    /* Names, exposures and sound are stored after the base, but their CRCs
+     * continue from that of NETS. */
     return take_aside(w, at + h->base_nbytes) &&
            (!(h->model.tools & SAGA_TOOL_BASE) || take_base(w, h, at));
 }
@@ -273,8 +276,8 @@ static void take_entry(walk *w, uint32_t i, uint32_t first_frame)
 static void count_other(saga_layout *to)
 {
     uint64_t known = (uint64_t)to->header_nbytes + to->index_nbytes +
-                     to->nets_nbytes + to->names_nbytes + to->sound_nbytes +
-                     to->framing_nbytes;
+                     to->nets_nbytes + to->names_nbytes + to->exposures_nbytes +
+                     to->sound_nbytes + to->framing_nbytes;
 
     for (int p = 0; p < SAGA_N_PARTS; p++)
         known += to->part_nbytes[p] + to->base_nbytes[p];

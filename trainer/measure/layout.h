@@ -45,8 +45,8 @@ typedef struct saga_layout_segment {
 typedef struct saga_layout {
     uint64_t file_nbytes;
     uint32_t header_nbytes, index_nbytes, nets_nbytes, names_nbytes,
-             sound_nbytes;   /* the whole header; the others are payload
-                              * sizes */
+             exposures_nbytes, sound_nbytes; /* the whole header; the others
+                              * are payload sizes */
     uint32_t base_nbytes[SAGA_N_PARTS]; /* payload sizes; 0: the file has no
                                          * base */
     uint64_t part_nbytes[SAGA_N_PARTS]; /* payload sizes, summed over
