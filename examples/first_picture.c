@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * The first picture of a .saga file in its first camera, as PPM on stdout: all
- * that a program of one's own needs, with the memory from malloc.
+ * Writes the first picture of a .saga file, in its first camera, as PPM to
+ * stdout. It shows everything that a program with the library needs; memory
+ * comes from malloc.
  *
  *     cc first_picture.c $(pkg-config --cflags --libs saga) -o first_picture
  *     ./first_picture scene.saga >first.ppm
@@ -19,7 +20,7 @@ static int stop(const char *what, saga_status s)
     return 1;
 }
 
-/* All of a file (free it), or NULL. */
+/* Returns all bytes of a file, which the caller frees, or NULL. */
 static uint8_t *read_file(const char *name, size_t *n)
 {
     FILE *const f = fopen(name, "rb");
@@ -37,7 +38,7 @@ static uint8_t *read_file(const char *name, size_t *n)
     return bytes;
 }
 
-/* Draws all of a camera's picture into rgb. */
+/* Draws the whole picture of a camera into rgb. */
 static saga_status draw(const saga_decoder *dec, const saga_camera *c,
                         uint8_t *rgb, void *scratch)
 {

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""check_abi.py [--write]: guarantees that saga.h gives programs what they were
-compiled with: the same functions, values, and places of members.
+"""check_abi.py [--write]: guarantees that programs compiled with an earlier
+saga.h still work: it has the same functions, values, and offsets of members.
 
-Compares the header and the library with tests/api/abi.txt, as 64-bit
-machines have them. A line that is gone or differs breaks programs; a new one
-must be added with --write, knowingly. Before version 1.0 lines may change.
+Compares the header and the library with tests/api/abi.txt, which holds for
+64-bit machines. A missing or changed line breaks programs; a new line must be
+added deliberately, with --write. Before version 1.0 lines may change.
 """
 import os
 import re
@@ -19,14 +19,14 @@ HEADER = ROOT / "decoder/saga.h"
 LIST = ROOT / "tests/api/abi.txt"
 LIBRARY = ROOT / os.environ.get("SAGA_LIB", "build/libsaga.a")
 
-# Macros that programs are compiled with, at arguments that tell them apart.
+# Macros that programs are compiled with, with arguments that distinguish them.
 MACROS = ["SAGA_JOB_NBYTES(16, 100)", "SAGA_JOB_NBYTES(64, 1)",
           *(f"SAGA_{name}_MAX({level})" for name in ("WORK", "COVER")
             for level in range(4))]
 
 
 def plain(text):
-    """The header without comments, macros, and what is C++ only."""
+    """Returns the header without comments, macros, and parts for C++ only."""
     text = re.sub(r"/\*.*?\*/", " ", text, flags=re.S)
     text = re.sub(r"^#ifdef __cplusplus.*?^#endif", "", text,
                   flags=re.S | re.M)
@@ -34,8 +34,8 @@ def plain(text):
 
 
 def members(text):
-    """(structure, member) of each structure; a member that is a pointer to a
-    function counts as well."""
+    """Yields (structure, member) for each structure. A member that is a pointer
+    to a function counts too."""
     for name, body in re.findall(r"typedef struct (\w+) \{(.*?)\} \w+;", text,
                                  re.S):
         for declaration in body.split(";")[:-1]:
@@ -45,8 +45,8 @@ def members(text):
 
 
 def values(text):
-    """Lines `name = value` and `structure.member at offset, size`, as a
-    compiled program prints them."""
+    """Returns lines `name = value` and `structure.member at offset, size`,
+    which a compiled program prints."""
     constants = re.findall(r"\b(SAGA_\w+) = ", text) + MACROS
     places = [*members(text)]
     structures = dict.fromkeys(name for name, _ in places)
@@ -68,21 +68,21 @@ def values(text):
 
 
 def functions(text):
-    """The declarations of functions, with single blanks."""
+    """Returns the declarations of functions, with single blanks."""
     found = re.findall(r"^(?:const )?\w[\w ]* \*?saga_\w+\([^;{]*\);", text,
                        re.M)
     return [re.sub(r"\s+", " ", f) for f in found]
 
 
 def defined():
-    """The names of the library's functions."""
+    """Returns the names of the library's functions."""
     out = subprocess.run(["nm", "--defined-only", LIBRARY], check=True,
                          text=True, stdout=subprocess.PIPE).stdout
     return set(re.findall(r" T (\w+)$", out, re.M))
 
 
 def main():
-    """Compares, or with --write replaces the list."""
+    """Compares the header with the list, or with --write replaces the list."""
     text = plain(HEADER.read_text("ascii"))
     found = functions(text)
     lines = found + values(text)

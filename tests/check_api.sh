@@ -1,9 +1,9 @@
 #!/bin/bash
 # SPDX-License-Identifier: MIT
 #
-# check_api.sh: guarantees that programs in C and C++ which see nothing but
-# saga.h and libsaga.a compile without a warning, in every standard from C11 and
-# C++11 on that the compilers know, and draw the picture of the vectors.
+# check_api.sh: guarantees that programs in C and C++ that use only saga.h and
+# libsaga.a compile without warnings by every standard from C11 and C++11 on
+# that the compilers support, and draw the picture of vectors/MANIFEST.
 set -u
 cd "$(dirname "$0")/.."
 checks=api
@@ -16,11 +16,13 @@ mkdir "$tmp/include"
 cp decoder/saga.h "$tmp/include"
 warn="-Wall -Wextra -pedantic -Wconversion -Wshadow -Wundef -Werror"
 
-# of FILE: the frame's CRC of its first segment at t = 0 in camera 0.
+# of FILE: prints the CRC of the frame that MANIFEST has for the first segment,
+# at t = 0, in camera 0.
 of() { awk -v f="$1" '$1 == f && $2 == 0 && $7 == 0 && $8 == 0 { print $11 }' \
     vectors/MANIFEST; }
 
-# try COMPILER SOURCE STANDARD...: compiles with each, runs what the last made.
+# try COMPILER SOURCE STANDARD...: compiles SOURCE by each standard and runs the
+# last program made.
 try() {
     local cc=$1 source=$2 v want
     shift 2
@@ -44,7 +46,7 @@ for cc in gcc clang; do
     try ${cc/%gcc/g}++ tests/api/use_from_cpp.cpp c++20 c++11
 done
 
-# Nothing of the header is left without C linkage.
+# All declarations of the header must have C linkage in C++.
 cp decoder/saga.h "$tmp/all.cpp"
 g++ -fsyntax-only -Wall -Wextra -pedantic -Werror "$tmp/all.cpp" \
     2>"$tmp/log" || complain "$(cat "$tmp/log")"

@@ -1,9 +1,9 @@
 #!/bin/sh
 # SPDX-License-Identifier: MIT
 #
-# check_circles.sh [BUILD]: guarantees that no object files of common/,
-# decoder/, reference/ and trainer/ need each other in a circle: whatever a file
-# calls or names lies below it. `make circles` builds the objects before.
+# check_circles.sh [BUILD]: guarantees that the object files of common/,
+# decoder/, reference/ and trainer/ have no circular dependencies by their
+# symbols. `make circles` builds the objects first.
 set -eu
 cd "$(dirname "$0")/.."
 obj=${1:-${BUILD:-build}}/obj
@@ -25,7 +25,7 @@ awk -v skip="$(printf %s "$obj" | wc -c)" '
                   print user[i], at[wants[i]], wants[i] }' \
     "$tmp/symbols" >"$tmp/arrows"
 
-# tsort names the files of a circle in its complaint, one a line.
+# tsort names the files of a circle in its message, one on each line.
 cut -d' ' -f1,2 "$tmp/arrows" | tsort 2>"$tmp/loops" >"$tmp/order" || :
 if [ -s "$tmp/loops" ] || [ ! -s "$tmp/order" ]; then
     sed -n 's/^tsort: \([a-z]*\/\)/\1/p' "$tmp/loops" | sort -u >"$tmp/bad"

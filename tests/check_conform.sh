@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: MIT
 #
 # check_conform.sh: guarantees that the package for implementers is complete,
-# and that its conform.py passes a right decoder and names each wrong answer.
+# that its conform.py passes a correct decoder, and that it names each wrong
+# answer of another one.
 set -u
 cd "$(dirname "$0")/.."
 checks=conform
@@ -20,7 +21,8 @@ for file in LICENSE docs/bitstream.md docs/arithmetic.md docs/bitstream.ksy \
 done
 verdict files
 
-# conform EXPECTED_STATUS EXPECTED_LAST_LINE ARGUMENT...
+# conform EXPECTED_STATUS EXPECTED_LAST_LINE ARGUMENT...: runs conform.py and
+# compares status and last line.
 conform() {
     local status=$1 last=$2
     shift 2
@@ -31,13 +33,14 @@ conform() {
         complain "$*: $(tail -n 1 "$tmp/out"), not $last"
 }
 
-# of NAME: the number of lines of a list that are no comments.
+# of NAME: prints the number of lines of a list that are not comments.
 of() { grep -vc -e '^#' -e '^$' "vectors/$1"; }
 n=$(($(of MANIFEST) + $(of REFUSALS)))
 conform 0 "$n passed, 0 failed" "$decoder" --answer
 verdict right
 
-# A digit of a frame, a column that is not there yet, and a status are wrong.
+# This decoder gives a wrong digit of a frame, a missing column and a wrong
+# status.
 cat >wrong <<EOF
 #!/bin/sh
 "$decoder" --answer | sed -e '1s/.\$/x/' -e '2s/[^ ]*\$/-/' -e '\$s/.*/7/'
@@ -51,7 +54,7 @@ grep -q ': 7, not -\?[0-9]*$' "$tmp/out" || complain "the status is not named"
 conform 1 "0 passed, $n failed" true
 verdict wrong
 
-# Of level 0, good files of higher levels are to be refused.
+# For a decoder of level 0, good files of higher levels must be refused.
 above=$(awk '!/^#/ && NF == 11 { print $1 }' vectors/MANIFEST |
     while read -r file; do
         [ "$(od -An -tu1 -j12 -N1 "vectors/$file")" -gt 0 ] && echo "$file"

@@ -1,16 +1,17 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""check_coverage.py [write]: what the vectors make the decoder do.
+"""check_coverage.py [write]: measures which parts of the decoder the vectors
+exercise.
 
-Probes are planted in a copy of the decoder's plain C, in coverage/ of the build
-folder: one for each extreme of stream/extremes.py, and one for each condition
-under which the decoder refuses a file (run_small_mutants.py finds them).
-check_vectors, which tells the probes where a line of MANIFEST and REFUSALS
-begins, then runs on all vectors. Two tables come of it: the good files that
-reach each extreme, and the lines of bad files that each condition refuses.
+Probes are inserted into a copy of the decoder's plain C code, in coverage/ of
+the build folder: one for each extreme of stream/extremes.py, and one for each
+condition under which the decoder refuses a file (run_small_mutants.py finds
+them). Then check_vectors runs on all vectors, and tells the probes where each
+line of MANIFEST and REFUSALS begins. The results are two tables: the good files
+that reach each extreme, and the lines of bad files that each condition refuses.
 
-Fails where a row has none, where a rule of section 4 of bitstream.md has no
-line of REFUSALS, and where vectors/README.md has other tables; `write` writes
+Fails if a row of a table is empty, if a rule of section 4 of bitstream.md has
+no line of REFUSALS, or if vectors/README.md has other tables; `write` writes
 them there.
 """
 import os
@@ -101,7 +102,7 @@ def edits_of_checks(first):
 
 
 def plant(edits):
-    """Makes the copy of the tree with the edits."""
+    """Makes the copy of the tree and applies the edits."""
     shutil.rmtree(COPY, ignore_errors=True)
     for folder in ("common", "decoder", "reference", "trainer", "tests"):
         shutil.copytree(folder, f"{COPY}/{folder}",
@@ -138,7 +139,8 @@ def run(n_probes):
             "saga_cover_line(line);")
     with open(f"{COPY}/{path}", "w") as f:
         f.write(text)
-    # The plain code of all operators, and no warnings about probes.
+    # The plain C code of all operators is compiled, without warnings about
+    # probes.
     subprocess.run(["gcc", "-c", "cover.c", "-o", "cover.o"], cwd=COPY,
                    check=True)
     subprocess.run(
@@ -162,7 +164,7 @@ def run(n_probes):
 
 BEGIN, END = "<!-- check_coverage.py begin -->", "<!-- check_coverage.py end -->"
 
-# Conditions that no line of a bad file can meet, with the reason.
+# Conditions that no line of a bad file can reach, with the reason.
 UNREACHABLE = {
     "shift < 0": "no symbol is negative",
     "weight_abs_sum < 0": "code_row refuses the row first",
@@ -173,7 +175,7 @@ CONTENTS = {"open.15": "section.9"}
 
 
 def rules_of_the_page():
-    """The numbered checks of section 4 of bitstream.md."""
+    """Returns the numbered checks of section 4 of bitstream.md."""
     text = small.read("docs/bitstream.md")
     for name, heading in (("open", "**Opening**"), ("segment", "**A segment**"),
                           ("names", "**Names.**"),

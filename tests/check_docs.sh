@@ -2,16 +2,17 @@
 # SPDX-License-Identifier: MIT
 #
 # check_docs.sh [FOLDER]: guarantees, for every .md of the tree,
-#   width      80 columns, except tables, code and pictures
-#   links      a link leads to a file of the tree, and so does every path and
-#              every NAME.md in the text: from the page's folder, from docs/ or
-#              from the root; suffixes may be left out, * matches
-#   diary      README, docs/, docs/design and docs/results describe the present:
-#              no sessions, no commits
-#   decisions  a paragraph of docs/design has 10 lines at most
-#   dates      a page of docs/lab has a date
-#   lists      docs/lab/README.md and docs/design/README.md name every page,
-#              those in archive/ too
+#   width      lines have at most 80 columns, except in tables, code and
+#              pictures
+#   links      links, paths and each NAME.md in the text lead to files of the
+#              tree, relative to the page's folder, to docs/ or to the root;
+#              suffixes may be left out, and * matches any text
+#   diary      README, docs/, docs/design and docs/results describe the present
+#              and mention no sessions and no commits
+#   decisions  a paragraph of docs/design has at most 10 lines
+#   dates      every page of docs/lab has a date
+#   lists      docs/lab/README.md and docs/design/README.md name every page of
+#              their folders and of archive/
 #   examples   the commits that docs/adding.md names are in the history, with
 #              that subject, if the history is complete
 #   metrics    docs/metrics.md has a row for each metric of saga eval
@@ -52,7 +53,8 @@ while read -r f; do
     {
         grep -oE '\]\([^)]*\)' "$f" | sed 's/^](//; s/[#)].*//' |
             grep -vE '^(https?:|$)' || :
-        # No link again, no address, no path of a build. Links may be cut.
+        # Links, URLs and paths of builds are removed. A link may be split over
+        # lines.
         sed -E 's|\[[^]]*\]\([^)]*\)||g; s|^[^][]*\]\([^)]*\)||
                 s|https?://[^ )]*||g; s|build/[^ `]*||g' "$f" |
             grep -oE "(^|[^A-Za-z0-9_/.*-])(\.\./)*(($top)/[A-Za-z0-9_./*-]*|[A-Za-z_-]+\.md)" |

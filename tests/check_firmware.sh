@@ -4,12 +4,12 @@
 # check_firmware.sh [BOARD...]: guarantees, for the firmware of ports/cortex-m
 # on boards that QEMU emulates (mps2-an385, mps2-an386, mps3-an547, or those
 # named),
-#   size     code and constants of at most 48 KiB, all RAM in 256 KiB (the link
-#            fails otherwise), 4 KiB of stack
-#   vectors  the checksums of every level 0 stream, as vectors/MANIFEST has them
-#   scene    the pictures of a file that was trained, as saga-dec draws them
+#   size     code and constants take at most 48 KiB, the stack 4 KiB, and all
+#            RAM 256 KiB (otherwise linking fails)
+#   vectors  every level 0 stream gives the checksums of vectors/MANIFEST
+#   scene    the pictures of a trained file are those of saga-dec
 # SAGA and SAGA_DEC are the programs. Without the compiler or the emulator it
-# says that it is skipped.
+# prints that it is skipped.
 set -u
 cd "$(dirname "$0")/.." || exit
 
@@ -33,7 +33,7 @@ fail() {
     echo "FAIL firmware $1"
 }
 
-# The firmware has to say this, one line a picture.
+# These are the lines that the firmware must print, one for each picture.
 streams=()
 for f in vectors/good/*.saga; do
     [ "$(od -An -tu1 -j12 -N1 "$f" | tr -d ' ')" = 0 ] && streams+=("$f")
@@ -43,7 +43,7 @@ for f in "${streams[@]}"; do
 done | sort >"$tmp/wanted"
 [ -s "$tmp/wanted" ] || fail "vectors: no level 0 stream in vectors/good"
 
-# A little of the built-in scene. It has 4 frames: t = 40000 is frame
+# A short training of the built-in scene. It has 4 frames: t = 40000 is frame
 # 40000 * 4 / 65536.
 mkdir -p "$build"
 "$saga" synth "$tmp/capture" --size 160x120 --cameras 3 --hold-out 0 \

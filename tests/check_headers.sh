@@ -1,8 +1,9 @@
 #!/bin/sh
 # SPDX-License-Identifier: MIT
 #
-# check_headers.sh: guarantees that every header compiles alone, and twice,
-# with no warning, by gcc and clang, seeing only what its folder may see.
+# check_headers.sh: guarantees that every header compiles alone, and if it is
+# included twice, without warnings by gcc and clang, with only the include paths
+# that its folder may use.
 set -eu
 cd "$(dirname "$0")/.."
 

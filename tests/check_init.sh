@@ -1,16 +1,18 @@
 #!/bin/bash
 # SPDX-License-Identifier: MIT
 #
-# check_init.sh [small|all]: guarantees that what the decoder gives depends on a
-# file's bytes alone, on every path that this machine has (plain, 128 bits,
-# AVX2), for all vectors and the inputs of tests/corpus:
-#   painted   tests/stream/check_init.c: work block, scratch, stack and results
-#             painted in two ways before every call, all results compared
-#   memory    the same under clang's MemorySanitizer, with nothing painted; in
-#             `all` also with registers of 64 bits alone
-# Rows of run_matrix.sh compare builds in which each variable begins with a
-# pattern or with zeros, and the sanitizer's, with vectors/MANIFEST. BUILD/gcc is
-# where run_tests.sh has built the tree with gcc.
+# check_init.sh [small|all]: guarantees that the decoder's results depend only
+# on a file's bytes and not on uninitialised memory, with all vector
+# instructions of this machine (plain C, 128 bits, AVX2), for all vectors and
+# tests/corpus:
+#   painted   tests/stream/check_init.c fills work block, scratch, stack and
+#             results with one of two patterns before every call; the results
+#             are the same with both
+#   memory    clang's MemorySanitizer finds nothing in the same program without
+#             patterns; in `all` also in a build with 64-bit registers only
+# Further rows of run_matrix.sh compare builds whose variables initially hold a
+# pattern or zeros, and the sanitizer's build, with vectors/MANIFEST. BUILD/gcc
+# is where run_tests.sh has built the tree with gcc.
 set -u
 cd "$(dirname "$0")/.." || exit
 
@@ -23,7 +25,8 @@ unset MAKEFLAGS MFLAGS
 files=(vectors/*/*.saga tests/corpus/*.saga)
 failed=0
 
-# build DIR PROGRAM VARIABLES...: 1 if it cannot be built, with the messages.
+# build DIR PROGRAM VARIABLES...: builds a program. Returns 1, after the
+# compiler's messages, if that fails.
 build() {
     local dir=$out/$1 program=$2
     shift 2
@@ -34,7 +37,8 @@ build() {
     return 1
 }
 
-# verdict NAME COMMAND...: its last line tells how many passed.
+# verdict NAME COMMAND...: runs a command, whose last line says how many tests
+# passed.
 verdict() {
     local name=$1 log=$out/init/$1.txt rc last
     shift
@@ -55,7 +59,7 @@ not_built() {
     echo "FAIL init $1: does not build"
 }
 
-# memory NAME VARIABLES...
+# memory NAME VARIABLES...: builds and runs check_init under MemorySanitizer.
 memory() {
     local name=$1
 

@@ -25,7 +25,8 @@ PACKAGES = (
 )
 FOLDER = os.path.join(npm.FOLDER, "ksy")
 
-# Compiles the description, reads each file and prints all values by their path.
+# A program for node that compiles the description, reads each file and prints
+# all values by their path.
 PROGRAM = r"""
 const fs = require("fs"), path = require("path");
 const here = process.argv[2], vectors = process.argv.slice(3);
@@ -121,7 +122,7 @@ def path_in_segment(number, parts):
 
 
 def path_of(name):
-    """The generated parser's path of a field of film.py."""
+    """Returns the generated parser's path of a field of film.py."""
     parts = [camel(part) for part in name.split(".")]
     where = parts[0].rstrip("0123456789")
     number = parts[0][len(where):]
@@ -144,7 +145,8 @@ def path_of(name):
 
 
 def differences(film_of, values):
-    """Fields whose values differ, and the number of those compared."""
+    """Returns the fields whose values differ, and the number of fields
+    compared."""
     found, n = [], 0
     for name, field in film_of.fields.items():
         path = path_of(name)

@@ -3,10 +3,10 @@
 #
 # check_nofloat.sh [NAME...]: guarantees that common/ and decoder/ use no
 # floating point:
-#   source   no float, double or floating constant outside comments
+#   source   no float, double or floating constant is outside of comments
 #   objects  they compile with -mgeneral-regs-only on x86-64 and AArch64, and
-#            neither there nor on soft-float Arm call a float routine
-# NAME: the objects of these targets alone.
+#            call no float routine there or on soft-float Arm
+# NAME: only the objects of these targets are checked.
 set -eu
 cd "$(dirname "$0")/.."
 
@@ -44,7 +44,7 @@ for name in sys.stdin.read().split():
 }
 [ $# != 0 ] || source_check
 
-# The float routines of libgcc and of the Arm run-time ABI, and libm.
+# The float routines of libgcc, of the Arm run-time ABI, and of libm.
 routine='__(add|sub|mul|div|neg|eq|ne|lt|le|gt|ge|cmp|unord|pow)[sdtx]f[23]'
 routine="$routine|__(float|fix)(un)?[sdt]i[sdtx]f|__fix(uns)?[sdtx]f[sdt]i"
 routine="$routine|__(extend|trunc)[sdtxh]f[sdtxh]f2"

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Worst-case stack of every public function, from gcc's call graph.
+"""Measures the worst-case stack of every public function by gcc's call graph.
 
-check_stack.py [NAME...]: of these targets alone.
+check_stack.py [NAME...]: measures only these targets.
 
 Builds common/ and decoder/ with the product's flags and -fcallgraph-info=su
 (x86-64 at -O2 with and without AVX2 and without vectors, Cortex-M3 at -Os), walks the graph from
@@ -13,21 +13,21 @@ deepest path, and fails on
   - a call of a function that is neither here nor in EXTERNAL,
   - a function declared in saga.h and not defined.
 
-Indirect calls. A call through a pointer may reach any function named in
-tests/support/coder_functions.txt: the deepest of them counts. The list is checked
-from both sides: each name must be a function of common/ or decoder/, and
-every function of them whose address is taken must be in the list. Addresses
-are found in the relocations of objects built without -fPIC and with
--ffunction-sections: a call relocates relative to the program counter, an
-address in code or in a table absolutely (jump tables point into the middle
-of a function: offset > 0). A build at -O0 shows the addresses that the
-optimiser resolved, so the list is complete for other compilers too.
+Indirect calls: a call through a pointer may reach any function that is named in
+tests/support/coder_functions.txt, and the deepest of them counts. The list must
+have only functions of common/ and decoder/, and all of these whose address is
+taken. Taken addresses are found in the relocations of objects built without
+-fPIC and with -ffunction-sections: calls are relocated relative to the program
+counter, addresses in code or tables absolutely (those of jump tables point into
+a function: offset > 0). A build at -O0 also has the addresses that the
+optimiser removes, so the list is complete for other compilers too.
 
-One function calls what a user of the library gave (saga_watch): the stack of
-that is the user's, and comes on top.
+One function calls a function of the library's user (saga_watch). The stack of
+that is not included.
 
-gcc's frame sizes contain the return address on x86-64 and the saved link
-register on Arm; RETURN more bytes per call are margin for other compilers.
+gcc's frame sizes include the return address on x86-64 and the saved link
+register on Arm. RETURN bytes are added for each call as a margin for other
+compilers.
 """
 
 import os
@@ -40,7 +40,7 @@ RETURN = 8
 LIST = "tests/support/coder_functions.txt"
 ASKS_THE_USER = "saga_tally_add"
 
-# Stack of what the compiler calls by itself; generous.
+# A generous bound for the stack of functions that compilers call by themselves.
 EXTERNAL = {"memcpy": 64, "memmove": 64, "memset": 64, "memcmp": 64}
 
 TARGETS = [
@@ -65,7 +65,7 @@ class Failure(Exception):
 
 
 def run(command):
-    # A compiler cache keeps objects and no call graphs.
+    # A compiler cache would keep objects but no call graphs.
     done = subprocess.run(command, stdout=subprocess.PIPE,
                           stderr=subprocess.STDOUT, text=True, check=False,
                           env=dict(os.environ, CCACHE_DISABLE="1"))
@@ -92,7 +92,7 @@ def build(folder, compiler, level, flags):
 
 
 def public_functions():
-    """Names of the functions that saga.h declares."""
+    """Returns the names of the functions that saga.h declares."""
     with open("decoder/saga.h", encoding="utf-8") as f:
         text = re.sub(r"/\*.*?\*/|//[^\n]*", " ", f.read(), flags=re.S)
     text = re.sub(r"^[ \t]*#(\\\n|[^\n])*", " ", text, flags=re.M)
@@ -107,12 +107,14 @@ def public_functions():
 
 
 def base(title):
-    """Name in the source: without file, without the suffix of a clone."""
+    """Returns the name in the source: without the file and without the suffix
+    of a clone."""
     return title.split(":")[-1].split(".")[0]
 
 
 class Graph:
-    """Functions (title -> bytes), calls (title -> set of titles)."""
+    """A call graph: functions (title -> bytes of stack) and calls (title -> set
+    of titles)."""
 
     def __init__(self, stems):
         self.size, self.calls, self.bad = {}, {}, []
@@ -156,7 +158,8 @@ class Graph:
                                 % (caller, LIST))
 
     def walk(self, title, above):
-        """Deepest (bytes, path) from here; complaints go to self.bad."""
+        """Returns the deepest (bytes, path) from a function; adds messages to
+        self.bad."""
         if title in self.depth:
             return self.depth[title]
         if title in above:
@@ -180,7 +183,7 @@ class Graph:
 
 
 def addresses(stems, objdump):
-    """Functions whose address an object holds -> where."""
+    """Returns the functions whose address an object holds -> where."""
     taken = {}
     for stem in stems:
         functions = set()

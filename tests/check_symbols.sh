@@ -1,17 +1,17 @@
 #!/bin/sh
 # SPDX-License-Identifier: MIT
 #
-# check_symbols.sh [small|all] [NAME...]: guarantees, for the objects of common/ and
-# decoder/ of several compilers and machines,
-#   undefined   only symbols they define themselves, or of the allow list of
-#               the machine: mem*; on Cortex-M0 and rv32 also the 64-bit
-#               shifts and product of the compiler's own library
-#   defined     every global symbol is prefixed saga_, and defined once
+# check_symbols.sh [small|all] [NAME...]: guarantees, for the objects of common/
+# and decoder/ of several compilers and machines,
+#   undefined   they use only symbols that they define themselves, or that the
+#               allow list of the machine has: mem*; on Cortex-M0 and rv32 also
+#               the 64-bit shifts and product of the compiler's own library
+#   defined     every global symbol begins with saga_, and is defined once
 #   memory      .data, .bss, .tdata and .tbss are empty
 # Constant tables of pointers (.data.rel.ro) are read-only and allowed.
-# NAME: these targets alone.
+# NAME: only these targets are checked.
 #
-# check_symbols.sh --objects TARGET FILE.o...: the same for given objects.
+# check_symbols.sh --objects TARGET FILE.o...: checks the given objects.
 set -eu
 
 nm=nm
@@ -26,7 +26,8 @@ allowed() {
     esac
 }
 
-# examine TARGET FILE.o...: complaints on stdout, nothing when all is well.
+# examine TARGET FILE.o...: prints messages about objects, or nothing if they
+# are as required.
 examine() {
     target=$1
     shift
@@ -75,7 +76,8 @@ make=${MAKE:-make}
 build=${BUILD:-build}/symbols
 unset MAKEFLAGS MFLAGS
 
-# target NAME CC OPT CFLAGS
+# target NAME CC OPT CFLAGS: compiles the objects for a target and examines
+# them.
 target() {
     case $only in
     "  " | *" $1 "*) ;;

@@ -2,22 +2,23 @@
 # SPDX-License-Identifier: MIT
 #
 # check_tree.sh: guarantees, for every source file of the tree,
-#   includes    common sees common; decoder sees common and decoder; a room of
-#               the trainer sees common, saga.h and the rooms that the Makefile
-#               gives it, its cli verify.h and mask.h; reference sees common,
-#               decoder and the trainer's basics and code; tools and ports see
-#               saga.h; common and decoder use no system header but the
-#               freestanding ones; no path in an #include
-#   rooms       a room of the trainer sees only rooms below it, and the table
-#               of docs/architecture.md says the same as the Makefile
-#   threads     rooms of training have no OpenMP region, all of whose threads
-#               must arrive at its end, but saga_parallel
+#   includes    common includes headers of common only; decoder those of common
+#               and decoder; a room (a folder) of the trainer those of common,
+#               saga.h and the rooms that the Makefile allows it, and cli also
+#               verify.h and mask.h; reference those of common, decoder and the
+#               trainer's basics and code; tools and ports saga.h. common and
+#               decoder use only the freestanding system headers. No #include
+#               has a path
+#   rooms       a room of the trainer includes headers of rooms below it only,
+#               and the table of docs/architecture.md agrees with the Makefile
+#   threads     the rooms of training use saga_parallel instead of OpenMP
+#               regions, whose threads must all arrive at the end
 #   names       file names are unique in the tree
-#   licence     an SPDX line among the first three
-#   text        no tab (except in a Makefile), no trailing blank, a newline at
-#               the end, ASCII; C lines of at most 80 columns, except in
-#               generated tables (*_tables.h)
-# It reads what git would add, or the whole folder if there is no git.
+#   licence     one of the first three lines is an SPDX line
+#   text        files are ASCII, without tabs (except in a Makefile) and
+#               trailing blanks, and end with a newline; lines of C have at most
+#               80 columns, except in generated tables (*_tables.h)
+# It reads the files that git would add, or the whole folder without git.
 set -eu
 cd "${1:-$(dirname "$0")/..}"
 

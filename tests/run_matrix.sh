@@ -1,11 +1,13 @@
 #!/bin/bash
 # SPDX-License-Identifier: MIT
 #
-# run_matrix.sh [small|all] [NAME...]: guarantees the same bits everywhere.
-# Builds tests/stream/check_vectors.c with each compiler, optimisation and machine of
-# the table, runs it (under qemu where it must), and compares: it must find no
-# mismatch with vectors/MANIFEST, and check as many things as the first one.
-# One line "ok" or "FAIL" per row. NAME: only the rows so named.
+# run_matrix.sh [small|all] [NAME...]: guarantees that every machine and
+# compiler decodes to the same bits.
+# Builds tests/stream/check_vectors.c with each compiler, optimisation and
+# machine of the table and runs it, under qemu if needed: it must find no
+# mismatch with vectors/MANIFEST, and make as many comparisons as in the first
+# row. It prints one line "ok" or "FAIL" for each row. NAME: only the rows with
+# these names.
 set -u
 cd "$(dirname "$0")/.."
 
@@ -73,8 +75,8 @@ all powerpc-gcc-O3         | powerpc-linux-gnu-gcc | ppc | -O3 | STATIC
 all mips-gcc-O2            | mips-linux-gnu-gcc | mips | -O2 | STATIC
 '
 
-# begins COMPILER INIT: the flag for what variables begin with; clang 14 has
-# zeros only for those who ask twice.
+# begins COMPILER INIT: prints the flag that sets the initial value of
+# variables. clang 14 needs a second flag for zeros.
 begins() {
     local flag=-ftrivial-auto-var-init=$2
 
@@ -91,7 +93,7 @@ fail() {
     echo "FAIL matrix $1: $2"
 }
 
-# row NAME COMPILER EMULATOR OPT VARIABLES
+# row NAME COMPILER EMULATOR OPT VARIABLES: builds and runs a row of the table.
 row() {
     local name=$1 cc=$2 qemu=$3 opt=$4 v args=() run=() path=() out
     local start=$SECONDS

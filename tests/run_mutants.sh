@@ -1,19 +1,20 @@
 #!/bin/bash
 # SPDX-License-Identifier: MIT
 #
-# run_mutants.sh [NAME...]: guarantees that the gates catch what they are there
-# for. Each mutant is one planted mistake in a copy of the tree (mutants/NAME in
-# the build folder). It must change its file, and each gate under "caught by"
-# must fail on it; the gates under "passes" must not: they show that the first
-# are needed, and that the mutant is the mistake it claims to be.
+# run_mutants.sh [NAME...]: guarantees that checks of the tree ("gates") notice
+# the mistakes that they are made for. Each mutant is a deliberate mistake in a
+# copy of the tree (mutants/NAME in the build folder). It must change its file.
+# Each gate under "caught by" must fail on it. The gates under "passes" must
+# not: they show that the failing gates are needed, and that the mutant has only
+# the mistake that it is meant to have.
 #
-# A gate is the name of a row of tests/run_matrix.sh, which must build, run and
-# report mismatches, or CHECK/TARGET:REGEX, which is tests/check_CHECK.* of that
-# target alone (all if there is none) and something that it must say beside
-# FAIL. tests/README.md has them in a table.
+# A gate is a row of tests/run_matrix.sh, by its name, which must build, run and
+# report mismatches; or CHECK/TARGET:REGEX, which stands for tests/check_CHECK.*
+# with that target (all if there is none) and an expression that its output must
+# match besides FAIL. tests/README.md has them in a table.
 #
-# Objects that the gates have built of the tree itself are copied, so that only
-# what a mutant changes is compiled again.
+# Objects that the gates have built from the tree itself are copied, so that
+# only the files that a mutant changes are compiled again.
 set -u
 cd "$(dirname "$0")/.."
 
@@ -25,44 +26,48 @@ case $build in
 esac
 failed=0
 
-# mutant NAME FILE PERL CAUGHT_BY PASSES; PERL edits the whole file, $_.
+# mutant NAME FILE PERL CAUGHT_BY PASSES: PERL edits the whole file, which is in
+# $_.
 mutants() {
-    # The format is little-endian; a little-endian machine cannot tell.
+    # Integers of the format are little-endian. A little-endian machine cannot
+    # notice the mistake.
     mutant native-endian common/fx.h \
         's/(fx_load32_le\(const uint8_t \*p\)\s*\{\s*)return [^;]*;/$1uint32_t x;\n    __builtin_memcpy(&x, p, 4);\n    return x;/' \
         's390x-gcc-O2' 'gcc-O0'
 
-    # Bytes from 128 on, read through a signed char.
+    # Bytes of 128 and more are read through a signed char.
     mutant signed-char common/fx.h \
         's/return \(uint32_t\)p\[0\] \| \(uint32_t\)p\[1\] << 8;/return (uint32_t)((const char *)p)[0] |\n           (uint32_t)((const char *)p)[1] << 8;/' \
         'gcc-O0' ''
 
-    # 8-bit weights, read through a char that is unsigned on Arm, s390x, ...
+    # 8-bit weights are read through a char, which is unsigned on Arm, s390x and
+    # others.
     mutant unsigned-char common/arch/mlp_pairs.h \
         's/const int8_t \*/const char */g' \
         's390x-gcc-O2' 'gcc-O0'
 
-    # A tile that stops when its first pixel is opaque.
+    # A tile stops when its first pixel is opaque.
     mutant tile-stop-early decoder/raster.c \
         's/any = 0;(.*?)any \|= t\[i\];/any = ~0u;$1any &= t[i];/s' \
         'gcc-O0' ''
 
-    # Pixels that stop only when all of their tile is opaque.
+    # Pixels stop only when all pixels of their tile are opaque.
     mutant tile-stop-late decoder/blend.c \
         's/if \(\*t < SAGA_T_FLOOR_Q16\)\n\s*continue;\n//' \
         's390x-gcc-O2' ''
 
-    # The one rounding of the format without its half.
+    # The rounding of the format lacks its half.
     mutant rounding common/fx.h \
         's/return \(x \+ \(int32_t\)\(1u << \(n - 1\)\)\) >> n;/return x >> n;/' \
         'gcc-O0' ''
 
-    # A variable read before it is written: most builds leave the right value.
+    # A variable is read before it is written; most builds happen to have the
+    # right value in it.
     mutant unset common/syntax_nets.c \
         's/    to\.out\.n = 0;\n//' \
         'gcc-O1-pattern' 'gcc-O0'
 
-    # The checks of the objects and of the tree.
+    # These mutants are caught by the checks of the objects and of the tree.
     mutant variable common/mlp.c \
         '$_ .= "static int planted;\nint saga_planted(void);\nint saga_planted(void)\n{\n    return planted++;\n}\n"' \
         'symbols/x86_64-gcc:variable.planted' ''
@@ -88,15 +93,15 @@ fail() {
     echo "FAIL mutant $1: $2"
 }
 
-# reuse TREE FOLDER: what is built there already, with its dates.
+# reuse TREE FOLDER: copies what was built there already, with its dates.
 reuse() {
     [ -d "$build/$2" ] && [ "$inner" = "$build" ] || return 0
     mkdir -p "$1/$inner/${2%/*}"
     cp -Rp "$build/$2" "$1/$inner/$2"
 }
 
-# gate TREE GATE: caught (it says how many mismatches), passes or broken (does
-# not build, crashes, checks nothing).
+# gate TREE GATE: prints caught, with the number of mismatches; passes; or
+# broken (it does not build, crashes or checks nothing).
 gate() {
     local out name=${2%%:*} check target
     if [[ $2 == *:* ]]; then

@@ -1,23 +1,24 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""run_small_mutants.py checks [FILE...] | random N [SEED]: what the vectors
-notice of small changes of the decoder.
+"""run_small_mutants.py checks [FILE...] | random N [SEED]: tests whether the
+vectors notice small changes of the decoder.
 
 checks: each condition under which the decoder refuses a file is switched off,
-one at a time. A condition whose absence no line of vectors/ notices fails,
-unless NEEDLESS says why nothing can.
+one at a time. The test fails if no line of vectors/ notices that, unless
+NEEDLESS gives the reason why none can.
 
-random: N changes of one operator or number each, in the source files of common/
-and decoder/, drawn with SEED (the commit's hash if there is none). Tables of
-numbers alone are left out, since a test compares each with its formula. A
-change that no vector notices runs on the vectors under sanitizers, then through
-the unit tests of common/, decoder/ and stream/. Prints those that nothing
-notices, and fails if they are more than 5 % of those not listed in EQUIVALENT.
+random: makes N changes of one operator or number each, in the source files of
+common/ and decoder/, drawn with SEED (default: the commit's hash). Tables that
+have only numbers are left out, since a test compares each with its formula. A
+change that no vector notices is tested on the vectors under sanitizers, and
+then by the unit tests of common/, decoder/ and stream/. Prints the changes that
+nothing notices, and fails if they are more than 5 % of those that EQUIVALENT
+does not list.
 
-A mutant is one file compiled anew and linked with the rest, on which
-check_vectors runs: for checks with the refusals alone, for random changes with
-all vectors, by the plain code and by the machine's best. Objects are in
-small-mutants/ of the build folder.
+For a change, one file is compiled again and linked with the rest, and
+check_vectors runs: for `checks` only on the files that must be refused, for
+`random` on all vectors, with the plain code and with the machine's best vector
+instructions. Objects are in small-mutants/ of the build folder.
 """
 import hashlib
 import os
@@ -72,7 +73,7 @@ EQUIVALENT = {}
 # --- Building ----------------------------------------------------------------
 
 def commands(build, flags):
-    """How each file is compiled, and how check_vectors is linked."""
+    """Returns how each file is compiled, and how check_vectors is linked."""
     program = f"{build}/check_vectors"
     make = ["make", "-s", f"BUILD={build}", "OPT=-O1", "WERROR=", *flags]
     subprocess.run(make + [program], check=True)
@@ -127,7 +128,7 @@ class Builder:
 
 
 def refusals():
-    """A folder with the vectors that must be refused."""
+    """Makes a folder with the vectors that must be refused."""
     folder = f"{BUILD}/refusals"
     os.makedirs(folder, exist_ok=True)
     for name in ("good", "bad", "sound", "REFUSALS"):
@@ -145,7 +146,8 @@ def read(path):
 
 
 def blanked(text):
-    """The text with comments, strings and directives as blanks."""
+    """Returns the text with comments, strings and directives replaced by
+    blanks."""
     pattern = re.compile(r'/\*.*?\*/|"(?:\\.|[^"\\\n])*"|\'(?:\\.|[^\'\\])*\'|'
                          r'^#(?:[^\n\\]|\\\n|\\.)*', re.S | re.M)
     return pattern.sub(lambda m: re.sub(r"[^\n]", " ", m[0]), text)
@@ -171,7 +173,7 @@ WITH_ZERO = ("names.c", "range_dec.c", "syntax_nets.c", "syntax_segment.c",
 
 
 def closing(text, at):
-    """The place of the bracket that closes the one at `at`."""
+    """Returns the index of the bracket that closes the one at `at`."""
     depth = 0
     for k in range(at, len(text)):
         depth += (text[k] == "(") - (text[k] == ")")
@@ -196,7 +198,8 @@ def terms(text, begin, end, operator):
 
 
 def conditions(path, text):
-    """Spans of conditions that refuse, and what switches each off."""
+    """Yields the spans of conditions that refuse a file, each with the text
+    that switches it off."""
     refuses = STATUS
     if path.endswith(WITH_ZERO):
         refuses = f"(?:{STATUS}|{ZERO})"
@@ -248,12 +251,12 @@ SWAPS = {"<": ["<=", ">"], "<=": ["<", "=="], ">": [">=", "<"],
 TOKEN = re.compile(r"(?<=[\w)\]] )(<<|>>|<=|>=|==|!=|&&|\|\||\+=|-=|[-<>+&|])"
                    r"(?= )|\b(\d+)(?=[uU]?\b)(?![.x\w])")
 
-# A line of a table.
+# A line of a table that has only numbers.
 NUMBERS = re.compile(r"^[ ]*\d+(?:, *\d+)+,?$", re.M)
 
 
 def changes(path):
-    """All changes of a file: place, length, new text."""
+    """Yields all changes of a file: index, length, new text."""
     code = NUMBERS.sub(lambda m: " " * len(m[0]), blanked(read(path)))
     for match in TOKEN.finditer(code):
         if match[1]:

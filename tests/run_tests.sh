@@ -1,8 +1,8 @@
 #!/bin/bash
 # SPDX-License-Identifier: MIT
 #
-# run_tests.sh check|test|all|sanitize: builds what the tier needs, runs its
-# programs and checks, goes on after a failure, and ends with one line
+# run_tests.sh check|test|all|sanitize: builds everything for a tier of tests,
+# runs its programs and checks, even after a failure, and ends with one line
 #
 #     N passed, N failed
 #
@@ -21,8 +21,9 @@ build=${BUILD:-build}/test
 jobs=${JOBS:-$(nproc 2>/dev/null || echo 2)}
 make=${MAKE:-make}
 unset MAKEFLAGS MFLAGS MAKELEVEL
-# Threads that wait for each other in tiny loops cost four times what they do.
-# What must not depend on threads sets their number itself.
+# Threads that wait for each other in short loops take four times the CPU time
+# of their work. Tests of thread independence set the number of threads
+# themselves.
 export OMP_NUM_THREADS=${OMP_NUM_THREADS:-1}
 export ASAN_OPTIONS=${ASAN_OPTIONS:-detect_stack_use_after_return=1}
 export UBSAN_OPTIONS=${UBSAN_OPTIONS:-print_stacktrace=1}
@@ -33,8 +34,8 @@ if [ "$what" = all ]; then
     size=all
     timeout=14400
 fi
-# Each program runs in one configuration in `make test`: what is about memory and
-# bad input under the sanitizers, all others, which are about numbers, at full
+# In `make test` each program runs in one configuration: tests of memory and bad
+# input run under the sanitizers, all others, which are about numbers, at full
 # speed.
 guarded=$(echo tests/{stream,code,reference,lab,hardcases}/test_*.c \
     tests/*/test_input_*.c tests/train/test_out_of_memory.c)
@@ -48,7 +49,7 @@ all | sanitize)
 esac
 sources=$plain
 
-# Two runs in one folder would build over each other.
+# Two runs in one folder would overwrite each other's builds.
 mkdir -p "$build"
 exec 9>"$build/lock"
 if command -v flock >/dev/null && ! flock -n 9; then
@@ -56,13 +57,14 @@ if command -v flock >/dev/null && ! flock -n 9; then
     flock 9
 fi
 
-# seconds FILE: the sum of what `times` wrote there, user and system.
+# seconds FILE: prints the sum of user and system times that `times` wrote to
+# FILE.
 seconds() {
     awk '{ gsub(/[ms]/, " "); s += $1 * 60 + $2 + $3 * 60 + $4 }
          END { printf "%.1f", s }' "$1"
 }
-# phase NAME: what the shell, and what it waited for, took since the last one.
-# A subshell would not do: its times begin at zero.
+# phase NAME: notes the CPU time that the shell and its children have taken by
+# the end of a phase. It must not run in a subshell, whose times begin at zero.
 phase() {
     times >"$build/times.txt"
     echo "$1 $(seconds "$build/times.txt")" >>"$build/phases.txt"
@@ -80,7 +82,8 @@ fail() {
     echo "FAIL $1"
 }
 
-# make_in NAME ARGUMENTS...: make, with all test programs of this tier.
+# make_in NAME ARGUMENTS...: runs make with the list of this tier's test
+# programs.
 make_in() {
     local name=$1
     shift
@@ -88,7 +91,8 @@ make_in() {
         TIMEOUT="$timeout" TESTS_SRC="$sources" "$@"
 }
 
-# build NAME TARGETS FLAGS...: one line; the messages only on failure.
+# build NAME TARGETS FLAGS...: builds and prints one line, and the messages only
+# if it fails.
 build() {
     local name=$1 targets=$2
     shift 2
@@ -121,8 +125,8 @@ programs() {
             continue
         fi
         rc=$(cat "$log/$t.rc")
-        # The leak checker's own thread may crash while OpenMP's are ending:
-        # that says nothing about the program, so it is asked again.
+        # The leak checker's thread may crash while OpenMP's threads are ending.
+        # That says nothing about the program, so it runs again.
         for _ in 1 2 3 4 5; do
             grep -q 'LeakSanitizer has encountered a fatal' "$log/$t.log" ||
                 break
@@ -137,7 +141,7 @@ programs() {
             s=$(seconds "$log/$t.cpu")
             echo "$s $name $t" >>"$build/programs.txt"
             echo "ok   $name $t: $p tests, $s s"
-            # Pass on the test's own words, without cmocka's lines.
+            # The test's own messages are shown, without cmocka's lines.
             grep -v -e '^\[' -e '^ *$' "$log/$t.log" | sed 's/^/     /'
             continue
         fi
@@ -153,7 +157,8 @@ programs() {
     phase "programs-$name"
 }
 
-# check NAME COMMAND...: a script that prints "ok ..." and "FAIL ..." lines.
+# check NAME COMMAND...: runs a script that prints "ok ..." and "FAIL ..."
+# lines.
 check() {
     local name=$1 log=$build/check/$1.txt rc p f
     shift
@@ -172,7 +177,7 @@ check() {
     phase "$name"
 }
 
-# vectors NAME: what the MANIFEST says of the streams of vectors/.
+# vectors NAME: checks the streams of vectors/ against the MANIFEST.
 vectors() {
     local program=$build/$1/check_vectors log=$build/$1/vectors.txt last
     timeout "$timeout" "$program" vectors >"$log" 2>&1 </dev/null
@@ -202,13 +207,13 @@ sanitized() {
     vectors sanitize
     OMP_WAIT_POLICY=passive SAGA_TEST_SANITIZED=1 \
         programs sanitize "${flags[@]}"
-    # The trainer, from capture to pixels.
+    # The trainer runs from the capture to the decoded pixels.
     SAGA=$build/sanitize/saga SAGA_DEC=$build/sanitize/saga-dec \
         check round-sanitize tests/cli/check_round.sh
     sources=$plain
 }
 
-# A change of a line must pass these.
+# These must pass after every change of a line.
 few() {
     tree
     build gcc "all tests $build/gcc/check_vectors" CC=gcc
@@ -218,12 +223,12 @@ few() {
     check round tests/cli/check_round.sh
 }
 
-# A push must pass these.
+# These must pass before every push.
 many() {
     tree
     build gcc "all tests lab-programs bench-programs
         $build/gcc/check_vectors" CC=gcc
-    # The sanitizers are clang's; here it only warns.
+    # The sanitizers are clang's. Here clang only checks for warnings.
     build clang objects CC=clang CFLAGS=-fsyntax-only
     check tables "$make" -s BUILD="$build/gcc" CC=gcc WERROR=-Werror tables
     check circles tests/check_circles.sh "$build/gcc"

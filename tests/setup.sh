@@ -1,11 +1,12 @@
 #!/bin/sh
 # SPDX-License-Identifier: MIT
 #
-# setup.sh [test|all|lint|plot]: installs what the tests need and this Debian
-# lacks ("test": also the browser, npm and the boards of `make test`; "all":
-# that, and every cross compiler of `make test-all`; "lint": also what `make lint`
-# runs; "plot": also what draws plots). Where it cannot install, it prints the
-# command to be run and fails. SAGA_NO_SETUP=1 skips it.
+# setup.sh [test|all|lint|plot]: installs the Debian packages that the tests
+# need and that are missing ("test": also browser, npm and board emulator of
+# `make test`; "all": those of "test", and every cross compiler of `make
+# test-all`; "lint": also the programs of `make lint`; "plot": also those that
+# draw plots). If it cannot install, it prints the command to be run and fails.
+# SAGA_NO_SETUP=1 skips it.
 set -eu
 
 test -z "${SAGA_NO_SETUP:-}" || exit 0
@@ -32,12 +33,12 @@ lint) packages="$packages clang-tidy" ;;
 plot) packages="$packages gnuplot-nox valgrind" ;;
 esac
 
-# `npm pack` fetches an engine to be tested with.
+# `npm pack` fetches the engines that tests use.
 case ${1:-} in
 test | all) command -v npm >/dev/null || packages="$packages npm" ;;
 esac
 
-# The sanitizers' library carries clang's version in its name.
+# The name of the sanitizers' library contains clang's version.
 clang_rt() {
     for ask in "dpkg-query -W -f \${Depends}" "apt-cache depends"; do
         v=$($ask clang 2>/dev/null |
@@ -82,7 +83,8 @@ echo "setup: installing$missing"
 export DEBIAN_FRONTEND=noninteractive
 log=$(mktemp)
 trap 'rm -f "$log"' EXIT
-# A mirror may be down and its packages still at hand: install decides.
+# The mirror may be down although packages are in the cache, so a failed update
+# is no error yet.
 apt-get $opts update -qq </dev/null >"$log" 2>&1 || cat "$log"
 find_missing # apt-cache knows clang only now
 apt-get $opts install -y -qq --no-install-recommends $missing \

@@ -35,19 +35,21 @@ LEVEL_AT = 12       # where the header has the level, u8
 
 
 def lines(name):
-    """The fields of each line of a list that is not a comment."""
+    """Yields the fields of each line of a list that is not a comment."""
     for line in (HERE / name).read_text("ascii").splitlines():
         if line and not line.startswith("#"):
             yield line.split()
 
 
 def level(file):
-    """Level of a file's bytes; 0 of what is too short to have one."""
+    """Returns the level in a file's bytes, or 0 if the file is too short to
+    have one."""
     return file[LEVEL_AT] if len(file) > LEVEL_AT else 0
 
 
 def manifest(top):
-    """(what is asked, question, right answer) of each line of MANIFEST."""
+    """Yields (description, question, right answer) for each line of
+    MANIFEST."""
     for file, *rest in lines("MANIFEST"):
         path = HERE / file
         is_above = level(path.read_bytes()) > top
@@ -63,7 +65,8 @@ def manifest(top):
 
 
 def refusals(top, folder):
-    """The same of REFUSALS, whose files are written into a folder."""
+    """Yields the same for REFUSALS, and writes the files to refuse into a
+    folder."""
     for i, (rule, name, kind, status, file, *edits) in \
             enumerate(lines("REFUSALS")):
         old, new, at = (HERE / file).read_bytes(), b"", 0
@@ -79,7 +82,8 @@ def refusals(top, folder):
 
 
 def verdict(what, right, answer):
-    """Prints how an answer differs from the right one; True if it does not."""
+    """Prints how an answer differs from the right one. Returns True if it does
+    not."""
     if answer == right:
         return True
     if len(right) == len(answer) == len(COLUMNS):
@@ -92,7 +96,7 @@ def verdict(what, right, answer):
 
 
 def main():
-    """Runs the program on all questions and counts its right answers."""
+    """Asks the program all questions and counts its right answers."""
     command, top = sys.argv[1:], 255
     if command[:1] == ["--level"] and command[1:2] and command[1].isdigit():
         top, command = int(command[1]), command[2:]
