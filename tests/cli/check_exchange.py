@@ -404,14 +404,19 @@ def matched(a, b):
                   for s in some]
 
 
-# Bounds for compare() with what another program reads: half a step of the means
-# in metres (the scene is 8 m wide), of rotations, logarithms of scales,
-# opacities and colours. docs/results/export.md derives the steps.
-READ_BY_OTHERS = {
-    ".spz": [0.51 / 4096, 0.06, 0.51 / 16, 0.51 / 255, 0.51 / 255 / 0.15,
-             4.6 / 128],
-    ".compressed.ply": [4 / 1023, 0.06, 8 / 1023, 0.51 / 255, 0.02, 1.01 / 64],
-    ".sog": [16 / 65535, 0.3, 10 / 510, 0.51 / 255, 0.02, 0.02]}
+def read_by_others(ours):
+    """Returns the bounds for compare() with what another program reads: half a
+    step of the means in metres (the scene is 8 m wide), of rotations,
+    logarithms of scales, opacities and colours. docs/results/export.md derives
+    the steps; those of SOG's scales divide the range that the file has."""
+    scales = [math.log(x) for s in ours for x in s["scale"]]
+    spread = max(scales) - min(scales)
+    return {
+        ".spz": [0.51 / 4096, 0.06, 0.51 / 16, 0.51 / 255, 0.51 / 255 / 0.15,
+                 4.6 / 128],
+        ".compressed.ply": [4 / 1023, 0.06, 8 / 1023, 0.51 / 255, 0.02,
+                            1.01 / 64],
+        ".sog": [16 / 65535, 0.3, 0.51 / 255 * spread, 0.51 / 255, 0.02, 0.02]}
 
 
 def check_programs(tmp):
@@ -421,7 +426,7 @@ def check_programs(tmp):
         print("ok   exchange programs (skipped: no npm)")
         return
     ours = splats.read_ply(export(tmp + "/ours.ply"))
-    for suffix, bounds in READ_BY_OTHERS.items():
+    for suffix, bounds in read_by_others(ours).items():
         transform(export(tmp + "/x" + suffix), tmp + "/theirs.ply")
         theirs = splats.read_ply(tmp + "/theirs.ply")
         if len(theirs) != len(ours):
