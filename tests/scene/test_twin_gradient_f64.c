@@ -32,6 +32,10 @@ static void make_model(saga_model *m, uint32_t tools, uint32_t no_fuse)
         m->width[i] = 8;
         m->q_in[i] = 12;
     }
+    if (tools & SAGA_TOOL_HASH) {
+        m->hash_levels = 3;
+        m->hash_log2_entries = 2;
+    }
     for (int i = 0; i < SAGA_N_TIERS; i++)
         if (no_fuse >> i & 1u)
             m->width[saga_fuse_net(i)] = 0;
@@ -124,13 +128,27 @@ static void shift(saga_twin *w, saga_scene *s)
     }
 }
 
+/* Returns L_res: the mean over primitives of the sum of |corrections|. */
+static double correction_loss(const saga_twin *w, const saga_scene *s)
+{
+    const saga_net *const net = &s->net[SAGA_NET_RES];
+    const size_t n = net->n_layers
+        ? N_PRIM * (size_t)net->dim[net->n_layers] : 0;
+    double sum = 0;
+
+    for (size_t i = 0; i < n; i++)
+        sum += fabs(w->batch[SAGA_NET_RES].out[i]);
+    return w->correction_price * sum / N_PRIM;
+}
+
 static double forward(saga_twin *w, saga_scene *s)
 {
     real *const in = w->batch[SAGA_NET_COLOUR_VIEW].in;
-    double sum = 0;
+    double sum;
 
     shift(w, s);
     saga_twin_geometry(w, s, s->coarse_feature);
+    sum = correction_loss(w, s);
     for (int view = 0; view < 2; view++) {
         if (s->model.tools & SAGA_TOOL_VIEW)
             memcpy(in, directions[view], sizeof directions[view]);
@@ -226,9 +244,11 @@ static void run_gradient(uint32_t tools, uint32_t no_fuse, bool still)
     assert_done(saga_scene_init(&d, &s.model, s.n, 3, 0, &error));
     memset(d.reals, 0, d.n_reals * sizeof *d.reals);
     assert_done(saga_twin_init(&w, &s, &error));
+    w.correction_price = 0.7;
     assert_done(saga_twin_refresh(&w, &s, s.coarse_feature, &error));
     assert_int_equal(!w.attr.motion && !w.attr.slope && !w.attr.t_centre &&
-                     !w.attr.log2_width, still || !tools);
+                     !w.attr.log2_width, still ||
+                     !(tools & SAGA_TOOLS_TIME));
     gradient(&w, &d, &s);
     check_range(&w, &s, &d, s.coarse_feature, 2u * s.model.features, 1);
     check_range(&w, &s, &d, s.params,
@@ -251,6 +271,13 @@ TEST(twin_gradients_should_match_differences_without_fuse)
 {
     for (uint32_t no_fuse = 1; no_fuse < 4; no_fuse++)
         run_gradient(SAGA_TOOLS_PICTURE, no_fuse, false);
+}
+
+/* D_res and its tables, with L_res. */
+TEST(twin_gradients_should_match_differences_with_a_hash)
+{
+    run_gradient(SAGA_TOOLS_PICTURE | SAGA_TOOL_HASH, 0, false);
+    run_gradient(SAGA_TOOL_HASH, 3, false);
 }
 
 /* A format of 16 bits with 8 fractional bits ends at 127.996. A motion of 300

@@ -50,6 +50,9 @@ typedef struct saga_twin {
                                            * proportional to the supports and
                                            * gives these a gradient; 0 if not
                                            * set */
+    real correction_price;                /* weight of the mean over primitives
+                                           * of |corrections|, L_res of the
+                                           * paper; 0 if not set */
     saga_splat_params attr, d_attr;       /* (n.prim) unused attributes are
                                            * NULL */
     real *block;                          /* memory of all arrays above */

@@ -251,6 +251,7 @@ static void prim_block(void *user, size_t block)
     const saga_range of = saga_net_block(t->w->n.prim, block);
     size_t i, k;
 
+    saga_twin_correct_backward(t, block);
     back(t, SAGA_NET_GEO, block);
     back(t, SAGA_NET_COLOUR_BASE, block);
     for (i = of.begin; i < of.end; i++)
@@ -261,7 +262,8 @@ static void prim_block(void *user, size_t block)
 
 static void prims_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
 {
-    const int nets[] = { SAGA_NET_GEO, SAGA_NET_COLOUR_BASE, SAGA_NET_FUSE_F };
+    const int nets[] = { SAGA_NET_GEO, SAGA_NET_COLOUR_BASE, SAGA_NET_FUSE_F,
+                         SAGA_NET_RES };
     saga_twin_stage t = { .w = w, .d = d, .s = s };
 
     saga_twin_attribute_rows(t.rows, s);
@@ -270,7 +272,7 @@ static void prims_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
      * interpolated. */
     saga_twin_do_rows(attributes_chunk, &t, w->n.prim);
     t.nets = nets;
-    t.n_nets = 3;
+    t.n_nets = 4;
     go_back(prim_block, &t, w->n.prim);
     saga_links_scatter(w->d_fine_feature, &w->to_prim, w->d_context,
                        s->model.features, NULL, w->n.prim);

@@ -211,6 +211,7 @@ static void geometry_chunk(void *user, size_t chunk)
            (of.end - of.begin) * dim * sizeof(real));
     run(w, t->s, SAGA_NET_GEO, chunk);
     run(w, t->s, SAGA_NET_COLOUR_BASE, chunk);
+    saga_twin_correct(t, chunk);
     saga_twin_each_out(t, of, take_rows);
     set_places(t, of);
 }
@@ -218,8 +219,9 @@ static void geometry_chunk(void *user, size_t chunk)
 void saga_twin_geometry(saga_twin *w, const saga_scene *s,
                         const real *feature)
 {
-    const int nets[] = { SAGA_NET_FUSE_F, SAGA_NET_GEO, SAGA_NET_COLOUR_BASE };
-    saga_twin_stage t = { .w = w, .s = s, .nets = nets, .n_nets = 3 };
+    const int nets[] = { SAGA_NET_FUSE_F, SAGA_NET_GEO, SAGA_NET_COLOUR_BASE,
+                         SAGA_NET_RES };
+    saga_twin_stage t = { .w = w, .s = s, .nets = nets, .n_nets = 4 };
 
     saga_twin_fine_forward(w, s, feature);
     saga_twin_attribute_rows(t.rows, s);

@@ -72,6 +72,8 @@ saga_net_pass saga_twin_pass(saga_twin *w, const saga_scene *s, int net)
 
     return (saga_net_pass){
         .net = &s->net[net], .work = &b->work, .x = b->in, .y = b->out,
-        .dy = b->d_out, .dx = net == SAGA_NET_COLOUR_VIEW ? NULL : b->d_in,
+        .dy = b->d_out,
+        .dx = net == SAGA_NET_COLOUR_VIEW || net == SAGA_NET_RES ? NULL
+                                                                 : b->d_in,
         .m = saga_twin_rows(w, net) };
 }

@@ -39,6 +39,8 @@ typedef void saga_twin_out_fn(const saga_twin_stage *t, int attr, size_t part,
 #define saga_twin_pass SAGA_REAL_NAME(saga_twin_pass)
 #define saga_twin_attribute_rows SAGA_REAL_NAME(saga_twin_attribute_rows)
 #define saga_twin_fine_forward SAGA_REAL_NAME(saga_twin_fine_forward)
+#define saga_twin_correct SAGA_REAL_NAME(saga_twin_correct)
+#define saga_twin_correct_backward SAGA_REAL_NAME(saga_twin_correct_backward)
 
 /* twin_rows.c */
 /* Nanoseconds for a row, besides its networks. */
@@ -63,6 +65,14 @@ saga_net_pass saga_twin_pass(saga_twin *w, const saga_scene *s, int net);
 /* twin_forward.c: computes features and supports of the fine anchors. */
 void saga_twin_fine_forward(saga_twin *w, const saga_scene *s,
                             const real *feature);
+
+/* twin_hash.c; both do nothing if the model has no residual hash */
+/* Adds the corrections of a chunk of primitives to the outputs of F_geo and of
+ * the colour's first layer. */
+void saga_twin_correct(const saga_twin_stage *t, size_t chunk);
+/* Takes the gradients of these outputs back through D_res, for a block of
+ * primitives. */
+void saga_twin_correct_backward(const saga_twin_stage *t, size_t block);
 
 /* The networks of colour; the second one is used only if colours depend on the
  * view. */
