@@ -312,6 +312,7 @@ for name, layer in zip(("first", "lay"), told):
 ' 2>>bad || complain "layers: $(cat told)"
 expect 2 cap -o x.saga --layers 2 --networks-only
 says '--layers needs all segments trained in one place'
+told 2 "takes auto or paper, not 'all'" cap -o x.saga --model all
 told 2 'have no memory bank' cap -o x.saga --layers 2 --ablate slots=32
 told 2 "'9'" cap -o x.saga --layers 9
 rm -f lay.saga first.saga lay.json first.json told

@@ -212,6 +212,22 @@ TEST(layers_should_resume_to_the_same_file)
     free(whole.bytes);
 }
 
+TEST(paper_should_resume_to_the_same_file)
+{
+    static const tiny_stop places[] = {
+        { SAGA_TRAIN_RENDER, 1, 0, 0 }, { SAGA_TRAIN_RENDER, 44, 0, 0 },
+        { SAGA_TRAIN_PACK, 0, 0, 0 }, { SAGA_TRAIN_N_STAGES, 0, 0, 0 }
+    };
+    saga_train_options o = tiny_defaults();
+    trained whole;
+
+    o.paper = true;
+    whole = tiny_train(&room.capture, &o);
+    assert_int_equal(interrupt(o, &whole, places),
+                     sizeof places / sizeof places[0] - 1);
+    free(whole.bytes);
+}
+
 /* The first stop comes after the number of primitives was guessed and before it
  * is final. */
 TEST(lambda_should_bring_its_primitives)
@@ -382,7 +398,7 @@ TEST(train_should_refuse_a_checkpoint_of_other_options)
         "--seed 1, not 7", "--lambda 0, not 0.25", "--iterations 100, not 101",
         "--level 2, not 3", "--layers 1, not 2",
         "begun with --ablate 'slots=32', not 'groups=4,raw-networks'",
-        "/nowhere/x.ckpt"
+        "/nowhere/x.ckpt", "--model auto, not paper"
     };
     enum { MANY = sizeof says / sizeof says[0] };
     const saga_train_options o = stop_in_rendering();
@@ -397,6 +413,8 @@ TEST(train_should_refuse_a_checkpoint_of_other_options)
     p[4].n_layers = 2;
     p[5].ablate = "groups=4,raw-networks";
     p[6].checkpoint = "/nowhere/x.ckpt";
+    p[7].paper = true;
+    p[7].n_coarse = p[7].n_fine = 150; /* as it was derived */
     for (int i = 0; i < MANY; i++)
         assert_true(resume_fails(&p[i], says[i]));
 }

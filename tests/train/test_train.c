@@ -491,6 +491,55 @@ TEST(scene_should_be_near_the_integer_path)
     }
 }
 
+/* All parts of the paper's model must be in the file, and twin and decoder must
+ * agree on it. Two primitives share a fine anchor. */
+TEST(paper_model_should_be_whole_and_near_the_integer_path)
+{
+    saga_train_options o = tiny_defaults();
+    const saga_model *m;
+    saga_error error = { "" };
+    saga_train *t;
+    double worst;
+
+    o.paper = true;
+    o.lambda = 22;
+    t = train_until(&o, SAGA_TRAIN_RENDER);
+    assert_int_equal(saga_train_run(t, &error), SAGA_DONE);
+    m = &t->decoded.model;
+    assert_true(m->tools & SAGA_TOOL_HASH && m->tools & SAGA_TOOL_BANK);
+    assert_false(m->tools & SAGA_TOOL_PLAIN_WRITE);
+    for (int i = 0; i < SAGA_N_TIERS; i++)
+        assert_true(m->width[saga_fuse_net(i)] && m->tier[i].neighbours > 1);
+    assert_int_equal(t->decoded.n.prim, 150);
+    assert_true(t->decoded.n.fine <= 75 && t->decoded.n.coarse <= 38);
+    worst = worst_scale(t);
+    print_message("paper: log2 scales within %.5f, a picture %.2f dB\n", worst,
+                  picture_near(t));
+    assert_true(worst < 0.01);
+    assert_true(picture_near(t) > 57);
+    saga_train_free(t);
+}
+
+/* Each word must leave its part out of the paper's model. */
+TEST(paper_model_should_lose_what_is_ablated)
+{
+    saga_train_options o = tiny_defaults();
+    saga_error error = { "" };
+    const saga_model *m;
+    saga_train *t;
+
+    o.paper = true;
+    o.ablate = "no-bank,no-hash,no-fuse,nearest";
+    t = train_until(&o, SAGA_TRAIN_RENDER);
+    assert_int_equal(saga_train_run(t, &error), SAGA_DONE);
+    m = &t->decoded.model;
+    assert_false(m->tools & (SAGA_TOOL_HASH | SAGA_TOOL_BANK));
+    for (int i = 0; i < SAGA_N_TIERS; i++)
+        assert_true(!m->width[saga_fuse_net(i)] && m->tier[i].neighbours == 1);
+    assert_true(t->decoded.n.fine <= 75);
+    saga_train_free(t);
+}
+
 /* A motion of 500 supports exceeds the format of 16 bits with 8 fractional
  * bits. It must be cut to 32767 / 256 supports, in the file and in its twin. */
 TEST(motion_should_be_cut_where_training_cut_it)

@@ -225,6 +225,11 @@ static const saga_cli_option option_list[] = {
       "training pixel. A higher price makes a smaller file, and\n"
       "without --primitives also fewer of them. Default: chosen\n"
       "from the error after the warm-up", saga_cli_real, AT(lambda), 0, 0 },
+    { "--model", "auto|paper",
+      "parts of the model: those that pay on our scenes, or all\n"
+      "of the paper, for research: shared anchors, interpolation,\n"
+      "Fuse, residual hash, memory bank (default auto)", saga_cli_text,
+      AT(model), 0, 0 },
     { "--level", "0|1|2|3",
       "limit on the memory of the decoder: 0 for 256 KiB, 1 for\n"
       "4 MiB, 2 for 32 MiB, 3 for 1 GiB (default 2)", saga_cli_int, AT(level),

@@ -10,6 +10,7 @@
 #include "json_cli.h"
 
 #include <stdio.h>
+#include <string.h>
 
 saga_encode_options saga_encode_defaults(void)
 {
@@ -17,9 +18,15 @@ saga_encode_options saga_encode_defaults(void)
 
     return (saga_encode_options){
         .capture = SAGA_CAPTURE_CHOICE, .preset = "balanced", .only = -1,
-        .level = t.level, .layers = t.n_layers, .seed = (int)t.seed,
+        .model = "auto", .level = t.level, .layers = t.n_layers,
+        .seed = (int)t.seed,
         .every = (int)t.checkpoint_seconds, .lambda = t.lambda
     };
+}
+
+bool saga_encode_is_paper(const saga_encode_options *o)
+{
+    return strcmp(o->model, "paper") == 0;
 }
 
 bool saga_encode_is_part(const saga_encode_options *o)
@@ -106,6 +113,9 @@ int saga_encode_check_options(const saga_encode_options *o,
     *preset = saga_preset_called(o->preset);
     if (!*preset)
         return unknown_preset(o->preset);
+    if (strcmp(o->model, "auto") != 0 && !saga_encode_is_paper(o))
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: --model takes auto or "
+                              "paper, not '%s'", o->model);
     if (!saga_ablation_read(ablation, o->ablate, &error))
         return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", error.message);
     if (o->metres < 0)
@@ -129,6 +139,7 @@ json_t *saga_encode_options_json(const saga_encode_options *o)
     /* Values are those that the training used; options that have no effect on
      * the file (threads, names of files) are left out. */
     saga_put_text(list, "preset", o->preset);
+    saga_put_text(list, "model", o->model);
     saga_put(list, "frames", json_pack("[ii]", c->frames.a, c->frames.b));
     saga_put_int(list, "scale", c->scale ? c->scale : 1);
     saga_put_int(list, "segment", o->segment);

@@ -33,6 +33,7 @@ typedef struct saga_encode_options {
     double minutes;          /* instead of iterations; 0: use iterations */
     double lambda;           /* price of a bit (policy.h); 0: chosen to balance
                               * primitives and bits */
+    const char *model;       /* "auto" or "paper" */
     int level;               /* 0 to 3; all plans obey its limits */
     int layers; /* number of layers; a file may be cut after each */
 
@@ -58,6 +59,9 @@ typedef struct saga_encode_options {
 } saga_encode_options;
 
 saga_encode_options saga_encode_defaults(void);
+
+/* Returns whether the file has the paper's whole model. */
+bool saga_encode_is_paper(const saga_encode_options *o);
 
 /* Returns whether only a part of the capture's file is made. */
 bool saga_encode_is_part(const saga_encode_options *o);

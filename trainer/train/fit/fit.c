@@ -18,6 +18,10 @@ enum { STREAM_VIEW = 100, STREAM_NOISE, STREAM_OFFSET, STREAM_LAYERS };
 /* The weight lambda_a of the distance of anchors from their primitives. */
 #define ANCHOR_PRICE R(0.005)
 
+/* The weight of L_res, by which corrections of the residual hash are small
+ * where they do not help. */
+#define CORRECTION_PRICE R(1e-6)
+
 /* --- Memory -------------------------------------------------------------- */
 
 static const char what[] = "the fit";
@@ -51,6 +55,8 @@ static bool begin(saga_fit *f, saga_error *error)
         !saga_twin_init(&f->twin, s, error) ||
         !saga_rate_init(&f->rate, s, error))
         return false;
+    f->twin.correction_price = CORRECTION_PRICE;
+    f->rate.decision.keep = f->o.keep_sources;
     /* Given constants are set before the first refresh, which would otherwise
      * measure constants of its own. */
     if (f->o.given)

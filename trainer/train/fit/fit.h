@@ -5,7 +5,7 @@
  * Rate-Distortion Optimization). It starts from a linear map that reproduces
  * the warm-up's primitives (start.h).
  *
- *     L = D + lambda R / 255^2 + lambda_a L_A
+ *     L = D + lambda R / 255^2 + lambda_a L_A + lambda_res L_res
  *
  * D is the mean squared error of the pictures.
  *
@@ -14,7 +14,8 @@
  * networks' weights, both per pixel of all training pictures. policy.h turns
  * lambda into the price of a bit.
  *
- * L_A is the distance of anchors from their primitives.
+ * L_A is the distance of anchors from their primitives, and L_res the mean
+ * magnitude of the residual hash's corrections, if the model has a hash.
  *
  * For the first two thirds of the iterations, features and primitives'
  * positions carry uniform noise of one step; for the rest they are rounded.
@@ -57,6 +58,8 @@ typedef struct saga_fit_options {
     saga_prices price;
     bool raw_networks;           /* for experiments: weights have no price, and
                                   * their step stays 2^-SAGA_RAW_STEP */
+    bool keep_sources;           /* the entropy model keeps all sources that the
+                                  * model has, whatever they cost */
     const saga_fit_networks *given; /* NULL: the fit trains networks of its
                                      * own */
 } saga_fit_options;

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: MIT
  *
  * The checkpoint holds what the next iteration reads and cannot compute. Random
- * numbers have no state, and the structure follows from the warm-up. Three
+ * numbers have no state, and the structure follows from the warm-up. Four
  * things of the twin are kept: links, which stay the same between refreshes;
- * supports, in which the next offsets are computed; and offsets, because layers
- * are rounded before their iteration computes new ones. (Phases would be needed
- * too if the trainer had a Fuse network, which alone reads them that early.)
+ * supports, in which the next offsets are computed; offsets, because layers are
+ * rounded before their iteration computes new ones; and for the same reason
+ * phases, if there is a Fuse network, which alone reads them that early.
  */
 #include "fit_state.h"
 
@@ -29,13 +29,17 @@ static void walk_links(saga_checkpoint *c, saga_links *l, size_t queries)
     walk_reals(c, l->weight, l->n);
 }
 
-static void walk_twin(saga_checkpoint *c, saga_twin *w)
+static void walk_twin(saga_checkpoint *c, saga_twin *w, const saga_scene *s)
 {
     walk_links(c, &w->to_fine, w->n.fine);
     walk_links(c, &w->to_prim, w->n.prim);
     walk_reals(c, w->support, 4 * (size_t)w->n.fine);
     walk_reals(c, w->fine_offset, 4 * (size_t)w->n.fine);
     walk_reals(c, w->prim_offset, 4 * (size_t)w->n.prim);
+    if (s->net[SAGA_NET_FUSE_C].n_layers)
+        walk_reals(c, w->fine_phase, 4 * (size_t)w->n.fine);
+    if (s->net[SAGA_NET_FUSE_F].n_layers)
+        walk_reals(c, w->prim_phase, 4 * (size_t)w->n.prim);
 }
 
 /* Keeps the parts of the rate that change. Anchors do not move, so the rest
@@ -78,7 +82,7 @@ void saga_fit_walk(saga_fit *f, saga_checkpoint *c)
     saga_checkpoint_walk(c, w->log2_step, sizeof w->log2_step);
     saga_checkpoint_walk(c, w->m, sizeof w->m);
     saga_checkpoint_walk(c, w->v, sizeof w->v);
-    walk_twin(c, &f->twin);
+    walk_twin(c, &f->twin, f->scene);
     f->iteration = (int)iteration;
 }
 

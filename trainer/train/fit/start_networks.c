@@ -153,6 +153,18 @@ static void set_features(const saga_start *x, saga_fit *f)
     }
 }
 
+/* Makes the corrections small. They cannot start at 0, because no gradient
+ * would reach the tables. */
+static void set_corrections(saga_fit *f)
+{
+    saga_net *const net = &f->scene->net[SAGA_NET_RES];
+    const size_t n = net->n_layers
+        ? (size_t)net->dim[1] * (size_t)net->dim[2] : 0;
+
+    for (size_t i = 0; i < n; i++)
+        net->w[1][i] *= R(0.02);
+}
+
 void saga_start_set_networks(const saga_start *x, saga_fit *f)
 {
     static const int passing[] = { SAGA_NET_FUSE_C, SAGA_NET_FINE,
@@ -164,5 +176,6 @@ void saga_start_set_networks(const saga_start *x, saga_fit *f)
     set_supports(x, f);
     set_geometry(x, f);
     set_colour(x, f);
+    set_corrections(f);
     set_features(x, f);
 }

@@ -86,6 +86,11 @@ static int row_formats(uint8_t *q, uint8_t *finer, const saga_packing *p,
     for (k = 0; net == SAGA_NET_COLOUR_VIEW && k < n; k++)
         q[k] = (uint8_t)(common +
                          nets->layer[SAGA_NET_COLOUR_BASE][0].finer[k]);
+    /* So must the corrections of that part, the last rows of D_res. */
+    if (net == SAGA_NET_RES && i == 1)
+        for (k = 0; k < p->model->width[SAGA_NET_COLOUR]; k++)
+            q[n - p->model->width[SAGA_NET_COLOUR] + k] +=
+                nets->layer[SAGA_NET_COLOUR_BASE][0].finer[k];
     return common;
 }
 

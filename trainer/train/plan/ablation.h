@@ -26,6 +26,14 @@ typedef struct saga_ablation {
     uint16_t plain_update;       /* 1: there is a bank, and its update has no
                                   * projection */
     uint16_t no_base;            /* 1: no base, even if things stand still */
+    /* These leave parts out of the paper's model (options.h); models without
+     * the part do not change. */
+    uint16_t no_interpolation;   /* 1: K = 1, each anchor and primitive reads
+                                  * its own parent alone */
+    uint16_t no_fuse;            /* 1: no networks Fuse_c and Fuse_f */
+    uint16_t no_hash;            /* 1: no residual hash */
+    uint16_t paper;              /* not a word: 1 if the options ask for the
+                                  * paper's model, which has a bank */
     uint16_t raw_networks;       /* 1: the weights of all networks have a step
                                   * of 2^-11 and no price; the choice of sources
                                   * counts 16 bits for each */
@@ -59,6 +67,12 @@ typedef struct saga_ablation {
     X(plain_update, "plain-update", "   ", 1, \
       "store each token in the bank in full,\n" \
       "               instead of only what is new in it") \
+    X(no_interpolation, "nearest", "        ", 1, \
+      "features of neighbours (--model paper)") \
+    X(no_fuse, "no-fuse", "        ", 1, \
+      "the networks Fuse (--model paper)") \
+    X(no_hash, "no-hash", "        ", 1, \
+      "the residual hash (--model paper)") \
     X(raw_networks, "raw-networks", "   ", 1, \
       "store network weights in steps of 1/2048,\n" \
       "               at no price")

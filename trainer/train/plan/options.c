@@ -45,11 +45,13 @@ bool saga_options_ablation(saga_ablation *a, const saga_train_options *o,
 {
     const uint32_t most = saga_caps[o->level].n_slots;
 
-    return saga_ablation_read(a, o->ablate, error) &&
-           (a->slots <= most ||
-            saga_fail(error, NULL, "take fewer, or a higher --level",
-                      "--ablate slots=%u is more than the %u of level %d",
-                      a->slots, most, o->level));
+    if (!saga_ablation_read(a, o->ablate, error))
+        return false;
+    a->paper = o->paper;
+    return a->slots <= most ||
+           saga_fail(error, NULL, "take fewer, or a higher --level",
+                     "--ablate slots=%u is more than the %u of level %d",
+                     a->slots, most, o->level);
 }
 
 static bool check_iterations(const saga_train_options *o, saga_error *error)
@@ -94,15 +96,17 @@ static uint32_t at_most(uint32_t a, uint32_t b)
 
 /* Derives one coarse and one fine anchor for each primitive, up to the level's
  * limits, which was best among the budgets that were tried
- * (docs/lab/anchors.md). */
+ * (docs/lab/anchors.md). In the paper's model two primitives share a fine
+ * anchor and two fine anchors a coarse one. */
 void saga_options_derive(saga_train_options *o)
 {
     const saga_level_caps *const caps = &saga_caps[o->level];
+    const uint32_t n = o->n_primitives;
 
     if (!o->n_coarse)
-        o->n_coarse = at_most(o->n_primitives, caps->n_coarse);
+        o->n_coarse = at_most(o->paper ? (n + 3) / 4 : n, caps->n_coarse);
     if (!o->n_fine)
-        o->n_fine = at_most(o->n_primitives, caps->n_fine);
+        o->n_fine = at_most(o->paper ? (n + 1) / 2 : n, caps->n_fine);
     /* A given split is kept; otherwise each stage gets at least one
      * iteration. */
     if (!o->n_warm) {

@@ -81,6 +81,10 @@ typedef struct saga_train_options {
                                   * most light. With several layers there is no
                                   * memory bank, and all segments must be
                                   * trained by one process */
+    bool paper;                  /* the paper's whole model, whatever its parts
+                                  * cost: shared anchors, interpolation, Fuse,
+                                  * residual hash and memory bank; not given:
+                                  * what pays on our scenes */
     uint64_t seed;
     saga_train_motion motion;
     const char *ablate;          /* a list in the words of ablation.h, or

@@ -9,7 +9,8 @@
 
 #include <string.h>
 
-static void set_tiers(saga_model *m, const saga_train_options *o)
+static void set_tiers(saga_model *m, const saga_train_options *o,
+                      const saga_ablation *a)
 {
     for (int i = 0; i < SAGA_N_TIERS; i++) {
         saga_tier *const l = &m->tier[i];
@@ -17,11 +18,13 @@ static void set_tiers(saga_model *m, const saga_train_options *o)
         /* Neighbours are searched among this number of ranks on either side of
          * the parent's. */
         l->window = 16;
-        l->neighbours = i == SAGA_TIER_COARSE ? 1 : 4;
+        l->neighbours = i == SAGA_TIER_COARSE && !o->paper ? 1 : 4;
         l->suffix_bits = 3;
         l->max_children = i ? 10 : 16;
         l->radius2_q12 = 4 << 12;  /* rho = 2 */
         l->softmax_q8 = 3000;      /* log2(e) / T, T = 1/8 */
+        if (a->no_interpolation)
+            l->neighbours = 1;
     }
     if (o->n_fine >= o->n_primitives) {
         /* Each primitive has a fine anchor of its own, has this anchor's
@@ -53,7 +56,7 @@ static bool has_bank(const saga_ablation *a, const saga_policy *p,
                      uint32_t most_slots)
 {
     return !a->no_bank && most_slots >= SAGA_MIN_SLOTS &&
-           (a->slots || a->plain_update || p->bank_pays);
+           (a->slots || a->plain_update || a->paper || p->bank_pays);
 }
 
 /* All kinds read the bank, until rate_choice.h decides which sources pay. Its
@@ -115,6 +118,17 @@ static uint32_t own_features(const saga_model *m)
     return (3 * (uint32_t)n + 15) / 16 * 4;
 }
 
+/* Gives the model two tables of 256 entries, one by the fine anchor's rank
+ * alone and one by places a support apart as well. D_res is narrow, because
+ * every hidden unit is a number in each entry. */
+static void set_hash(saga_model *m)
+{
+    m->tools |= SAGA_TOOL_HASH;
+    m->hash_levels = 2;
+    m->hash_log2_entries = 8;
+    m->width[SAGA_NET_RES] = 8;
+}
+
 /* Sets the number of features and of hidden units. With ReLU, two hidden units
  * are needed to carry a feature unchanged through F_geo, one for its positive
  * part and one for its negative; F_color carries three values in this way, the
@@ -136,7 +150,10 @@ static void set_networks(saga_model *m, const saga_model_terms *terms)
     }
     /* Six units carry the colour (start_networks.c), and two are left. */
     m->width[SAGA_NET_COLOUR] = 8;
-    m->width[SAGA_NET_FUSE_C] = m->width[SAGA_NET_FUSE_F] = 0;
+    if (!o->paper || terms->ablation->no_fuse)
+        m->width[SAGA_NET_FUSE_C] = m->width[SAGA_NET_FUSE_F] = 0;
+    if (o->paper && !terms->ablation->no_hash)
+        set_hash(m);
     /* Width 0 of a network that must exist makes it a single layer. F_fine has
      * nothing to combine where a primitive has an anchor of its own. */
     if (o->n_fine >= o->n_primitives)
@@ -149,7 +166,8 @@ static void set_networks(saga_model *m, const saga_model_terms *terms)
  * format that their symbol has. The step of a centre is two half-cells and that
  * of a fine offset a suffix cell, so that all anchors stand in the middle of
  * their cells and these residuals cost nothing; the step of a feature is 1/16.
- * The networks Fuse_c and Fuse_f are left out. */
+ * Fuse_c, Fuse_f and the residual hash are left out, except in the paper's
+ * model. */
 void saga_plan_model(saga_model *m, const saga_model_terms *terms,
                      uint32_t tools)
 {
@@ -159,7 +177,7 @@ void saga_plan_model(saga_model *m, const saga_model_terms *terms,
     memset(m, 0, sizeof *m);
     m->tools = tools;
     m->lambda_t_q8 = 256;
-    set_tiers(m, o);
+    set_tiers(m, o, terms->ablation);
     m->step_q16[SAGA_STEP_CENTRE] = 32768u << 16;
     m->step_q16[SAGA_STEP_FEATURE] = 64u << 16;
     m->step_q16[SAGA_STEP_FINE] =

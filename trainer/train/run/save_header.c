@@ -34,6 +34,7 @@ void saga_train_header_fill(saga_train_header *h, const saga_train *t)
     h->n_pixels = t->n_pixels;
     h->layers = (uint64_t)t->o.n_layers;
     h->teachers = (uint64_t)t->o.n_teachers;
+    h->paper = t->o.paper;
     /* If all segments are trained here, `only` is the number of segments, which
      * is the index of none. */
     h->only = (uint64_t)(t->o.networks ? t->o.only : t->o.n_segments);
@@ -83,6 +84,15 @@ static bool same_motion(const char *file, uint64_t had, uint64_t has,
                      names[has]);
 }
 
+static bool same_model(const char *file, uint64_t had, uint64_t has,
+                       saga_error *error)
+{
+    return had == has ||
+           saga_fail(error, file, "give the options it was begun "
+                     "with, or delete it", "was begun with --model %s, not %s",
+                     had ? "paper" : "auto", has ? "paper" : "auto");
+}
+
 static bool same_ablation(const char *file, const saga_train_header *h,
                           const saga_train_header *now, saga_error *error)
 {
@@ -116,6 +126,7 @@ bool saga_train_header_fits(const saga_train *t, const saga_train_header *h,
            same(file, "--level", h->level, now.level, error) &&
            same(file, "--layers", h->layers, now.layers, error) &&
            same(file, "teachers", h->teachers, now.teachers, error) &&
+           same_model(file, h->paper, now.paper, error) &&
            same(file, "--seed", h->seed, now.seed, error) &&
            same_motion(file, h->motion, now.motion, error) &&
            same_ablation(file, h, &now, error);
@@ -222,6 +233,7 @@ bool saga_train_header_options(saga_train_options *o,
     o->level = (int)h->level;
     o->n_layers = (int)h->layers;
     o->n_teachers = (int)h->teachers;
+    o->paper = h->paper != 0;
     o->seed = h->seed;
     o->motion = (saga_train_motion)h->motion;
     o->ablate = h->ablate[0] ? h->ablate : NULL;
