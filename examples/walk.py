@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""walk.py FILE.saga FOLDER: the scene from half-way between neighbouring
-cameras of its rig, one picture a frame, as PPM: a camera of one's own."""
+"""walk.py FILE.saga FOLDER: draws the scene as seen from half-way between two
+neighbouring cameras of the file's rig, a picture for each frame, as PPM. It
+shows how to draw with a camera that is not in the rig."""
 import os
 import sys
 
@@ -9,8 +10,8 @@ import saga
 
 
 def between(a, b):
-    """A camera half-way: the first one's pose, moved. Its integers are those
-    of saga_camera, in units of the file's box."""
+    """Returns a camera half-way between two: the first one, moved. Its integers
+    are those of saga_camera, in units of the file's box."""
     c = a.copy()
     for i in range(3):
         c.centre[i] = (a.centre[i] + b.centre[i]) // 2

@@ -778,8 +778,8 @@ grep -q 'nothing was found that --fix' "$tmp/err" && [ ! -e "$tmp/poses/again.js
 expect 0 check "$tmp/./poses" --fix "$tmp/poses/../poses/beside.json"
 cmp -s "$tmp/poses/beside.json" "$tmp/poses/fixed.json" ||
     complain "check --fix beside the capture"
-# Small errors must be found, too. Where all cameras had one lens, each must get
-# a lens of its own.
+# Small errors must be found, too. All cameras shared one lens; each must get a
+# lens of its own.
 python3 - "$tmp/poses" >>"$tmp/bad" 2>&1 <<'PYTHON'
 import json, sys
 

@@ -549,8 +549,9 @@ rmdir small
 verdict output
 
 # ---- memory
-# The loader of libraries takes some MiB: where they are too few, saga has no
-# say. A checkpoint may stay: more memory can go on from there.
+# The dynamic loader takes some MiB; with less than this saga cannot print
+# anything. A checkpoint may remain, from which a run with more memory can
+# continue.
 n=0
 rc=1
 for kib in $(seq 12000 500 40000); do

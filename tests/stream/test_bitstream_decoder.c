@@ -411,7 +411,7 @@ static saga_status status_with(uint8_t *header, const field *f, uint8_t *p,
 
 typedef struct {
     uint8_t *header;
-    uint32_t end;            /* where its CRC stands */
+    uint32_t end;            /* offset of the header's CRC */
     uint32_t n_tried;
 } trial;
 

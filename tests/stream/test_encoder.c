@@ -95,8 +95,8 @@ static void deep(gen_stream *g)
     }
 }
 
-/* Suffixes and masks have room for bits that nobody codes: they would not come
- * back. */
+/* Suffixes and masks have unused bits. They are not coded, so decoding would
+ * lose them if they were set. */
 static void fine_suffix_wide(gen_stream *g)
 {
     const uint32_t bits = g->header.model.tier[0].suffix_bits;

@@ -150,7 +150,7 @@ TEST(lengths_should_be_judged_by_their_own_bytes)
     }
 }
 
-/* A byte anywhere in the head, signed anew and not. */
+/* A byte anywhere in the head is damaged, both with and without new CRCs. */
 TEST(damage_should_show_in_the_head_alone)
 {
     uint64_t r = 31;
@@ -204,8 +204,8 @@ TEST(version_should_be_zero_in_no_file)
     }
 }
 
-/* A tool of the future has 8 bytes of its own behind those of known tools: the
- * header is longer by them, and signed. */
+/* Returns a file with an unknown tool of a future version. Its header has 8
+ * bytes for this tool after those of the known tools, and a right CRC. */
 static uint8_t *with_tool(const uint8_t *bytes, size_t n, uint32_t tool)
 {
     const uint32_t header = fx_load32_le(bytes + SAGA_MAGIC_NBYTES);

@@ -194,8 +194,8 @@ TEST(sound_should_stay_with_all_frames_alone)
     saga_bytes_free(&f);
 }
 
-/* saga_file_sign goes from chunk to chunk, so that there must be no other
- * bytes. */
+/* saga_file_sign, which computes the CRCs anew, follows the chunks, so that the
+ * file must have no other bytes. */
 TEST(film_with_bytes_behind_it_should_be_refused)
 {
     static const saga_recording silence = { NULL, 0, 0 };

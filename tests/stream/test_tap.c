@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Splats read in bulk equal those read one by one, wherever the caller begins
- * and ends, and nothing is written beside them.
+ * Splats that are read in bulk must equal splats that are read one by one, for
+ * every range of indices, and nothing outside of the buffer must be written.
  */
 #include "model.h"
 #include "player.h"

@@ -688,8 +688,8 @@ static void damage_header(mutate_file *f, uint64_t *r)
         if (saga_rig_offset(&h) <= room)
             saga_tools_io(&out, &h);
     }
-    /* The CRC is signed at the header's end, so that the field header_nbytes
-     * must be right. */
+    /* The end of the header, where its CRC is stored, follows from the field
+     * header_nbytes, so this field is mostly repaired. */
     end = fx_load32_le(f->header + SAGA_MAGIC_NBYTES);
     if (end != f->header_nbytes && pick(r, 8))
         fx_store32_le(f->header + SAGA_MAGIC_NBYTES,

@@ -57,8 +57,8 @@ typedef struct saga_calibration {
     int n_pairs, n_fit;          /* number of pairs with enough matches, and of
                                   * those that fit */
     bool bad;                    /* too few pairs fit */
-    bool found;                  /* `mistake` was found; undone, n_fit_then
-                                  * fit */
+    bool found;                  /* `mistake` was found; if it is undone,
+                                  * n_fit_then pairs fit */
     saga_mistake mistake;
     int n_fit_then;
     saga_refinement refinement;  /* correction of small errors; empty if a

@@ -15,7 +15,7 @@
 #include <stdint.h>
 
 enum {
-    SAGA_FEATURES_MOST = 600,     /* the largest number in a picture */
+    SAGA_FEATURES_MOST = 600,     /* most features of a picture */
     SAGA_FEATURE_NUMBERS = 128    /* 4 x 4 places with 8 directions each */
 };
 

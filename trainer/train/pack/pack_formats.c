@@ -239,7 +239,8 @@ void saga_pack_measure_formats(saga_model *m, const saga_pack_input *in)
     /* The default for inputs that are not measured below. */
     for (net = 0; net < SAGA_N_NETS; net++)
         m->q_in[net] = 12;
-    /* Features were trained for steps in this format. */
+    /* Coarse features keep the format that they had in training, because their
+     * steps refer to it. */
     q[SAGA_OUT_COARSE] = s->model.out_q[SAGA_OUT_COARSE];
     saga_pack_entropy_formats(m, in->choice);
     out_formats(m, in);

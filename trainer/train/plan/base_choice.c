@@ -42,7 +42,7 @@
  * bounds the cost of drawing. */
 #define MOST_TIMES 3
 
-/* Where a size was asked for and a base leaves 1/x of all primitives, base and
+/* If a size was asked for and a base leaves 1/x of all primitives, base and
  * segments get x^MORE_POWER times as many. The remaining bytes code each of
  * them more exactly: the rule of policy.h gives more bits to a primitive the
  * more of them are drawn, and a primitive on top of a base takes more

@@ -29,8 +29,8 @@ typedef struct saga_train_base {
     uint32_t n_prim;             /* primitives of the base; 0: there is none */
     uint32_t n_kept;             /* primitives of each segment besides the
                                   * base */
-    double saved;                /* bytes that the base saves, an estimate;
-                                  * meaningless where a size was asked for */
+    double saved;                /* estimate of the bytes that the base saves;
+                                  * not meaningful if a size was asked for */
 } saga_train_base;
 
 typedef struct saga_base_question {

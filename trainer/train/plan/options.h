@@ -69,12 +69,12 @@ typedef struct saga_train_options {
                                   * error and n_primitives */
     int level;                   /* 0..3; a scene that needs more than the level
                                   * allows is refused */
-    int n_teachers;              /* 0..SAGA_TRAIN_MOST_TEACHERS teachers, which
-                                  * are trained before each warm-up, half as
-                                  * long, and whose mean picture it learns
-                                  * between cameras that are far apart
-                                  * (rig/novel.h); none where no cameras are far
-                                  * apart */
+    int n_teachers;              /* 0..SAGA_TRAIN_MOST_TEACHERS teachers. They
+                                  * are trained before each warm-up, for half as
+                                  * many iterations; the warm-up learns from
+                                  * their mean picture between cameras that are
+                                  * far apart (rig/novel.h). No teachers are
+                                  * trained if no cameras are far apart */
     int n_layers;                /* layers of each segment, 1..SAGA_MAX_LAYERS;
                                   * each layer has twice the primitives of the
                                   * previous one, and the first those that give

@@ -83,8 +83,8 @@ static int place_of(const saga_train *t)
 {
     if (t->turn == 0 || (t->o.networks && t->base.n_prim))
         return 0;
-    /* A training from a file of networks has only the first segment in its own
-     * file, or none if there is a base: this segment goes before or after
+    /* A training with --networks has in its own file only the first segment, or
+     * no segment if there is a base. The new segment goes before or after
      * it. */
     return t->o.networks ? saga_train_segment(t) > t->o.first
                          : saga_train_segment(t);
