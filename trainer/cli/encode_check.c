@@ -14,6 +14,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 /* Number of pictures per view in which a rolling shutter is looked for. */
 enum { SHUTTER_PICTURES = 8 };
@@ -116,9 +117,17 @@ typedef struct {
     int view;
     int first;               /* frame of the film that is the segment's first */
     uint8_t *rgb;            /* a picture, owned by the look */
+    uint8_t *filmed;         /* the same in the tone of the camera, if the file
+                              * has its exposure */
 } look;
 
-/* Opens a look. The caller frees l->rgb, even if this fails. */
+static void close_look(look *l)
+{
+    free(l->rgb);
+    free(l->filmed);
+}
+
+/* Opens a look. The caller closes it, even if this fails. */
 static bool open_look(look *l, saga_encode_session *s, saga_film *film,
                       int segment, int view)
 {
@@ -129,12 +138,15 @@ static bool open_look(look *l, saga_encode_session *s, saga_film *film,
     *l = (look){ .film = film, .view = view,
                  .first = s->o->networks ? 0 : saga_encode_begin(s, segment),
                  .rgb = saga_alloc(saga_view_frame_nbytes(v), 1, v->name,
-                                   &s->error) };
-    return l->rgb && saga_film_rig(film, (uint32_t)view, &l->camera, &number,
-                                   &s->error);
+                                   &s->error),
+                 .filmed = saga_alloc(saga_view_frame_nbytes(v), 1, v->name,
+                                      &s->error) };
+    return l->rgb && l->filmed &&
+           saga_film_rig(film, (uint32_t)view, &l->camera, &number, &s->error);
 }
 
-/* Draws a frame and sets *psnr; to NaN if the mask covers the whole frame. */
+/* Draws a frame and sets *psnr, as filmed; to NaN if the mask covers the whole
+ * frame. */
 static bool draw_look(look *l, double *psnr, saga_encode_session *s, int frame)
 {
     const saga_shot *const v = &s->capture.views[l->view];
@@ -147,9 +159,13 @@ static bool draw_look(look *l, double *psnr, saga_encode_session *s, int frame)
         return false;
     /* Masked pixels are set to the truth, so their error is 0. Dividing the
      * mean by the fraction of other pixels gives the mean over those. */
-    counting = saga_capture_forgive(&s->capture, l->view, frame, l->rgb);
+    memcpy(l->filmed, l->rgb, saga_view_frame_nbytes(v));
+    saga_film_expose(l->film, (uint32_t)l->view, l->filmed,
+                     saga_view_frame_nbytes(v) / 3);
+    (void)saga_capture_forgive(&s->capture, l->view, frame, l->rgb);
+    counting = saga_capture_forgive(&s->capture, l->view, frame, l->filmed);
     *psnr = counting > 0
-        ? saga_psnr(saga_mse(l->rgb, truth, saga_view_frame_nbytes(v)) /
+        ? saga_psnr(saga_mse(l->filmed, truth, saga_view_frame_nbytes(v)) /
                     counting)
         : (double)NAN;
     return true;
@@ -197,10 +213,10 @@ static bool compare_view(saga_encode_session *s, saga_film *film, int segment,
         if (ok && median)
             saga_verdict_add(&s->verdict, median,
                              saga_capture_frame(&s->capture, view, frame),
-                             l.rgb, saga_view_frame_nbytes(v) / 3);
+                             l.filmed, saga_view_frame_nbytes(v) / 3);
         ok = ok && judge_frame(s, &l, psnr, frame, t);
     }
-    free(l.rgb);
+    close_look(&l);
     free(median);
     return ok;
 }
@@ -223,7 +239,7 @@ static bool compare_cut(saga_encode_session *s, saga_encode_cut *c, int segment,
             c->n[set]++;
         }
     }
-    free(l.rgb);
+    close_look(&l);
     return ok;
 }
 

@@ -244,6 +244,9 @@ static const saga_cli_option option_list[] = {
       "length in metres of one unit of the capture, stored in\n"
       "the file (default: what the capture says)", saga_cli_real, AT(metres),
       0, 0 },
+    { "--no-exposure", NULL, "leave out the exposures of the cameras, so that "
+      "all views\nof the file have one tone", saga_cli_flag,
+      AT(no_exposure), 0, 0 },
     { "--still", NULL, "treat the scene as still, whatever moves",
       saga_cli_flag, AT(still), 0, 0 },
     { "--moving", NULL,

@@ -91,6 +91,7 @@ static saga_train_options train_options(saga_encode_session *s)
     t.level = o->level;
     t.n_layers = o->layers;
     t.paper = saga_encode_is_paper(o);
+    t.no_exposure = o->no_exposure;
     t.seed = (uint64_t)o->seed;
     t.motion = o->still ? SAGA_TRAIN_STILL
              : o->moving ? SAGA_TRAIN_MOVING : SAGA_TRAIN_MEASURE;

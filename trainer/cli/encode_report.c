@@ -370,9 +370,12 @@ static const saga_line file_text[] = {
     { "kept", "tools", "kept\n" },
     { "!kept", "tools", "off\n" },
     { "/exposure", NULL, "  cameras are exposed differently, by up to "
-      "{/exposure*100:%.0f} %: evened out in training, so\n  their pictures "
-      "have another tone than the file's; `saga eval --json` tells\n  "
-      "psnr_exposed, without that\n" },
+      "{/exposure*100:%.0f} %: evened out in training;\n" },
+    { "/exposure&!options.no_exposure", NULL, "  the file has the exposures, "
+      "so that a camera's view has its own tone\n" },
+    { "/exposure&options.no_exposure", NULL, "  the file's pictures have "
+      "another tone than theirs; `saga eval --json` tells\n  psnr_exposed, "
+      "without that\n" },
     { "", NULL, "  lambda {lambda:%.4g}{/why_lambda}\n"
       "  bytes: header {/sizes.header}, index {/sizes.index}, networks "
       "{/sizes.networks}, base {/sizes.base}, coarse {/sizes.coarse}, fine "

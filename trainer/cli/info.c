@@ -254,6 +254,17 @@ static json_t *cuts_of(const subject *s)
     return list;
 }
 
+/* Adds the gains of camera i, 1 for the mean camera, if the file has them. */
+static void put_exposure(json_t *o, const subject *s, uint32_t i)
+{
+    saga_exposure e;
+
+    if (saga_find_exposure(&e, s->bytes, s->nbytes, i) == SAGA_OK)
+        saga_put(o, "exposure", json_pack(
+            "[fff]", e.gain_q12[0] / 4096.0, e.gain_q12[1] / 4096.0,
+            e.gain_q12[2] / 4096.0));
+}
+
 static json_t *camera_of(const subject *s, const saga_camera *c, uint32_t i,
                          uint32_t number)
 {
@@ -282,6 +293,7 @@ static json_t *camera_of(const subject *s, const saga_camera *c, uint32_t i,
         metres(s, 2, c->centre[2])));
     saga_put_real(o, "near_metres", s->unit * c->near_plane);
     saga_put(o, "rotation", rotation);
+    put_exposure(o, s, i);
     return o;
 }
 
@@ -297,6 +309,29 @@ static json_t *rig_of(const subject *s)
             saga_put_item(list, camera_of(s, &c, i, number));
     }
     return list;
+}
+
+/* Makes the object about exposures: the smallest and the largest gain of all
+ * cameras. It is empty if the file has no exposures. */
+static json_t *exposure_of(const subject *s)
+{
+    json_t *const o = json_object();
+    double low = INFINITY, high = 0;
+    saga_exposure e;
+
+    for (uint32_t i = 0; i < s->info.n_cameras; i++) {
+        if (saga_find_exposure(&e, s->bytes, s->nbytes, i))
+            return o;
+        for (int k = 0; k < 3; k++) {
+            low = fmin(low, e.gain_q12[k] / 4096.0);
+            high = fmax(high, e.gain_q12[k] / 4096.0);
+        }
+    }
+    if (high > 0) {
+        saga_put_real(o, "least_gain", low);
+        saga_put_real(o, "most_gain", high);
+    }
+    return o;
 }
 
 /* Makes the object about the sound, from the headers of its stream. It is empty
@@ -340,6 +375,7 @@ static json_t *report_of(const subject *s)
     saga_put(o, "/tools", line);
     saga_put(o, "decoding", decoding_of(&s->info));
     saga_put(o, "metric", metric_of(s));
+    saga_put(o, "exposure", exposure_of(s));
     saga_put(o, "sound", sound_of(s));
     saga_put_bytes(o, &s->layout);
     saga_put(o, "segments", segments_of(s));
@@ -387,6 +423,8 @@ static const saga_line text[] = {
       "{metric.centre_metres.2:%.6g}), in units of the capture\n" },
     { "metric.metres_in_capture_unit", NULL, "unit        of the capture: "
       "{metric.metres_in_capture_unit:%.6g} m\n" },
+    { "exposure", NULL, "exposure    of each camera, gains of "
+      "{exposure.least_gain:%.3f} to {exposure.most_gain:%.3f}\n" },
     { "sound", NULL, "sound       Opus, {sound.n_channels} "
       "channel{sound.n_channels+s}, {sound.seconds:%.3f} s from "
       "{sound.start_seconds:%.3f} s on\n" },

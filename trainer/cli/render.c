@@ -37,7 +37,7 @@ typedef struct {
     double time;            /* seconds; < 0 if not given */
     double stereo;          /* in metres, or in the capture's units if metres
                              * are unknown */
-    bool depth, alpha, quiet;
+    bool depth, alpha, no_exposure, quiet;
     saga_cli_pair frame, frames, size;
 } options;
 
@@ -365,9 +365,10 @@ static size_t most_pixels(const session *s)
     return most;
 }
 
-/* Sets what is drawn. A distance between the eyes in metres is converted to the
- * capture's units if the file knows their length. */
-static void find_sight(session *s)
+/* Sets what is drawn. A view of camera `rig` gets the tone in which that camera
+ * filmed, and other views get that of the file. A distance between the eyes in
+ * metres is converted to the capture's units if the file knows their length. */
+static void find_sight(session *s, uint32_t rig)
 {
     const options *const o = s->o;
     saga_naming naming;
@@ -377,6 +378,8 @@ static void find_sight(session *s)
     metres = ldexp(naming.metre_mantissa, naming.metre_exponent);
     s->sight.kind = o->depth ? SAGA_SIGHT_DEPTH
                   : o->alpha ? SAGA_SIGHT_ALPHA : SAGA_SIGHT_COLOUR;
+    s->sight.rig = o->no_exposure || o->orbit || o->path || o->look_at.given
+                 ? -1 : (int)rig;
     s->sight.base = metres > 0.0 ? o->stereo / metres : o->stereo;
 }
 
@@ -403,7 +406,7 @@ static bool prepare(session *s)
     else if (s->path.width)
         saga_camera_resize(&s->camera, s->path.width, s->path.height);
     /* The kind of picture and the number of eyes determine its memory. */
-    find_sight(s);
+    find_sight(s, index);
     return saga_sight_alloc(&s->sight, most_pixels(s), &s->error);
 }
 
@@ -503,6 +506,9 @@ static const saga_cli_option option_list[] = {
       "a camera of the file, by name or by number (default 0);\n"
       "`saga info` lists them", saga_cli_text, offsetof(options, camera), 0,
       0 },
+    { "--no-exposure", NULL, "draw a camera's view in the tone of the file, "
+      "not in that\nin which the camera filmed", saga_cli_flag,
+      offsetof(options, no_exposure), 0, 0 },
     { "--orbit", "K", "K pictures along a closed path within the angles from\n"
       "which the cameras filmed, over the whole time of the file",
       saga_cli_int, offsetof(options, orbit), 1, MAX_ORBIT },

@@ -122,6 +122,9 @@ bool saga_sight_draw(saga_sight *s, saga_film *film, const saga_camera *camera,
             : !saga_film_draw_depth(film, &c, frame_num, frame_den, s->eye,
                                     error))
             return false;
+        if (s->kind == SAGA_SIGHT_COLOUR && s->rig >= 0)
+            saga_film_expose(film, (uint32_t)s->rig, s->eye,
+                             (size_t)c.width * c.height);
         if (!is_drawn_in_place(s))
             place(s, &c, eye, film->metric.unit);
     }

@@ -24,6 +24,8 @@ typedef struct saga_sight {
     saga_sight_kind kind;
     double base;             /* distance between the eyes in the capture's
                               * units; 0: one eye */
+    int rig;                 /* the camera of the file's rig whose tone the
+                              * picture gets; -1: the file's own tone */
     void *eye;               /* the decoder's output for one eye */
     void *all; /* the whole picture, as described at its kind; may equal eye */
 } saga_sight;

@@ -155,9 +155,16 @@ static double exposed_mse(const comparison *c, int view)
 bool saga_eval_draw_film(void *state, uint8_t *rgb, const saga_eval *eval,
                          int view, int frame, saga_error *error)
 {
-    return saga_film_draw_late(state, &eval->view[view].camera,
-                               (uint32_t)(eval->first_frame + frame),
-                               eval->view[view].late, rgb, error);
+    const saga_eval_view *const v = &eval->view[view];
+
+    if (!saga_film_draw_late(state, &v->camera,
+                             (uint32_t)(eval->first_frame + frame), v->late,
+                             rgb, error))
+        return false;
+    if (v->rig >= 0)
+        saga_film_expose(state, (uint32_t)v->rig, rgb,
+                         (size_t)v->width * (size_t)v->height);
+    return true;
 }
 
 bool saga_eval_draw_pictures(void *state, uint8_t *rgb, const saga_eval *eval,

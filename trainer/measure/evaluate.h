@@ -54,9 +54,10 @@ typedef struct saga_eval_maker {
     void *state;             /* the first argument of draw */
 } saga_eval_maker;
 
-/* The two makers: the first draws with the integer decoder, and its state is
- * the saga_film; the second copies the pictures that another codec decoded, and
- * its state is the saga_capture that holds them. */
+/* The two makers: the first draws with the integer decoder, in the tone in
+ * which the camera filmed if the file has it, and its state is the saga_film;
+ * the second copies the pictures that another codec decoded, and its state is
+ * the saga_capture that holds them. */
 saga_eval_draw_fn saga_eval_draw_film;
 saga_eval_draw_fn saga_eval_draw_pictures;
 

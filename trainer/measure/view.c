@@ -144,6 +144,24 @@ void saga_film_close(saga_film *film)
     *film = (saga_film){ .segment = -1 };
 }
 
+void saga_film_expose(const saga_film *film, uint32_t index, uint8_t *rgb,
+                      size_t n)
+{
+    saga_exposure e;
+    uint8_t to[3][256];
+
+    if (saga_find_exposure(&e, film->bytes, film->nbytes, index))
+        return;
+    for (uint32_t k = 0; k < 3; k++)
+        for (uint32_t s = 0; s < 256; s++) {
+            const uint32_t x = (s * e.gain_q12[k] + 2048) >> 12;
+
+            to[k][s] = (uint8_t)(x < 255 ? x : 255);
+        }
+    for (size_t i = 0; i < 3 * n; i++)
+        rgb[i] = to[i % 3][rgb[i]];
+}
+
 bool saga_film_rig(const saga_film *film, uint32_t index, saga_camera *camera,
                    uint32_t *number, saga_error *error)
 {

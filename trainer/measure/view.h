@@ -81,6 +81,12 @@ bool saga_film_draw_late(saga_film *film, const saga_camera *camera,
 void saga_film_naming(const saga_film *film, uint32_t index,
                       saga_naming *naming);
 
+/* Gives a drawn picture of n pixels, rgb, the tone in which camera `index` of
+ * the rig filmed. Changes nothing if the file has no exposure for that camera
+ * (saga_find_exposure), or a damaged one. */
+void saga_film_expose(const saga_film *film, uint32_t index, uint8_t *rgb,
+                      size_t n);
+
 /* Sets camera `index` of the file's rig, and the number it had in the
  * capture. */
 bool saga_film_rig(const saga_film *film, uint32_t index, saga_camera *camera,

@@ -48,6 +48,12 @@ bool saga_pack_open(saga_packed *file, const saga_pack_input *in,
                     const saga_pictures *pictures, int level,
                     saga_error *error);
 
+/* pack_head.c: adds the exposures of the pictures to a file that
+ * saga_pack_open has begun. Adds nothing if all cameras have one exposure.
+ * Returns false with *error set if memory is short. */
+bool saga_pack_exposures(saga_packed *file, const saga_pictures *pictures,
+                         saga_error *error);
+
 /* Inserts a segment of n_frames frames before segment `place` of the file
  * (saga_encoder_insert). The networks of the choice's scene are the file's.
  * decoded: NULL, or set to the scene that a decoder has, with decoded symbols

@@ -159,3 +159,30 @@ bool saga_pack_open(saga_packed *file, const saga_pack_input *in,
     free(rig);
     return ok;
 }
+
+/* Returns the gain that undoes an exposure factor of training, within the range
+ * of the format. */
+static uint16_t gain_of(double factor)
+{
+    return (uint16_t)lrint(fmin(fmax(4096 / factor, 256), 65535));
+}
+
+bool saga_pack_exposures(saga_packed *file, const saga_pictures *p,
+                         saga_error *error)
+{
+    const size_t n = (size_t)p->capture->n_views;
+    saga_exposure *exposures;
+    bool differ = false, ok;
+
+    /* Factors that are exactly 1 were found to be the same for all cameras. */
+    for (size_t i = 0; i < 3 * n; i++)
+        differ = differ || p->exposure[i] < 1 || p->exposure[i] > 1;
+    if (!differ)
+        return true;
+    exposures = saga_calloc(n, sizeof *exposures, "the exposures", error);
+    for (size_t i = 0; exposures && i < 3 * n; i++)
+        exposures[i / 3].gain_q12[i % 3] = gain_of(p->exposure[i]);
+    ok = exposures && saga_encoder_exposures(file->encoder, exposures, error);
+    free(exposures);
+    return ok;
+}

@@ -85,6 +85,8 @@ typedef struct saga_train_options {
                                   * cost: shared anchors, interpolation, Fuse,
                                   * residual hash and memory bank; not given:
                                   * what pays on our scenes */
+    bool no_exposure;            /* the file has no exposures of the cameras;
+                                  * training evens them out all the same */
     uint64_t seed;
     saga_train_motion motion;
     const char *ablate;          /* a list in the words of ablation.h, or

@@ -67,7 +67,9 @@ static bool begin_file(saga_packed *file, saga_train *t, int level,
     /* The ranges of F_color's activations are measured from one camera. */
     saga_pictures_camera(&cam, &t->pictures, (saga_sample){ 0 });
     saga_twin_colour(twin, saga_fit_scene(t->fit), cam.centre);
-    return saga_pack_open(file, in, &t->pictures, level, error);
+    return saga_pack_open(file, in, &t->pictures, level, error) &&
+           (t->o.no_exposure ||
+            saga_pack_exposures(file, &t->pictures, error));
 }
 
 /* Tells whether the present training becomes a segment of the file. The base
