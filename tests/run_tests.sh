@@ -260,6 +260,7 @@ many() {
     check sound python3 tests/cli/check_sound.py
     check stream python3 tests/cli/check_stream.py
     check engines python3 tests/cli/check_engines.py
+    check types python3 tests/cli/check_types.py
     check headset python3 tests/cli/check_headset.py
     check firmware tests/check_firmware.sh
     vectors gcc
