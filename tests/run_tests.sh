@@ -194,6 +194,7 @@ vectors() {
 tree() {
     check tree tests/check_tree.sh
     check docs tests/check_docs.sh
+    check places python3 tests/check_coverage.py places
 }
 
 sanitized() {

@@ -333,13 +333,11 @@ PLACES = [
          "HALF_SEGMENT && width_ratio_q16(dt, p->log2_width_q10) > "
          "LIMIT_AGE"),
     ]),
-    ("decoder/animate.c", "        sum = fx_rshift64(sum * age, 16);\n    }\n",
-     [
-         (A, "motion is clamped to -2^39", "sum < -LIMIT_MOTION"),
-         (A, "motion is clamped to 2^39", "sum > LIMIT_MOTION"),
-     ]),
-    ("decoder/animate.c", "+        x[i] = fx_clamp64(p->x[i] + fx_rshift64(m, "
-     "20), -LIMIT_X, LIMIT_X);", [
+    ("decoder/animate.c", "        x[i] = fx_clamp64(p->x[i] + "
+     "fx_rshift64(motion * p->support[i], 20),\n"
+     "                          -LIMIT_X, LIMIT_X);\n", [
+         (A, "motion is clamped to -2^39", "sum[i] < -LIMIT_MOTION"),
+         (A, "motion is clamped to 2^39", "sum[i] > LIMIT_MOTION"),
          (A, "an animated position is clamped to -2^29", "x[i] == -LIMIT_X"),
          (A, "an animated position is clamped to 2^29", "x[i] == LIMIT_X"),
      ]),

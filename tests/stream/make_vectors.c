@@ -77,17 +77,18 @@ static void describe_layers(const char *name, const gen_stream *g,
             st.splats, st.frame);
 }
 
-/* The pictures of a stream without its own. */
+/* The pictures of every stream. */
 static const gen_look looks[] = { { 0, 0 }, { 40000, 1 } };
 enum { N_LOOKS = sizeof looks / sizeof *looks };
 
+/* Writes the MANIFEST lines of a segment, with n more pictures. */
 static void describe(const char *name, const gen_stream *g,
                      const saga_bytes *file, uint32_t number,
-                     const gen_look *at, int n)
+                     const gen_look *more, int n)
 {
-    for (int i = 0; i < n; i++)
+    for (int i = 0; i < N_LOOKS + n; i++)
         describe_layers(name, g, file, number, saga_n_layers(&g->header),
-                        &at[i]);
+                        i < N_LOOKS ? &looks[i] : &more[i - N_LOOKS]);
 }
 
 /* Returns whether each of several layers has something to draw. */
@@ -111,8 +112,8 @@ static void make_good(gen_stream *g, gen_options o)
     }
 }
 
-static void write_good(const char *stem, gen_stream *g, const gen_look *at,
-                       int n_looks)
+static void write_good(const char *stem, gen_stream *g, const gen_look *more,
+                       int n_more)
 {
     char name[64];
     FREED uint8_t *bytes;
@@ -122,7 +123,7 @@ static void write_good(const char *stem, gen_stream *g, const gen_look *at,
     gen_stream_encode(g, &bytes, &n);
     write_file(name, bytes, n);
     for (uint32_t i = 0; i < g->n_segments; i++)
-        describe(name, g, &(saga_bytes){ bytes, n }, i, at, n_looks);
+        describe(name, g, &(saga_bytes){ bytes, n }, i, more, n_more);
 }
 
 static void good(const char *stem, gen_options o)
@@ -130,7 +131,7 @@ static void good(const char *stem, gen_options o)
     FREED_BY(gen_stream_free) gen_stream g;
 
     make_good(&g, o);
-    write_good(stem, &g, looks, N_LOOKS);
+    write_good(stem, &g, NULL, 0);
 }
 
 static void good_extremes(void)
@@ -139,10 +140,7 @@ static void good_extremes(void)
     gen_stream g;
 
     for (int i = 0; gen_extreme(&g, i, &plan); i++) {
-        if (plan.n_looks)
-            write_good(plan.name, &g, plan.look, plan.n_looks);
-        else
-            write_good(plan.name, &g, looks, N_LOOKS);
+        write_good(plan.name, &g, plan.look, plan.n_looks);
         gen_stream_free(&g);
     }
 }

@@ -14,12 +14,12 @@ typedef struct gen_look {
     uint32_t camera;
 } gen_look;
 
-enum { GEN_MAX_LOOKS = 4 };
+enum { GEN_MAX_LOOKS = 3 };
 
 typedef struct gen_extreme_plan {
     const char *name;
     gen_look look[GEN_MAX_LOOKS];
-    int n_looks;             /* 0: those of every other stream */
+    int n_looks;             /* beside those of every stream */
 } gen_extreme_plan;
 
 /* Makes stream number i (free it) and sets *plan to its name and pictures.
