@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A good vector as docs/bitstream.md describes it, and edits of it."""
+"""Reads a good vector by the tables of docs/bitstream.md, and edits it."""
 import os
 
 import page
@@ -25,7 +25,7 @@ def crc32c(crc, data):
 
 
 class Place:
-    """A field at a place of the file."""
+    """A field of the bitstream, with its offset in the file."""
 
     def __init__(self, at, field):
         self.at, self.size, self.count = at, field.size, field.count
@@ -40,9 +40,10 @@ class Chunk:
 
 
 class Film:
-    """Fields by their names, such as header.tier_fine.window, base.n_prim,
-    camera0.width, INDX.nbytes, index1.n_frames, segment0.layer0.n_coarse; and
-    chunks, such as NETS, base.COAR, segment0.layer1.PRIM."""
+    """A good vector. `fields` has its fields by their names, such as
+    header.tier_fine.window, base.n_prim, camera0.width, INDX.nbytes,
+    index1.n_frames, segment0.layer0.n_coarse; `chunks` has its chunks, such
+    as NETS, base.COAR, segment0.layer1.PRIM."""
 
     def __init__(self, folder, name):
         self.name = name
@@ -55,7 +56,8 @@ class Film:
         self.segments = [self.read_segment(i) for i in range(self.n_segments)]
 
     def add(self, prefix, structure, at):
-        """All fields of a structure; returns where it ends."""
+        """Adds all fields of a structure that begins at `at`. Returns where it
+        ends."""
         for field in page.structures[structure]:
             name = f"{prefix}.{field.name}"
             if field.type in page.structures:
@@ -68,7 +70,7 @@ class Film:
         return self.fields[name]
 
     def place(self, name):
-        """The place of a field or of name[k], with its size."""
+        """Returns offset and size of a field, or of the element name[k]."""
         k = 0
         if name.endswith("]"):
             name, k = name[:-1].split("[")
@@ -145,7 +147,8 @@ class Film:
 
 
 class Edit:
-    """Changes of a film: bytes replaced, with CRCs made anew by line()."""
+    """Edits of a film, each of which replaces bytes. line() writes them, with
+    the CRCs computed anew."""
 
     def __init__(self, film, sign=True):
         self.film, self.sign = film, sign
@@ -163,12 +166,13 @@ class Edit:
                             (value % (1 << 8 * size)).to_bytes(size, "little"))
 
     def cut(self, at):
-        """Ends the file at a place of the good file."""
+        """Ends the file at an offset of the good file."""
         self.changes = {a: c for a, c in self.changes.items() if a < at}
         return self.replace(at, len(self.film.data) - at, b"")
 
     def damage(self, name):
-        """A CRC that is wrong; those that continue it are right."""
+        """Makes a CRC wrong. The CRCs that continue it are right for the wrong
+        value."""
         self.kept.add(name)
         return self.set(name, self.film.get(name) ^ 1)
 
@@ -183,7 +187,8 @@ class Edit:
         return self.set(name, value + by)
 
     def moved(self, label, by):
-        """The lengths and places around a chunk that has `by` bytes more."""
+        """Changes the lengths and offsets of everything around a chunk that
+        gets `by` more bytes."""
         film = self.film
         begin = film.chunk(label).at
         if label == "NETS":
@@ -200,7 +205,7 @@ class Edit:
         return self
 
     def resize(self, label, by):
-        """A chunk with a byte more at its end, or less."""
+        """Makes a chunk `by` bytes longer, or shorter if `by` is negative."""
         chunk = self.film.chunk(label)
         self.add(f"{label}.nbytes", by).moved(label, by)
         if by > 0:
@@ -208,7 +213,8 @@ class Edit:
         return self.replace(chunk.end + by, -by, b"")
 
     def surplus(self, label):
-        """A byte after a chunk that its surroundings count as theirs."""
+        """Adds a byte after a chunk. It is counted in the lengths of everything
+        that contains the chunk, but not in the chunk's own."""
         return self.moved(label, 1).replace(self.film.chunk(label).end, 0,
                                             b"\0")
 
@@ -222,7 +228,7 @@ class Edit:
         return self.replace(at, n, b"")
 
     def payload(self, label, new):
-        """A chunk with another payload."""
+        """Gives a chunk another payload."""
         chunk = self.film.chunk(label)
         by = len(new) - (chunk.nbytes - 12)
         old = self.film.data[chunk.at + 12:chunk.end]
@@ -231,8 +237,8 @@ class Edit:
         return self.replace(chunk.at + 12 + same, len(old) - same, new[same:])
 
     def bytes_of(self, begin, end):
-        """The edited bytes of a range of the good file; an insertion at a place
-        belongs to what ends there."""
+        """Returns the edited bytes for a range of the good file. An insertion
+        at an offset belongs to the range that ends there."""
         out, at = b"", begin
         for place in sorted(self.changes):
             n, new = self.changes[place]

@@ -21,7 +21,8 @@ HAS_BASE, HAS_HASH, HAS_BANK, PLAIN_WRITE = 1 << 5, 1 << 8, 1 << 9, 1 << 10
 
 
 class Figures:
-    """The figures of a header, whose fields h has by their names."""
+    """Computes the quantities that levels limit from a header, whose fields h
+    has by their names."""
 
     def __init__(self, h):
         self.h = h
@@ -54,7 +55,8 @@ class Figures:
                 (1 if tools & OPACITY_T else 0) + 3 * order)
 
     def shape(self, net):
-        """Pairs of inputs and outputs of a network's layers (section 9)."""
+        """Returns the numbers of inputs and outputs of a network's layers
+        (section 9)."""
         pe, F, C, V, L, D = 8 * self.octaves, self.F, self.C, self.V, \
             self.L, self.D
         w = self.width(net)
@@ -186,7 +188,7 @@ def exceeded(level, h):
 
 
 def thin(h, level):
-    """The smallest model that has the tools of h."""
+    """Returns h with the smallest model that has the same tools."""
     h = dict(h, level=level, more_layers=0, sources_coarse=0, sources_fine=0,
              sources_prim=0, features=5, octaves=1, max_coarse=1, max_fine=0,
              max_prim=0)
@@ -205,8 +207,8 @@ def thin(h, level):
 
 
 def last_below(level, limit, h, set_value, most):
-    """The headers with the greatest value that keeps the limit and the next;
-    None where another limit comes first."""
+    """Returns two headers: with the largest value that keeps the limit, and
+    with the next value. Returns None if another limit is exceeded first."""
     low, high = 0, most
     while high - low > 1:
         middle = (low + high) // 2
@@ -225,7 +227,8 @@ def with_field(*names):
 
 
 def wide(h, width, features=64):
-    """All networks of a width, with all inputs; colour has 32 at most."""
+    """Returns h with networks that all have this width (that of the colour at
+    most 32) and all inputs."""
     h = dict(h, features=features, octaves=8, sources_coarse=5, sources_fine=7,
              sources_prim=3)
     for net in NETS:
@@ -234,7 +237,8 @@ def wide(h, width, features=64):
 
 
 def trials(level, h):
-    """For each limit headers to begin with, and what then grows."""
+    """Yields for each limit a header to begin with, a function that sets the
+    growing field, and the field's largest value."""
     width = CAPS[level][5]
     for kind in ("coarse", "fine", "prim"):
         yield kind, h, with_field(f"max_{kind}"), 2**22 + 2
@@ -311,8 +315,9 @@ def trials(level, h):
 
 
 def pairs(h, level):
-    """(limit, header at it, header above it) for all limits that a header alone
-    can exceed: at most one of each limit and grown field."""
+    """Yields (limit, header at it, header above it, changed fields) for all
+    limits that a header alone can exceed, at most one for each limit and
+    growing field."""
     small, found = thin(h, level), set()
     for limit, begin, grow, most in trials(level, small):
         pair = last_below(level, limit, begin, grow, most)

@@ -176,7 +176,8 @@ JOINED = """\
 
 
 def valid(field):
-    """The lines of a field's range; none where every value is allowed."""
+    """Returns the lines that state a field's range; none if every value is
+    allowed."""
     if not field.ranges:
         return []
     bits = 8 * field.size

@@ -26,13 +26,14 @@ rows = {}
 
 
 def row(rule, name, status, edit, kind="status"):
-    """Adds a line; rule is the check of the norm that the file breaks."""
+    """Adds a line of REFUSALS. rule: the check of docs/bitstream.md that the
+    file fails."""
     assert (rule, name) not in rows, (rule, name)
     rows[rule, name] = f"{rule} {name} {kind} {status} {edit.line()}"
 
 
 def head_row(film, rule, name, status, **fields):
-    """A file that ends after its header, which has other values."""
+    """Adds a file that has other values in its header and ends after it."""
     edit = Edit(film)
     for field, value in fields.items():
         edit.set(field.replace("__", "."), value)
@@ -53,8 +54,8 @@ MAY_BE_0 = ("net_fuse_c", "net_fuse_f", "net_fine", "net_geo")
 
 
 def outside(field):
-    """Values just outside a field's range: below it, above it, and the first
-    of each gap."""
+    """Returns values just outside a field's ranges: below them, above them, and
+    the first of each gap between them."""
     most = (1 << 8 * field.size) - 1
     found = []
     for (_, end), (begin, _) in zip(field.ranges, field.ranges[1:]):
@@ -70,7 +71,8 @@ def outside(field):
 
 
 def verdict(name, value, field):
-    """The rule and status of a value outside the range of a header's field."""
+    """Returns the rule and the status for a value outside the range of a
+    header's field."""
     last = name.split(".")[-1]
     if last == "version" and value == 0:
         return "open.2", DATA
@@ -102,8 +104,8 @@ def header_ranges(film, names):
 
 
 def opening(plain, bank, hashed):
-    """plain has a base and two segments, bank has a bank and hashed a residual
-    hash."""
+    """Adds headers that are refused. plain is a film with a base and two
+    segments, bank one with a memory bank, hashed one with a residual hash."""
     names = [n for n in plain.fields if n.startswith(("header.", "base."))]
     header_ranges(plain, [n for n in names
                           if "bank_" not in n and "hash_" not in n])
@@ -145,7 +147,8 @@ def networks(film, names):
 
 
 def tools(plain, bank):
-    """Section 3 on BANK, PLAIN_WRITE and bank_*."""
+    """Adds headers that break the rules of section 3 for BANK, PLAIN_WRITE and
+    bank_*."""
     off = bank.get("header.tools")
     slots, width = bank.get("header.bank_slots"), bank.get("header.bank_width")
     head_row(plain, "open.9", "plain_write-without-bank", DATA,
@@ -172,7 +175,7 @@ def tools(plain, bank):
 
 
 def hash_fields(plain, hashed):
-    """Section 3 on HASH and hash_*."""
+    """Adds headers that break the rules of section 3 for HASH and hash_*."""
     for name in ("hash_levels", "hash_log2_entries"):
         head_row(plain, "open.8", f"{name}-without-hash", VERSION,
                  **{f"header.{name}": 1})
@@ -184,7 +187,7 @@ def hash_fields(plain, hashed):
 
 
 def ends(plain):
-    """Where the head is incomplete."""
+    """Adds files whose head is incomplete."""
     nets = plain.chunk("NETS")
     row("open.12", "n=nets_end-1", TRUNCATED,
         Edit(plain, sign=False).cut(nets.end - 1))
@@ -193,8 +196,8 @@ def ends(plain):
 
 
 def level_rows(film):
-    """Headers at each limit of each level, which are TRUNCATED since nothing
-    follows them, and just above it."""
+    """Adds headers at each limit of each level, for which the status is
+    TRUNCATED since nothing follows them, and headers just above each limit."""
     place = {n.split(".", 1)[1]: n for n in film.fields
              if n.startswith(("header.", "base.", "bank.", "hash."))
              and film.field(n).count == 1 and n != "header.crc"}
@@ -216,7 +219,8 @@ def level_rows(film):
 # --- Chunks ------------------------------------------------------------------
 
 def chunk_rows(film, rule, label, rest):
-    """What is checked of each chunk, which stands in `rest` bytes."""
+    """Adds the errors that are checked for every chunk. Its container has
+    `rest` bytes from the chunk on."""
     at = film.chunk(label).at
     row(rule, f"{label}.type", DATA,
         Edit(film).set(f"{label}.type", int.from_bytes(b"XXXX", "little")))
@@ -253,7 +257,8 @@ def segment_end(film):
 
 
 def too_few_bytes(film):
-    """Less than a chunk header is left in the bytes that a length gives."""
+    """Adds files in which a length leaves less than a chunk header for a
+    chunk."""
     base = film.chunk("base.COAR").at
     begin, _ = film.segment(0)
     for name, number in (("COAR", 6), ("FINE", 7), ("PRIM", 8)):
@@ -270,7 +275,7 @@ def too_few_bytes(film):
 
 
 def continued(film):
-    """Chunks that continue the CRC of the wrong chunk."""
+    """Adds files with chunks that continue the CRC of a wrong chunk."""
     for label, owner in (("NETS", "INDX"), ("base.COAR", "header"),
                          ("base.FINE", "NETS"), ("base.PRIM", "NETS"),
                          ("segment0.SEGM", "NETS"),
@@ -391,7 +396,7 @@ def names(film):
     chunk = film.chunk("NAME")
     examples = list(page.examples())
     for number, (payload, status) in enumerate(examples):
-        # The last has a name too many.
+        # The last example has too many names.
         rule = "names" if not status else \
             f"names.{6 + (number + 1 == len(examples))}"
         edit = Edit(film).replace(chunk.at + 20, chunk.nbytes - 20, payload)
@@ -422,7 +427,7 @@ def names(film):
 
 
 def sound(film):
-    """film has names and sound."""
+    """Adds files with errors of the sound. film has names and sound."""
     names, chunk = film.chunk("NAME"), film.chunk("OPUS")
 
     def cut(rule, n):
@@ -447,15 +452,16 @@ def sound(film):
              Edit(film, sign=False).replace(
                  chunk.end, 0, film.data[chunk.at:chunk.end]), DATA)):
         row(rule, label, status, edit, kind="sound")
-    # A length that leaves out OggS, which follows.
+    # A length that leaves out the OggS that follows.
     for n in (4, 7):
         row("sound.5", f"OPUS.nbytes={n}", DATA,
             Edit(film).set("OPUS.nbytes", n), kind="sound")
 
 
 def exposures(film, without, with_base):
-    """Finding the exposure of camera 0: of a film with names and sound, of one
-    without exposures, and of one with a base and no names."""
+    """Asks for the exposure of camera 0: in `film` with names and sound, in
+    `without`, which has no exposures, and in `with_base`, which has a base
+    and no names."""
     def ask(rule, name, status, edit):
         row(f"exposures.{rule}" if status else "exposures", name, status, edit,
             kind="exposure")
@@ -494,7 +500,7 @@ def exposures(film, without, with_base):
     ask(5, "damaged-base", 0, Edit(with_base).damage("base.PRIM.crc"))
     ask(2, "cut-in-base", TRUNCATED,
         Edit(with_base, sign=False).cut(base.end - 1))
-    # The sound stands behind the exposures.
+    # In the file, the sound comes after the exposures.
     row("sound.2", "EXPO.crc", DATA, Edit(film).damage("EXPO.crc"),
         kind="sound")
     row("sound", "EXPO.gain", 0,
@@ -506,8 +512,9 @@ def exposures(film, without, with_base):
 # --- Contents ----------------------------------------------------------------
 
 def contents(transcode, plain, folder):
-    """Payloads with another symbol, by tests/stream/transcode.c. The network
-    of the colour, where most are, must not be int8."""
+    """Adds files with a symbol replaced, whose payloads come from
+    tests/stream/transcode.c. Most replaced symbols are in the colour's
+    network, which must not be int8."""
     listing = subprocess.run(
         [transcode, os.path.join(folder, plain.name)], check=True,
         capture_output=True, text=True).stdout
@@ -518,8 +525,8 @@ def contents(transcode, plain, folder):
 
 
 def counts(film):
-    """Sections 6 and 10: counts of SEGM and the base that the symbols do not
-    have, and payloads that are not used up."""
+    """Adds files whose counts in SEGM or the base disagree with the symbols,
+    and payloads that are too long or too short (sections 6 and 10)."""
     for kind in ("coarse", "fine", "prim"):
         for by in (-1, 1):
             for path, most in ((f"segment0.layer0.n_{kind}",
@@ -548,8 +555,8 @@ HEAD = """\
 
 
 def depths(space, time):
-    """Trees that suffixes of 8 bits make too deep by one; both files have no
-    fine anchors, so that nothing else depends on these bits."""
+    """Adds files whose trees are too deep by one level with suffixes of 8 bits.
+    Both have no fine anchors, so that nothing else depends on these bits."""
     for film, what in ((space, "space"), (time, "time")):
         row("section.10", f"one-too-deep-in-{what}", DATA,
             Edit(film).set("header.tier_coarse.suffix_bits", 8))

@@ -9,7 +9,8 @@ TYPES = {"u8": 1, "u16": 2, "u32": 4, "u64": 8, "i32": 4}
 
 
 def bound(text):
-    """A number, 2^k, 2^k-1, or the negative of one."""
+    """Returns the value of a number, 2^k, 2^k-1, or the negative of one of
+    them."""
     sign = -1 if text.startswith("-") else 1
     power = re.fullmatch(r"2\^(\d+)(-1)?", text.lstrip("-"))
     if power:
@@ -18,7 +19,7 @@ def bound(text):
 
 
 def ranges(text):
-    """Pairs of bounds, or none where the table has words."""
+    """Returns pairs of bounds; none if the table has words instead."""
     if not re.match(r"-?\d", text):
         return []
     pairs = []
@@ -43,7 +44,7 @@ def cells_of(line):
 
 
 def read():
-    """Structures by name, and the lines of the page."""
+    """Returns the structures by their names, and the lines of the page."""
     with open(os.path.join(ROOT, "docs", "bitstream.md")) as f:
         lines = f.read().splitlines()
     found, heading, inside = {}, None, False
@@ -66,7 +67,8 @@ sizes = {name: max(f.offset + f.size * f.count for f in fields)
 
 
 def examples():
-    """Payloads of NAME after its first fields, with their status."""
+    """Yields the examples of the payload of NAME, after its first fields, with
+    their status."""
     for line in lines:
         match = re.match(r"\| `((?:[0-9a-f]{2} ?)+)` \|.*\| (OK|DATA) \|$", line)
         if match:

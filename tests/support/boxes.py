@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""A film in an ISO base media file, as docs/isobmff.md drafts it: fragmented, a
-movie fragment for each segment, with an index of their places."""
+"""Puts a film into an ISO base media file, as docs/isobmff.md drafts it: the
+file is fragmented, with a movie fragment for each segment, and an index of
+the fragments."""
 
 import struct
 
@@ -18,8 +19,9 @@ def full(kind, version, flags, *parts):
 
 
 def parts_of(film):
-    """The fields that a container needs, and the film's bytes: all before the
-    first segment, then (frames, bytes) of each segment (docs/bitstream.md)."""
+    """Returns the fields that a container needs, and the film's bytes: those
+    before the first segment, and (frames, bytes) for each segment
+    (docs/bitstream.md)."""
     header_nbytes, level = struct.unpack_from("<IB", film, 8)
     n_segments, = struct.unpack_from("<I", film, 16)
     rate = struct.unpack_from("<2I", film, 24)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Packages of npm, in versions that the caller names. Each is fetched once for
-a build folder; nothing is installed and no script of a package is run."""
+"""Fetches packages of npm in versions that the caller names, once for a build
+folder. Nothing is installed, and no script of a package is run."""
 
 import os
 import shutil
