@@ -14,10 +14,9 @@
 
 static const double gravity = 9.81;
 
-static void near(double a, double b)
+static void near(double value, double wanted)
 {
-    if (!(fabs(a - b) < 1e-9))
-        fail_msg("%.12g is not %.12g", a, b);
+    assert_near(value, wanted, 1e-9);
 }
 
 static double distance(const double a[3], const double b[3])

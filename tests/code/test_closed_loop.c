@@ -64,7 +64,7 @@ static void quantise(gen_stream *g, const saga_encoder *e, const wanted *w)
 
 /* The tolerance is half a step, and half an LSB for the rounding of the
  * dequantisation. */
-static void assert_near(const gen_stream *g, const wanted *w)
+static void assert_wanted(const gen_stream *g, const wanted *w)
 {
     const saga_model *const m = &g->header.model;
     const int q = m->out_q[SAGA_OUT_COARSE];
@@ -108,7 +108,7 @@ static void check_loop(uint32_t i)
     assert_done(e = saga_encoder_open(&g.header, g.rig, &g.nets, &error));
     make_wanted(&w, &g.segment[0].n, g.header.model.features, &r);
     quantise(&g, e, &w);
-    assert_near(&g, &w);
+    assert_wanted(&g, &w);
     assert_done(saga_encoder_segment(e, &g.segment[0], 1, &error));
     assert_done(saga_encoder_finish(e, &bytes, &n, &sizes, &error));
     assert_true(recorder_read(&nets, &back, 0, range, bytes, n));

@@ -13,12 +13,6 @@
 
 static saga_error error;
 
-static void near(double value, double wanted, double within)
-{
-    if (!(fabs(value - wanted) <= within))
-        fail_msg("%.17g is not within %g of %.17g", value, within, wanted);
-}
-
 /* --- Harmonics ----------------------------------------------------------- */
 
 /* With 400 slices and 16 steps, a polynomial of degree 6 is integrated to 1e-4.
@@ -43,7 +37,7 @@ TEST(harmonics_should_be_orthonormal)
         }
     for (int k = 0; k < SAGA_MAX_HARMONICS; k++)
         for (int l = 0; l < SAGA_MAX_HARMONICS; l++)
-            near(sum[k][l], k == l, 2e-4);
+            assert_near(sum[k][l], k == l, 2e-4);
 }
 
 TEST(turned_harmonics_should_see_the_turned_direction)
@@ -60,7 +54,7 @@ TEST(turned_harmonics_should_see_the_turned_direction)
             e[a] = a == axes[i] ? d[a] : -d[a];
         saga_harmonics(z, e);
         for (int k = 0; k < SAGA_MAX_HARMONICS; k++)
-            near(z[k], saga_harmonic_turned(k, axes[i]) * y[k], 1e-12);
+            assert_near(z[k], saga_harmonic_turned(k, axes[i]) * y[k], 1e-12);
     }
 }
 
@@ -114,8 +108,8 @@ static void check_splat(const saga_cloud *cloud, size_t i,
         p[k] = a->quat[k];
     }
     for (size_t k = 0; k < 3; k++) {
-        near((double)cloud->mean[3 * i + k], m->centre[k] + m->unit * a->x[k],
-             1e-6);
+        assert_near((double)cloud->mean[3 * i + k],
+                    m->centre[k] + m->unit * a->x[k], 1e-6);
         s[k] = exp((double)cloud->log_scale[3 * i + k]);
         t[k] = m->unit * wide * exp2(a->log2_scale_q10[k] / 1024.0);
         most = fmax(most, t[k] * t[k]);
@@ -123,8 +117,8 @@ static void check_splat(const saga_cloud *cloud, size_t i,
     covariance(c, q, s);
     covariance(d, p, t);
     for (int k = 0; k < 9; k++)
-        near(c[k], d[k], 1e-5 * most);
-    near(1 / (1 + exp(-(double)cloud->logit[i])), fmin(1, peak), 1e-6);
+        assert_near(c[k], d[k], 1e-5 * most);
+    assert_near(1 / (1 + exp(-(double)cloud->logit[i])), fmin(1, peak), 1e-6);
 }
 
 static void check_cloud(const char *name)
@@ -158,8 +152,9 @@ static void check_cloud(const char *name)
         assert_true(saga_film_rig(&film, 1, &c, &number, &error));
         assert_ok(saga_colour_at(colour, film.dec, i, c.centre));
         for (size_t k = 0; k < 3; k++)
-            near(0.5 + 0.28209479177387814 * (double)cloud.colour[3 * n + k],
-                 colour[k] / 32768.0, 1e-6);
+            assert_near(
+                0.5 + 0.28209479177387814 * (double)cloud.colour[3 * n + k],
+                colour[k] / 32768.0, 1e-6);
         n++;
     }
     assert_int_equal(n, cloud.n);
@@ -187,7 +182,7 @@ TEST(far_off_splats_should_not_move_the_scene)
     cloud.mean[3 * 150] = 1e5f;
     cloud.mean[3 * 151 + 1] = -1e5f;
     assert_true(saga_cloud_extent(again, &same, &cloud, &error));
-    near(same, radius, 0.05);
+    assert_near(same, radius, 0.05);
     for (int k = 0; k < 3; k++)
-        near(again[k], centre[k], 0.1);
+        assert_near(again[k], centre[k], 0.1);
 }

@@ -95,8 +95,7 @@ static bool read_glb(saga_cloud *cloud, const char *text, const uint8_t *bin,
 
 static void near(float value, double wanted)
 {
-    if (!(fabs((double)value - wanted) <= 1e-4))
-        fail_msg("%.9g is not %g", (double)value, wanted);
+    assert_near((double)value, wanted, 1e-4);
 }
 
 TEST(integers_should_be_read_as_what_they_stand_for)

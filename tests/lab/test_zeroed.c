@@ -129,7 +129,7 @@ static void assert_same_integers(const saga_symbols *a, const saga_symbols *b)
 
 /* Checks that two values differ by at most half a step and an LSB for the
  * rounding on both sides. */
-static void assert_near(int32_t a, int32_t b, uint32_t step_q16)
+static void assert_within_step(int32_t a, int32_t b, uint32_t step_q16)
 {
     if (abs(a - b) > step_q16 / 131072.0 + 1)
         fail_msg("%d is more than half a step from %d", a, b);
@@ -143,12 +143,12 @@ static void check_zeroed(const decoded *a, const decoded *z,
 
     assert_same_integers(&a->s, &z->s);
     for (uint32_t i = 0; i < m->features * n.coarse; i++)
-        assert_near(z->sc.coarse_feature[i], 0,
-                    m->step_q16[SAGA_STEP_FEATURE]);
+        assert_within_step(z->sc.coarse_feature[i], 0,
+                           m->step_q16[SAGA_STEP_FEATURE]);
     for (uint32_t i = 0; i < 4 * n.prim; i++)
-        assert_near(z->sc.prim_offset[i / 4][i % 4],
-                    a->sc.prim_offset[i / 4][i % 4],
-                    m->step_q16[SAGA_STEP_PRIM]);
+        assert_within_step(z->sc.prim_offset[i / 4][i % 4],
+                           a->sc.prim_offset[i / 4][i % 4],
+                           m->step_q16[SAGA_STEP_PRIM]);
     if (has_contexts(g))
         return;
     /* Predictions do not depend on features, so that residuals are equal. */

@@ -7,12 +7,6 @@
 #include "bd.h"
 #include "testing.h"
 
-static void near(double value, double wanted, double within)
-{
-    if (!(fabs(value - wanted) <= within))
-        fail_msg("%.12g is not within %g of %.12g", value, within, wanted);
-}
-
 static saga_bd_curve curve(int n, const double *nbytes, const double *quality)
 {
     saga_bd_curve c = { .n = n };
@@ -33,11 +27,11 @@ TEST(bd_rate_should_be_a_factor_when_curves_differ_by_it)
     for (int i = 0; i < 5; i++)
         fewer[i] = 0.8 * bytes[4 - i];
     b = curve(5, fewer, (const double[]){ 35.9, 34.7, 31.6, 29.9, 27.1 });
-    near(saga_bd_rate(&a, &b).pchip, -20.0, 1e-9);
-    near(saga_bd_rate(&a, &b).akima, -20.0, 1e-9);
-    near(saga_bd_rate(&b, &a).pchip, 25.0, 1e-9);
-    near(saga_bd_rate(&a, &a).akima, 0.0, 1e-9);
-    near(saga_bd_rate(&a, &a).overlap, 1.0, 1e-12);
+    assert_near(saga_bd_rate(&a, &b).pchip, -20.0, 1e-9);
+    assert_near(saga_bd_rate(&a, &b).akima, -20.0, 1e-9);
+    assert_near(saga_bd_rate(&b, &a).pchip, 25.0, 1e-9);
+    assert_near(saga_bd_rate(&a, &a).akima, 0.0, 1e-9);
+    assert_near(saga_bd_rate(&a, &a).overlap, 1.0, 1e-12);
 }
 
 /* Akima's spline is exact on parabolas, also on a part of a curve. log bytes =
@@ -59,11 +53,11 @@ TEST(bd_rate_should_be_exact_on_a_parabola)
     b = curve(6, line, p);
     bd = saga_bd_rate(&a, &b);
     assert_null(bd.refused);
-    near(bd.lo, 4, 0);
-    near(bd.hi, 10, 0);
-    near(bd.akima, 100 * (exp(1.4 - 1.04) - 1), 1e-9);
+    assert_near(bd.lo, 4, 0);
+    assert_near(bd.hi, 10, 0);
+    assert_near(bd.akima, 100 * (exp(1.4 - 1.04) - 1), 1e-9);
     /* Monotone cubics are not exact on a parabola, but must be near. */
-    near(bd.pchip, bd.akima, 0.5);
+    assert_near(bd.pchip, bd.akima, 0.5);
     assert_true(fabs(bd.pchip - bd.akima) > 1e-6);
 }
 
@@ -76,7 +70,7 @@ TEST(bd_rate_should_be_that_of_the_laboratory)
     const saga_bd_curve b = curve(4, (const double[]){ 18e3, 36e3, 90e3,
                                                        250e3 }, q);
 
-    near(saga_bd_rate(&a, &b).pchip, -23.335992583781117, 1e-9);
+    assert_near(saga_bd_rate(&a, &b).pchip, -23.335992583781117, 1e-9);
 }
 
 static void refused(const saga_bd_curve *a, const saga_bd_curve *b,

@@ -6,12 +6,6 @@
 #include "change.h"
 #include "testing.h"
 
-static void near(double value, double wanted, double error)
-{
-    if (!(fabs(value - wanted) <= error))
-        fail_msg("%.17g is not within %g of %.17g", value, error, wanted);
-}
-
 /* --- By hand ------------------------------------------------------------- */
 
 /* Five frames of four pixels. The first pixel stands still. The second has a
@@ -92,12 +86,12 @@ TEST(psnr_should_be_of_changing_pixels_only)
     assert_int_equal(sum.n_pixels, 20);
     assert_int_equal(sum.n_changing, 5);
     assert_int_equal(sum.error, 70);
-    near(saga_change_share(&sum), 0.25, 1e-15);
-    near(saga_change_psnr(&sum), 10 * log10(65025.0 * 15 / 70), 1e-12);
+    assert_near(saga_change_share(&sum), 0.25, 1e-15);
+    assert_near(saga_change_psnr(&sum), 10 * log10(65025.0 * 15 / 70), 1e-12);
     saga_change_merge(&all, &sum);
     saga_change_merge(&all, &sum);
-    near(saga_change_share(&all), 0.25, 1e-15);
-    near(saga_change_psnr(&all), saga_change_psnr(&sum), 1e-12);
+    assert_near(saga_change_share(&all), 0.25, 1e-15);
+    assert_near(saga_change_psnr(&all), saga_change_psnr(&sum), 1e-12);
 }
 
 TEST(nothing_should_be_undefined_and_right_infinite)

@@ -11,12 +11,6 @@
 
 static saga_error error;
 
-static void near(double value, double wanted, double within)
-{
-    if (!(fabs(value - wanted) <= within))
-        fail_msg("%.17g is not within %g of %.17g", value, within, wanted);
-}
-
 static uint32_t next(uint32_t *state)
 {
     *state = *state * 1664525u + 1013904223u;
@@ -158,13 +152,13 @@ TEST(psnr_should_have_known_values)
     assert_true(saga_mse(a, a, sizeof a) == 0.0);
     assert_true(isinf(saga_psnr(0.0)));
     assert_true(saga_mse(a, b, sizeof a) == 1.0);
-    near(saga_psnr(1.0), 48.130803608679102, 1e-12);
-    near(saga_psnr(255.0 * 255.0), 0.0, 1e-12);
+    assert_near(saga_psnr(1.0), 48.130803608679102, 1e-12);
+    assert_near(saga_psnr(255.0 * 255.0), 0.0, 1e-12);
     memset(a, 0, sizeof a);
     memset(b, 255, sizeof b);
     assert_true(saga_mse(a, b, sizeof a) == 65025.0);
     b[0] = 0;
-    near(saga_mse(a, b, sizeof a), 65025.0 * 299 / 300, 1e-9);
+    assert_near(saga_mse(a, b, sizeof a), 65025.0 * 299 / 300, 1e-9);
     assert_true(saga_mse(a, b, 0) == 0.0);
 }
 
@@ -189,10 +183,12 @@ TEST(means_should_be_over_pictures)
     saga_score_add(&sum, &one);
     saga_score_add(&sum, &two);
     mean = saga_score_mean(&sum);
-    near(saga_score_told(&mean, psnr), 35.0, 1e-12);
-    near(saga_score_told(&mean, of_mean), 10.0 * log10(65025.0 / 2.5), 1e-12);
-    near(saga_score_told(&mean, saga_metric_called("mse")), 2.5, 1e-12);
-    near(saga_score_told(&mean, saga_metric_called("ms_ssim")), 2.5, 1e-12);
+    assert_near(saga_score_told(&mean, psnr), 35.0, 1e-12);
+    assert_near(saga_score_told(&mean, of_mean), 10.0 * log10(65025.0 / 2.5),
+                1e-12);
+    assert_near(saga_score_told(&mean, saga_metric_called("mse")), 2.5, 1e-12);
+    assert_near(saga_score_told(&mean, saga_metric_called("ms_ssim")), 2.5,
+                1e-12);
 }
 
 /* One of two pixels is wrong by 51 in each channel, the other is right. If only
@@ -211,11 +207,11 @@ TEST(masked_pixels_should_not_count)
     for (int i = 0; i < 2; i++) {
         const int m = saga_metric_called(i ? "psnr_of_mean_mse" : "psnr");
 
-        near(saga_score_told(&half, m), 20.0 * log10(5.0), 1e-9);
-        near(saga_score_told(&all, m), 20.0 * log10(5.0) + 10.0 * log10(2.0),
-             1e-9);
+        assert_near(saga_score_told(&half, m), 20.0 * log10(5.0), 1e-9);
+        assert_near(saga_score_told(&all, m),
+                    20.0 * log10(5.0) + 10.0 * log10(2.0), 1e-9);
     }
-    near(half.value[saga_metric_called("mse")], 51.0 * 51.0, 1e-9);
+    assert_near(half.value[saga_metric_called("mse")], 51.0 * 51.0, 1e-9);
     assert_true(isnan(half.value[saga_metric_called("ssim_zero")]));
     assert_true(isnan(half.value[saga_metric_called("lpips")]));
 }
@@ -258,8 +254,8 @@ TEST(ssim_should_be_its_definition)
             want_valid += mean[0] / 3.0;
         }
         assert_true(saga_ssim(&zero, &valid, &PAIR(a, b, w, h, 1), &error));
-        near(zero, want_zero, 1e-11);
-        near(valid, want_valid, 1e-11);
+        assert_near(zero, want_zero, 1e-11);
+        assert_near(valid, want_valid, 1e-11);
         free(a);
         free(b);
     }
@@ -274,12 +270,12 @@ TEST(ssim_should_have_known_values)
     memset(a, 0, sizeof a);
     memset(b, 255, sizeof b);
     assert_true(saga_ssim(&zero, &valid, &PAIR(a, a, SIDE, SIDE, 1), &error));
-    near(zero, 1.0, 1e-15);
-    near(valid, 1.0, 1e-15);
+    assert_near(zero, 1.0, 1e-15);
+    assert_near(valid, 1.0, 1e-15);
     /* The pictures are flat, so that only the luminance term C1 / (1 + C1) is
      * left. */
     assert_true(saga_ssim(&zero, &valid, &PAIR(a, b, SIDE, SIDE, 1), &error));
-    near(valid, 1e-4 / 1.0001, 1e-12);
+    assert_near(valid, 1e-4 / 1.0001, 1e-12);
     /* With zeros around the picture, its border counts as structure of b. */
     assert_true(zero < valid && zero > 0.0);
 }
@@ -338,9 +334,9 @@ TEST(ms_ssim_should_be_its_definition)
             want += ms_ssim_of(x, y, w, h) / 3.0;
         }
         assert_true(saga_ms_ssim(&value, &PAIR(a, b, w, h, 2), &error));
-        near(value, want, 1e-11);
+        assert_near(value, want, 1e-11);
         assert_true(saga_ms_ssim(&value, &PAIR(a, a, w, h, 1), &error));
-        near(value, 1.0, 1e-12);
+        assert_near(value, 1.0, 1e-12);
         free(a);
         free(b);
     }

@@ -15,9 +15,9 @@ static void frames(uint8_t *rgb)
     memset(rgb + 3 * PIXELS * FRAMES - 6, 160, 6);
 }
 
-static void near(double x, double y)
+static void near(double value, double wanted)
 {
-    assert_true(fabs(x - y) < 1e-9);
+    assert_near(value, wanted, 1e-9);
 }
 
 TEST(verdict_should_part_what_moves)

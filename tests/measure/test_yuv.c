@@ -10,12 +10,6 @@ enum { W = 37, H = 23, N = W * H };
 
 static saga_error error;
 
-static void near(double value, double wanted, double within)
-{
-    if (!(fabs(value - wanted) <= within))
-        fail_msg("%.12g is not within %g of %.12g", value, within, wanted);
-}
-
 static uint32_t next(uint32_t *state)
 {
     *state = *state * 1664525u + 1013904223u;
@@ -76,11 +70,11 @@ TEST(psnr_should_be_of_each_plane)
     assert_true(saga_yuv_of(&ya, a, W, H, &error));
     assert_true(saga_yuv_of(&yb, b, W, H, &error));
     s = compare(a, b, false);
-    near(s.psnr[0], saga_psnr(saga_mse(ya.y, yb.y, N)), 1e-12);
-    near(s.psnr[1], saga_psnr(saga_mse(ya.u, yb.u, N)), 1e-12);
-    near(s.psnr[2], saga_psnr(saga_mse(ya.v, yb.v, N)), 1e-12);
-    near(s.psnr_yuv, (6 * s.psnr[0] + s.psnr[1] + s.psnr[2]) / 8, 1e-12);
-    near(s.ws_psnr, s.psnr[0], 1e-9);
+    assert_near(s.psnr[0], saga_psnr(saga_mse(ya.y, yb.y, N)), 1e-12);
+    assert_near(s.psnr[1], saga_psnr(saga_mse(ya.u, yb.u, N)), 1e-12);
+    assert_near(s.psnr[2], saga_psnr(saga_mse(ya.v, yb.v, N)), 1e-12);
+    assert_near(s.psnr_yuv, (6 * s.psnr[0] + s.psnr[1] + s.psnr[2]) / 8, 1e-12);
+    assert_near(s.ws_psnr, s.psnr[0], 1e-9);
     free(ya.y);
     free(yb.y);
 }
@@ -101,8 +95,8 @@ TEST(ws_psnr_should_weigh_latitudes)
         memcpy(b, a, sizeof b);
         for (int i = 0; i < 3 * W; i++)
             b[3 * W * row + i] = (uint8_t)(b[3 * W * row + i] + 10);
-        near(compare(a, b, true).ws_psnr,
-             saga_psnr(100 * cos(latitude) / weights), 1e-9);
+        assert_near(compare(a, b, true).ws_psnr,
+                    saga_psnr(100 * cos(latitude) / weights), 1e-9);
     }
 }
 
@@ -187,8 +181,8 @@ TEST(iv_psnr_should_be_its_definition)
         paint(b, k, k / 2, 2 * k - 5);
         for (int i = 0; i < 3 * N; i++)
             b[i] = (uint8_t)(b[i] + next(&seed) % 5);
-        near(compare(a, b, false).iv_psnr, iv_psnr(a, b), 1e-9);
-        near(compare(b, a, false).iv_psnr, iv_psnr(b, a), 1e-9);
+        assert_near(compare(a, b, false).iv_psnr, iv_psnr(a, b), 1e-9);
+        assert_near(compare(b, a, false).iv_psnr, iv_psnr(b, a), 1e-9);
     }
 }
 
@@ -204,11 +198,11 @@ TEST(iv_psnr_should_forgive_shifts_and_brightness)
     far = compare(b, a, false);
     paint(b, 0, 0, 2);
     brighter = compare(b, a, false);
-    near(shifted.psnr[0], far.psnr[0], 6.0);
+    assert_near(shifted.psnr[0], far.psnr[0], 6.0);
     assert_true(shifted.iv_psnr > far.iv_psnr + 3.0);
     /* If the sum of squares is 0, it must count as 1. */
-    near(brighter.iv_psnr, saga_psnr(1.0 / N), 1e-9);
-    near(compare(a, a, false).iv_psnr, saga_psnr(1.0 / N), 1e-9);
+    assert_near(brighter.iv_psnr, saga_psnr(1.0 / N), 1e-9);
+    assert_near(compare(a, a, false).iv_psnr, saga_psnr(1.0 / N), 1e-9);
     paint(b, 0, 0, 15);
     assert_true(compare(b, a, false).iv_psnr < brighter.iv_psnr - 20.0);
 }

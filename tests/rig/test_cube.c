@@ -12,12 +12,6 @@ enum { W = 72, H = 48, VIEWS = 5, FRAMES = 4 };
 
 static saga_capture capture;
 
-static void assert_near(double a, double b, double within)
-{
-    if (!(fabs(a - b) <= within))
-        fail_msg("%.9g is not within %g of %.9g", a, within, b);
-}
-
 static int set_up(void **state)
 {
     saga_synth_options s = synth_options(W, H, VIEWS, FRAMES, 120);
@@ -186,10 +180,10 @@ TEST(camera_should_see_the_cube_as_the_view_the_world)
             (double)s.rotation[3 * i + 1] * (half[1] - (double)s.centre[1]) +
             (double)s.rotation[3 * i + 2] * (half[2] - (double)s.centre[2]);
     assert_near(cam[2], z / 3, 1e-6);
-    assert_near((double)s.focal[0] * cam[0] / cam[2] +
-                       (double)s.principal[0], uv[0] / 2, 1e-4);
-    assert_near((double)s.focal[1] * cam[1] / cam[2] +
-                       (double)s.principal[1], uv[1] / 2, 1e-4);
+    assert_near((double)s.focal[0] * cam[0] / cam[2] + (double)s.principal[0],
+                uv[0] / 2, 1e-4);
+    assert_near((double)s.focal[1] * cam[1] / cam[2] + (double)s.principal[1],
+                uv[1] / 2, 1e-4);
     assert_near(s.near_plane, 0.3 * 0.25, 1e-7);
     assert_int_equal(s.width, W / 2);
     assert_int_equal(s.height, H / 2);

@@ -54,6 +54,15 @@ bool testing_sanitized(void)
     return getenv("SAGA_TEST_SANITIZED") != NULL;
 }
 
+void testing_near(double value, double wanted, double within, const char *file,
+                  int line)
+{
+    if (fabs(value - wanted) <= within)
+        return;
+    print_error("%.17g is not within %g of %.17g\n", value, within, wanted);
+    _fail(file, line);
+}
+
 void *must(void *p)
 {
     assert_non_null(p);

@@ -88,6 +88,12 @@ bool testing_sanitized(void);
             fail_msg("%s: %s", #call, error.message); \
     } while (0)
 
+/* Checks that a number is within some distance of another. */
+#define assert_near(value, wanted, within) \
+    testing_near(value, wanted, within, __FILE__, __LINE__)
+void testing_near(double value, double wanted, double within, const char *file,
+                  int line);
+
 /* Returns p; fails the test if it is NULL. */
 void *must(void *p);
 /* Returns n zeroed elements of `size` bytes; at least one byte. */

@@ -24,12 +24,6 @@
 
 enum { W = 72, H = 48, VIEWS = 5, FRAMES = 4, ITERATIONS = 200 };
 
-static void assert_near(double a, double b, double within)
-{
-    if (!(fabs(a - b) <= within))
-        fail_msg("%.9g is not within %g of %.9g", a, within, b);
-}
-
 /* --- Fixture ------------------------------------------------------------- */
 
 typedef struct {
@@ -587,8 +581,8 @@ TEST(means_should_learn_in_steps_of_their_size)
             const double step = rate * exp2(fmin(fmax(octaves, -2), 2));
 
             n_capped += fabs(octaves) > 2;
-            assert_near(fabs(along_axis(moved, f->value.quat + 4 * i,
-                                        k)), step, 2e-7 + 1e-4 * step);
+            assert_near(fabs(along_axis(moved, f->value.quat + 4 * i, k)), step,
+                        2e-7 + 1e-4 * step);
         }
     }
     assert_true(n_seen > 100 && n_capped > 10);
@@ -716,8 +710,8 @@ TEST(exposures_should_be_found)
         for (int k = 0; k < 3; k++) {
             const int a = p.train[i], b = p.train[0];
 
-            assert_near(p.exposure[3 * a + k] * factor[a] /
-                        (p.exposure[3 * b + k] * factor[b]), 1, 0.03);
+            assert_near(p.exposure[3 * a + k] * factor[a] / (p.exposure[3 * b +
+                        k] * factor[b]), 1, 0.03);
         }
     saga_pictures_free(&p);
 }
