@@ -166,7 +166,7 @@ static void check_gradients(uint8_t keep, uint32_t tools)
                 f.s.n.coarse * (size_t)f.s.model.features);
     check_range(&f, "fine features", f.w.fine_feature, d_fine, n_fine);
     check_range(&f, "networks", f.s.params, f.d.params, n_params);
-    for (int i = SAGA_NET_QUERY; tools && i < SAGA_N_NETS; i++)
+    for (int i = SAGA_NET_QUERY; tools && i <= SAGA_NET_WRITE; i++)
         check_range(&f, "a network of the memory", f.s.net[i].w[0],
                     f.d.net[i].w[0], saga_net_n_params(&f.s.net[i]));
     free(d_support);
