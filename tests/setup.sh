@@ -62,7 +62,7 @@ find_missing() {
 }
 
 if ! command -v apt-get >/dev/null || ! command -v dpkg-query >/dev/null; then
-    echo "setup: not a Debian. Install the equivalents of:" $packages
+    echo "setup: this is not Debian. Install the equivalents of:" $packages
     echo "setup: then run again with SAGA_NO_SETUP=1"
     exit 1
 fi

@@ -19,7 +19,7 @@ if [ ! -d "$capture" ]; then
 fi
 # A finished file that is newer than the program is not made again.
 if [ -f "$file.ckpt" ] || [ ! "$file" -nt "$saga" ]; then
-    echo "encoding; after Ctrl-C, the same command goes on from a checkpoint"
+    echo "encoding; after Ctrl-C, the same command continues from a checkpoint"
     resume=()
     [ ! -f "$file.ckpt" ] || resume=(--resume)
     "$saga" encode "$capture" -o "$file" --primitives 3000 \
@@ -29,9 +29,9 @@ fi
 "$saga" eval "$file" "$capture" --threads "$threads" \
     --pictures "$demo/pictures" | tee "$demo/table.txt"
 echo
-echo "$file: the scene; \`saga render\` draws it from anywhere"
-echo "$demo/encode.json: what training reached, what symbols cost"
-echo "$demo/pictures: truth, decode and 4 x their difference, for each camera"
+echo "$file: the scene; \`saga render\` draws any view of it"
+echo "$demo/encode.json: results of the training, and bits of each part"
+echo "$demo/pictures: filmed, decoded, and 4 times the difference, for each camera"
 # In a pipe, `times` would report the CPU time of a subshell.
 times >"$demo/times.txt"
 echo "CPU time of all: $(awk 'NR == 2 { print $1 }' "$demo/times.txt")"

@@ -46,10 +46,11 @@ static int refuse(const char *file, const char *what, saga_status s)
     fprintf(stderr, "saga-dec: %s: %s: %s\n", file, what,
             saga_status_text(s));
     if (s == SAGA_ERR_DATA)
-        fprintf(stderr, "saga-dec: no .saga file, a damaged one (`saga info` "
-                "tells), or one\nof an earlier pre-release of saga\n");
+        fprintf(stderr, "saga-dec: this is not a .saga file, or it is damaged "
+                "(see `saga info`),\nor an earlier pre-release of saga wrote "
+                "it\n");
     if (s == SAGA_ERR_SPACE || s == SAGA_ERR_LEVEL)
-        fprintf(stderr, "saga-dec: this build's memory is level %d's, %lu "
+        fprintf(stderr, "saga-dec: this build has the memory of level %d, %lu "
                 "bytes; build with `make LEVEL=3` for more\n", SAGA_LEVEL,
                 (unsigned long)SAGA_WORK_MAX(SAGA_LEVEL));
     return 1;
@@ -138,7 +139,8 @@ static int read_camera(saga_camera *c, const dec_options *o, size_t head_nbytes)
     if (strncmp(o->camera, "rig:", 4) != 0)
         return read_camera_file(c, o->camera);
     if (!dec_parse_u32(&index, o->camera + 4, '\0')) {
-        fprintf(stderr, "saga-dec: '%s' names no camera of the rig\n",
+        fprintf(stderr, "saga-dec: '%s' is not a camera of the file; see "
+                "--info\n",
                 o->camera);
         return 2;
     }
@@ -402,7 +404,7 @@ int main(int argc, char **argv)
     if (n < 0)
         status = fail(o.file, "cannot read");
     else if (s)
-        status = refuse(o.file, "not a stream this decoder takes", s);
+        status = refuse(o.file, "not a file that this decoder supports", s);
     else if (o.info)
         print_info(&info);
     else

@@ -192,7 +192,7 @@ static void begin_ahead(player *p, const saga_segment *seg)
     p->ahead.segment = frame;
     p->is_decoding = !pthread_create(&p->decoding, NULL, decode_ahead, p);
     if (!p->is_decoding)
-        stop("no thread");
+        stop("cannot start a thread");
 }
 
 /* Copies a decoded block, which holds offsets and no pointers. */
@@ -268,7 +268,7 @@ static void draw(player *p, uint32_t frame, int has_next)
     for (i = 1; i < p->n_threads; i++)
         if (pthread_create(&p->painters[i].thread, NULL, paint,
                            &p->painters[i]))
-            stop("no thread");
+            stop("cannot start a thread");
     if (has_next)
         prepare(p, frame + 1);
     paint(&p->painters[0]);

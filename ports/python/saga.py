@@ -152,7 +152,7 @@ def _lib():
         except OSError as error:
             why = why or error
     else:
-        raise ImportError(f"libsaga is not there ({why}); run `make install`, "
+        raise ImportError(f"libsaga cannot be loaded ({why}); run `make install`, "
                           "or set SAGA_LIBRARY")
     lib.saga_status_text.restype = ctypes.c_char_p
     lib.saga_crc32c.restype = _U32
@@ -256,8 +256,8 @@ class Film:
             index = self.names.index(index)
         camera, number = Camera(), _U32()
         if not 0 <= index < self.info.n_cameras:
-            raise Error(f"{self.info.name}: no camera {index} in a rig of "
-                        f"{self.info.n_cameras}")
+            raise Error(f"{self.info.name}: no camera {index}; it has "
+                        f"{self.info.n_cameras} cameras")
         _check(_lib().saga_rig(ctypes.byref(camera), ctypes.byref(number),
                                self._bytes, len(self._data), index),
                self.info.name)
@@ -268,8 +268,8 @@ class Film:
         Fraction. Returns the time within the segment."""
         time = Fraction(frame).limit_denominator(65536)
         if not 0 <= time < 1 << 32:
-            raise Error(f"{self.info.name}: no frame {frame} among its "
-                        f"{self.info.n_frames}")
+            raise Error(f"{self.info.name}: no frame {frame}; it has "
+                        f"{self.info.n_frames} frames")
         s = _Segment()
         _check(_lib().saga_find(ctypes.byref(s), self._bytes, len(self._data),
                                 time.numerator, time.denominator),

@@ -29,7 +29,7 @@ export function parsePath(text) {
     const path = JSON.parse(text);
 
     if (path.format !== FORMAT || !Array.isArray(path.keys))
-        throw new Error(`the path is not of the format "${FORMAT}"`);
+        throw new Error(`the path does not have the format "${FORMAT}"`);
     path.keys.forEach(checkKey);
     path.keys.sort((a, b) => a.seconds - b.seconds);
     return path;

@@ -168,7 +168,7 @@ export class HttpSource {
             }
             return joined(parts, got);
         } catch (error) {
-            throw new SagaError(`${this.name}: the transfer broke off ` +
+            throw new SagaError(`${this.name}: the transfer was interrupted ` +
                 `(${error.message}); try again`);
         }
     }
@@ -220,7 +220,7 @@ export async function loadModule({ simd = hasSimd(), base } = {}) {
 
     if (!bytes)
         throw new SagaError(`${name}: cannot be fetched; it belongs beside ` +
-            'saga.js, `make web` builds it');
+            'saga.js; `make web` builds it');
     return WebAssembly.compile(bytes);
 }
 
@@ -508,7 +508,7 @@ export class SagaFile {
         const t = await this.look(camera, num, den);
         const start = performance.now();
 
-        this.check(this.wasm.saga_web_view(t), 'cannot be seen from there');
+        this.check(this.wasm.saga_web_view(t), 'cannot be drawn from this camera');
         this.times.view = performance.now() - start;
     }
 
@@ -584,11 +584,11 @@ function sourceOf(source) {
 
 function remedyOf(status) {
     switch (status) {
-    case TRUNCATED: return 'the file is cut off: copy it again';
+    case TRUNCATED: return 'the file is cut short: copy it again';
     case -12: return 'it needs a newer version of this page';
-    case -13: return 'it asks for more than its level allows';
+    case -13: return 'it needs more than its level allows';
     case -2: return 'close other tabs, or use saga-dec';
     case -1: return 'choose another time or camera';
-    default: return '`saga info` tells what is damaged';
+    default: return '`saga info` shows what is damaged';
     }
 }

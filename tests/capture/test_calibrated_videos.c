@@ -202,12 +202,12 @@ TEST_IN_FOLDER(calibration_should_be_refused_when_wrong)
 {
     static const struct { const char *more, *what; } t[] = {
         { "", "\"distortions\" of cam_0 is missing" },
-        { "distortions = [1, 2, 3, 4, 5, 6]", "a lens of 6 coefficients" },
-        { "distortions = [1, 2, 3, 4, 5]\nfisheye = true", "which only 4" },
+        { "distortions = [1, 2, 3, 4, 5, 6]", "has 6 coefficients" },
+        { "distortions = [1, 2, 3, 4, 5]\nfisheye = true", "but only 4" },
         { "distortions = [0]\n[cam_1]\nmatrix = [[1, 2], [3]]\nrotation = []\n"
           "translation = 0", "\"size\" of cam_1 is missing" },
-        { "distortions = [0]\nfisheye = maybe", "line 7: a value is no" },
-        { "distortions = [0]\nsize = [1]", "line 7: a key is there twice" },
+        { "distortions = [0]\nfisheye = maybe", "line 7: a value is not" },
+        { "distortions = [0]\nsize = [1]", "line 7: a key occurs twice" },
     };
     static const struct { const char *edit, *what; } edits[] = {
         { "s/128, 96/96, 128/", "calibrated with 96 x 128 pixels, the video" },
@@ -215,10 +215,10 @@ TEST_IN_FOLDER(calibration_should_be_refused_when_wrong)
         { "s/\\[100, 0/[100, 2/", "has a skew of 2" },
         { "s/rotation.*/rotation = [1, 2]/", "\"rotation\" of cam_0" },
         { "s/rotation.*/rotation = [1, 0, 0, 0, 1, 0, 0, 0, 2]/",
-          "no rotation" },
+          "not a rotation" },
         { "s/rotation.*//", "has no camera with matrix, rotation and" },
         { "s/^.cam_0.*/[cam_0]\\nignore = true/", "has no camera with" },
-        { "s/cam_0/cam_9/", "no name of its 1 videos tells" },
+        { "s/cam_0/cam_9/", "no name of its 1 videos contains" },
     };
 
     for (size_t i = 0; i < sizeof t / sizeof *t; i++) {
@@ -313,23 +313,23 @@ TEST_IN_FOLDER(toml_should_be_read_as_a_tree)
 TEST_IN_FOLDER(toml_should_be_refused_with_the_line)
 {
     static const struct { const char *toml, *what; } t[] = {
-        { "a = \n", "line 1: a value is no" },
-        { "a = 1 2\n", "line 1: there is more in a line" },
-        { "\n\na = [1 2]\n", "line 3: a list lacks a comma" },
-        { "a = [\n1,\n", "line 3: a value is no" },
-        { "a = [[[[[[[[[1", "line 1: lists are too deep" },
-        { "[a.b.c.d.e.f.g.h.i]", "line 1: tables are too deep" },
+        { "a = \n", "line 1: a value is not" },
+        { "a = 1 2\n", "line 1: a line has something" },
+        { "\n\na = [1 2]\n", "line 3: a list has no comma" },
+        { "a = [\n1,\n", "line 3: a value is not" },
+        { "a = [[[[[[[[[1", "line 1: lists are nested too deeply" },
+        { "[a.b.c.d.e.f.g.h.i]", "line 1: tables are nested too deeply" },
         { "a = 1\n[a]\n", "line 2: a table has the name of a value" },
         { "[a\n", "line 1: a table's name does not end" },
-        { "[[a]]\n", "line 1: a list of tables" },
+        { "[[a]]\n", "line 1: lists of tables" },
         { "a = 'x\ny'", "line 1: a string does not end" },
         { "a = \"\\n\"", "line 1: a string has an escape" },
-        { "a = '\xff'", "line 1: a string is no UTF-8" },
-        { "a = nan", "line 1: a value is no" },
-        { "a = 1979-05-27", "line 1: a value is no" },
+        { "a = '\xff'", "line 1: a string is not valid UTF-8" },
+        { "a = nan", "line 1: a value is not" },
+        { "a = 1979-05-27", "line 1: a value is not" },
         { "= 1", "line 1: a key is missing" },
-        { "a.b = 1", "line 1: there is no = behind a key" },
-        { "a = 1\na = 2", "line 2: a key is there twice" },
+        { "a.b = 1", "line 1: there is no = after a key" },
+        { "a = 1\na = 2", "line 2: a key occurs twice" },
     };
 
     for (size_t i = 0; i < sizeof t / sizeof *t; i++) {

@@ -359,7 +359,7 @@ TEST(survey_should_say_so_in_words)
         c.views[3].rgb[i] = (uint8_t)(next(&patch) >> 16);
     }
     assert_done(saga_survey_make(&s, &c, &error));
-    assert_true(says(&s, "have one pose, but see different things"));
+    assert_true(says(&s, "have the same pose, but see different things"));
     saga_survey_free(&s);
     free(c.views[3].rgb);
     free(c.views);

@@ -110,7 +110,7 @@ TEST_IN_FOLDER(npy_should_be_refused_when_it_is_something_else)
     for (size_t i = 0; i < sizeof headers / sizeof headers[0]; i++) {
         b = npy_bytes(1, headers[i]);
         put_f64(&b, 1);
-        refused_npy(f, &b, "header that is not understood");
+        refused_npy(f, &b, "has an unsupported header");
     }
     /* The header is as long as is allowed, and the key stands at its very end,
      * without a value. */
@@ -118,10 +118,10 @@ TEST_IN_FOLDER(npy_should_be_refused_when_it_is_something_else)
     strcpy(longest + 4095 - 8, "'descr':");
     memcpy(longest, "'fortran_order': False", 22);
     b = npy_bytes(2, longest);
-    refused_npy(f, &b, "header that is not understood");
+    refused_npy(f, &b, "has an unsupported header");
     b = (bytes){ 0 };
     put_text(&b, "not an array");
-    refused_npy(f, &b, "is no .npy file");
+    refused_npy(f, &b, "is not an .npy file");
 }
 
 TEST_IN_FOLDER(npy_should_be_refused_when_its_size_lies)
@@ -129,9 +129,9 @@ TEST_IN_FOLDER(npy_should_be_refused_when_its_size_lies)
     static const struct { const char *shape, *what; } t[] = {
         { "(2, 3)", "announces 2 x 3 numbers of 8 bytes but holds 40" },
         { "(0, 3)", "announces 0 x 3" },
-        { "(4611686018427387904, 8)", "header that is not understood" },
+        { "(4611686018427387904, 8)", "has an unsupported header" },
         { "(1000000000000000000, 1000000000000000000)", "announces" },
-        { "(99999999999999999999999999,)", "header that is not understood" }
+        { "(99999999999999999999999999,)", "has an unsupported header" }
     };
     bytes b;
 
@@ -147,9 +147,9 @@ TEST_IN_FOLDER(npy_should_be_refused_when_its_size_lies)
     }
     b = npy_bytes(1, "{'descr': '<f8', 'fortran_order': False, ...");
     b.n = 40;
-    refused_npy(f, &b, "cut short in its header");
+    refused_npy(f, &b, "its header is cut short");
     b = npy_bytes(9, "{}");
-    refused_npy(f, &b, "is no .npy file");
+    refused_npy(f, &b, "is not an .npy file");
 }
 
 /* --- PLY ----------------------------------------------------------------- */
@@ -283,8 +283,8 @@ TEST_IN_FOLDER(ply_should_be_refused_when_it_is_wrong)
     count "\nproperty float x\nproperty float y\nproperty float z\n" \
     "end_header\n"
     static const struct { const char *text, *what; } t[] = {
-        { "obj\n", "is no PLY file" },
-        { "", "is no PLY file" },
+        { "obj\n", "is not a PLY file" },
+        { "", "is not a PLY file" },
         { HEAD("binary_big_endian", "1"), "format binary_big_endian" },
         { HEAD("ascii", "2") "1 2 3\n4.25 5.125", "cut short at point 1 of 2" },
         { HEAD("ascii", "1") "1 two 3\n", "cut short at point 0 of 1" },

@@ -463,5 +463,5 @@ TEST_IN_FOLDER(folder_should_be_refused_when_it_is_no_capture)
     refused(f->path, f->path, "no capture of a known format");
     refused(folder_file(f, "nowhere"), "nowhere", "does not exist");
     write_text(f, "x.json", "");
-    refused(folder_file(f, "x.json"), "x.json", "no valid JSON");
+    refused(folder_file(f, "x.json"), "x.json", "not valid JSON");
 }

@@ -184,7 +184,7 @@ TEST_IN_FOLDER(png_should_be_refused_when_it_is_damaged)
 
     for (size_t n = 0; n + 12 < b.n; n++) {
         write_part(f, "a.png", &b, n);
-        refused_picture(f, "a.png", 2, 2, n < 8 ? "no PNG, JPEG" : "PNG");
+        refused_picture(f, "a.png", 2, 2, n < 8 ? "not a PNG, JPEG" : "PNG");
     }
     write_part(f, "a.png", &b, b.n);
     refused_picture(f, "a.png", 2, 3, "is 2 x 2 pixels, expected 2 x 3");

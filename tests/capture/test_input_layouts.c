@@ -96,7 +96,7 @@ TEST_IN_FOLDER(blender_scene_should_be_the_scene)
     add_row("Blender", 1, camera, LOSSLESS);
     saga_capture_free(&c);
     write_text(f, "transforms_test.json", "[]");
-    refused(f->path, "transforms_test.json", "expected an object");
+    refused(f->path, "transforms_test.json", "is not an object");
 }
 
 /* Writes a file for one moving camera, with the pictures of views from..to-1 at
@@ -290,7 +290,8 @@ TEST_IN_FOLDER(jpegs_should_be_refused_when_damaged)
     folder_run(f, "head -c 300 whole >images/cam01.jpg");
     refused(f->path, "images/cam01.jpg", "is damaged");
     folder_run(f, "printf 'GIF89a..........' >images/cam01.jpg");
-    refused(f->path, "images/cam01.jpg", "no PNG, JPEG, WebP, TIFF or OpenEXR");
+    refused(f->path, "images/cam01.jpg", "not a PNG, JPEG, WebP, "
+            "TIFF or OpenEXR");
     folder_run(f, "printf 'RIFF....WEBPVP8 ' >images/cam01.jpg");
     refused(f->path, "images/cam01.jpg", "a size of 0 x 0 pixels");
 }
@@ -315,7 +316,7 @@ TEST_IN_FOLDER(missing_pictures_should_be_left_out)
     assert_memory_equal(saga_capture_frame(&c, 1, 2),
                         saga_capture_frame(&scene, 2, 2), 3 * W * H);
     assert_non_null(strstr(c.notes, "camera cam00 is left out"));
-    assert_non_null(strstr(c.notes, "most of cam02 (1 of 3)"));
+    assert_non_null(strstr(c.notes, "most of them to cam02 (1 of 3)"));
     saga_capture_free(&c);
     folder_run(f, "rm images/*/*");
     refused(f->path, f->path, "none of its 4 cameras has a picture");
@@ -367,13 +368,15 @@ TEST_IN_FOLDER(late_cameras_should_be_shifted)
                             3 * W * H);
     saga_capture_free(&c);
     o.late = "cam01=3";
-    refused_with(f->path, &o, f->path, "leaves nothing of 3 frames");
+    refused_with(f->path, &o, f->path, "leaves none of 3 frames");
     o.late = "cam9=1";
     refused_with(f->path, &o, f->path, "--late names \"cam9\"");
     o.late = "cam01";
-    refused_with(f->path, &o, f->path, "\"cam01\" is no camera and number");
+    refused_with(f->path, &o, f->path, "\"cam01\" is not a camera with "
+                 "a number");
     o.late = "cam01=x";
-    refused_with(f->path, &o, f->path, "\"cam01=x\" is no camera and number");
+    refused_with(f->path, &o, f->path, "\"cam01=x\" is not a camera with "
+                 "a number");
 }
 
 TEST_IN_FOLDER(colmap_folder_should_be_refused_when_wrong)

@@ -192,7 +192,7 @@ TEST_IN_FOLDER(mask_should_be_refused_when_wrong)
     write_grey(f, "masks/cam0/1.png", W / 2, H, 0, 255);
     refused(f->path, "masks/cam0/1.png", "is 16 x 16 pixels, expected 32 x 16");
     write_text(f, "masks/cam0/1.png", "no picture");
-    refused(f->path, "masks/cam0/1.png", "is no PNG");
+    refused(f->path, "masks/cam0/1.png", "is not a PNG");
     folder_run(f, "rm -r masks");
     write_capture(f, "images", ", \"mask_path\": \"none.png\"");
     refused(f->path, "none.png", "cannot be opened");
@@ -233,5 +233,6 @@ TEST_IN_FOLDER(parts_of_a_frame_should_be_kept)
         }
     }
     o.late = "cam1=nan";
-    refused_with(f->path, &o, f->path, "is no camera and number of frames");
+    refused_with(f->path, &o, f->path, "is not a camera with a number of "
+                 "frames");
 }

@@ -141,7 +141,7 @@ static void check_points(folder *f, const char *kind, int frame)
         assert_true(fabs(most[1] - 6 * (63.5 / 64 - 0.5)) < 1e-6);
         assert_true(fabs(most[2] - 3 * (31.5 / 32 - 0.5)) < 1e-6);
         assert_int_equal(c.n_views, 1);
-        assert_non_null(strstr(c.notes, "1 orthographic ones are left out"));
+        assert_non_null(strstr(c.notes, "of 1 orthographic ones only"));
     }
 }
 
@@ -172,11 +172,11 @@ TEST_IN_FOLDER(depth_should_be_refused_when_wrong)
         { "sed -i 's/\\[0.5, 8]/[0, 8]/' scene.json", "\"Depth_range\"" },
         { "sed -i 's/OrthoWidth.: 6/x\": 6/' scene.json", "\"OrthoWidth\"" },
         { "mv v1_depth_64x32_yuv420p16le.yuv v1_depth_32x32_yuv420p16le.yuv",
-          "is of 32 x 32 pixels, not 64 x 32" },
+          "has 32 x 32 pixels, not 64 x 32" },
         { "truncate -s 4000 v1_depth*", "ends before row 31 of frame 0" },
         { "sed -i 's/Perspective/Orthographic/; s/.Focal.: .50, 40./"
           "\"OrthoWidth\": 1, \"OrthoHeight\": 1/' scene.json",
-          "names no camera that is a source and no orthographic" },
+          "has no source camera and no orthographic" },
     };
 
     for (size_t i = 0; i < sizeof t / sizeof *t; i++) {

@@ -112,11 +112,11 @@ TEST_IN_FOLDER(pose_should_be_made_a_rotation_when_nearly_one)
 TEST_IN_FOLDER(pose_should_be_refused_when_it_is_no_rotation)
 {
     write_nerfstudio(f, 2, "");
-    refused(f->path, "transforms.json", "no rotation (first row 2 0 0 3)");
+    refused(f->path, "transforms.json", "not a rotation (first row 2 0 0 3)");
     write_nerfstudio(f, -1, "");
     refused(f->path, "transforms.json", "first row -1 0 0 3");
     write_nerfstudio(f, 0, "");
-    refused(f->path, "a.png", "no rotation");
+    refused(f->path, "a.png", "not a rotation");
 }
 
 TEST_IN_FOLDER(defaults_should_come_from_the_angle_and_the_centre)
@@ -215,9 +215,9 @@ TEST_IN_FOLDER(neu3d_should_be_refused_when_a_row_is_wrong)
     bytes b = { 0 };
 
     write_videos(f);
-    refused_row(f, 0, NAN, "not finite or no rotation (first column nan");
+    refused_row(f, 0, NAN, "not finite or not a rotation (first column nan");
     refused_row(f, 3, INFINITY, "not finite");
-    refused_row(f, 1, -1, "no rotation");
+    refused_row(f, 1, -1, "not a rotation");
     refused_row(f, 4, 0, "height 0");
     refused_row(f, 14, -150, "focal length -150");
     refused_row(f, 14, NAN, "focal length nan");

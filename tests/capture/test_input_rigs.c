@@ -179,7 +179,7 @@ TEST_IN_FOLDER(panoptic_sports_should_be_the_scene)
 TEST_IN_FOLDER(panoptic_sports_should_be_refused_when_wrong)
 {
     static const struct { const char *edit, *what; } t[] = {
-        { "s/.w2c.: ..../&5/", "no rotation (first row 5" },
+        { "s/.w2c.: ..../&5/", "not a rotation (first row 5" },
         { "s/\\(.w2c.: ....[^,]*,[^,]*,[^,]*,\\)[^]]*/\\1 5/", "moves" },
         { "s/.k.: ..../&5/", "moves" },
         { "s/.k.: .*, .w2c/\"k\": [], \"w2c/", "\"k\"[0][0] is missing" },
@@ -189,7 +189,7 @@ TEST_IN_FOLDER(panoptic_sports_should_be_refused_when_wrong)
         { "s/.w.: 64/\"w\": 0/", "\"w\" is missing or not 1" },
         { "s/.fn.: .*, .cam_id/\"fn\": [], \"cam_id/", "has 0 moments" },
         { "s/.fn.: ..\"/\"fn\": [[7, \"/", "\"fn\"[0][0]" },
-        { "s/..$//", "no valid JSON" },
+        { "s/..$//", "not valid JSON" },
     };
 
     write_pictures(f, "ims", number_alone, 0, N_FRAMES);
@@ -372,15 +372,15 @@ TEST_IN_FOLDER(equirectangular_views_should_become_faces)
 TEST_IN_FOLDER(miv_should_be_refused_when_wrong)
 {
     static const struct { const char *edit, *what; } t[] = {
-        { "s/Equirect/Orthograph/", "Orthographangular, which is not known" },
+        { "s/Equirect/Orthograph/", "Orthographangular, which is not" },
         { "s/.Hor_range.: ..180/\"Hor_range\": [170/", "170 to 180" },
         { "s/.Ver_range.*]}]/\"x\": 1}]/", "\"Ver_range\" of camera v0" },
         { "s/.Position.: .1/\"Position\": [null/", "\"Position\" of camera" },
         { "s/.256, 128./[256, 64]/", "256 x 64 by \"Resolution\"" },
         { "s/v0/v1/", "has no texture of camera v1" },
         { "s/\"v0\"/7/", "\"Name\" of cameras[0]" },
-        { "s/.cameras.: .*]/\"cameras\": []/", "names no camera" },
-        { "s/]}$//", "no valid JSON" },
+        { "s/.cameras.: .*]/\"cameras\": []/", "has no source camera" },
+        { "s/]}$//", "not valid JSON" },
     };
 
     for (size_t i = 0; i < sizeof t / sizeof *t; i++) {
@@ -390,5 +390,5 @@ TEST_IN_FOLDER(miv_should_be_refused_when_wrong)
     }
     write_sphere(f, 256, 128, 360);
     folder_run(f, "truncate -s -1 *.yuv");
-    refused(f->path, ".yuv", "196607 bytes, which are not 1 to");
+    refused(f->path, ".yuv", "196607 bytes, which is not 1 to");
 }

@@ -63,7 +63,7 @@ TEST_IN_FOLDER(playlist_should_not_be_followed)
 
         put_text(&b, lists[i], f->path);
         write_bytes(f, "a.mp4", &b);
-        refused(f->path, "a.mp4", "is no video that ffprobe can read");
+        refused(f->path, "a.mp4", "is not a video that ffprobe can read");
         folder_run(f, "cp secret.mp4 a.mp4");
         c = load(f->path);
     }
@@ -92,7 +92,7 @@ TEST(child_should_be_given_up_when_it_hangs)
     child.patience = 1;
     assert_int_equal(saga_child_read(&child, &byte, 1), 0);
     assert_int_equal(saga_child_end(&child, false), -1);
-    assert_string_equal(child.tail, "it said nothing for 1 s");
+    assert_string_equal(child.tail, "it printed nothing for 1 s");
     assert_true(time(NULL) - start < 50);
 }
 

@@ -114,7 +114,8 @@ TEST_WITH(late_camera_should_be_found, make_room, synth_leave)
         assert_true(fabs(s.views[i].late.frames - (i == 3 ? 3 : 0)) <=
                     s.views[i].late.tolerance);
     assert_true(says(&s, "cam03 seems to run 3.0 frames (+-0."));
-    assert_true(says(&s, ") behind the others: --late cam03=3, or hold it"));
+    assert_true(says(&s, ") behind the others: give --late cam03=3, or "
+                     "hold it"));
 }
 
 TEST_WITH(dark_camera_should_be_found, make_room, synth_leave)
@@ -167,7 +168,7 @@ TEST_WITH(few_wide_cameras_should_be_told_of, make_room, synth_leave)
     four.n_views = 4;
     s = survey(&four);
     assert_false(s.free_views);
-    assert_true(says(&s, "degrees apart without points will not give free "
+    assert_true(says(&s, "degrees apart without points do not allow free "
                      "views"));
     saga_survey_free(&s);
 }
@@ -182,7 +183,7 @@ TEST_WITH(camera_alone_should_be_told_of, make_room, synth_leave)
     assert_true(isnan(s.views[0].angle) && isnan(s.typical_angle));
     assert_true(isnan(s.views[0].overlap) && isnan(s.views[0].late.frames));
     assert_int_equal(s.n_notes, 1);
-    assert_true(says(&s, "One camera will not give free views"));
+    assert_true(says(&s, "One camera does not allow free views"));
 }
 
 TEST_WITH(moving_camera_should_be_told_of, make_room, synth_leave)
@@ -192,7 +193,7 @@ TEST_WITH(moving_camera_should_be_told_of, make_room, synth_leave)
 
     moving.moves = true;
     s = survey(&moving);
-    assert_true(says(&s, "One camera that moves sees each moment from one"));
+    assert_true(says(&s, "A single moving camera sees each moment from one"));
     for (int v = 0; v < N_VIEWS; v++)
         assert_true(isnan(s.views[v].late.frames));
 }

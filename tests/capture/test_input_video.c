@@ -255,9 +255,9 @@ TEST_IN_FOLDER(video_should_be_refused_when_it_is_missing_or_no_video)
     write_json(f, two, 2);
     refused(f->path, "b.mp4", "video is missing");
     write_text(f, "b.mp4", "moving pictures");
-    refused(f->path, "b.mp4", "is no video that ffprobe can read");
+    refused(f->path, "b.mp4", "is not a video that ffprobe can read");
     write_text(f, "b.mp4", "");
-    refused(f->path, "b.mp4", "is no video that ffprobe can read");
+    refused(f->path, "b.mp4", "is not a video that ffprobe can read");
     folder_run(f, "ffmpeg -nostdin -v error -f lavfi -i sine=d=0.1 -y b.mp4");
     refused(f->path, "b.mp4", "has no video stream");
 }

@@ -96,13 +96,13 @@ told 2 "did you mean 'info'" inf "$good"
 told 2 "unknown command 'zzz'" zzz
 told 2 "unknown command 'zzz'" help zzz
 told 2 'an argument is missing' info
-told 2 'more arguments' info "$good" "$good"
+told 2 'too many arguments' info "$good" "$good"
 told 2 "did you mean '--json'" info "$good" --jsn
 told 2 '--json takes no value' info "$good" --json=1
 told 2 "$tmp/none.saga: cannot be opened" info "$tmp/none.saga"
 told 2 "$tmp: is not a regular file" info "$tmp"
 expect 2 info http://example.org/x.saga
-says 'http://example.org/x.saga: is an address, not a file of this machine; '
+says 'http://example.org/x.saga: is an address, not a file on this machine; '
 told 2 '--json: cannot be opened' info -- --json
 if [ -e /dev/full ]; then
     "$saga" info "$good" >/dev/full 2>"$tmp/err"
@@ -378,7 +378,7 @@ expect 1 render "$scene" -o "$tmp/x.png" --frame "$frames"
 says "no frame $frames among its $frames"
 expect 1 render "$scene" -o "$tmp/x%d.png" --frames 0:$((frames + 1))
 says "--frames 0:$((frames + 1)) goes beyond its $frames frames"
-told 1 'no camera 3 in its rig of 3' render "$scene" -o "$tmp/x.png" --camera 3
+told 1 'no camera 3; it has 3 cameras' render "$scene" -o "$tmp/x.png" --camera 3
 expect 1 render vectors/bad/crc_segment.saga -o "$tmp/x.png"
 says 'segment 0 is refused'
 says 'saga info'
@@ -397,7 +397,7 @@ for c in 1 "$cam 9"; do
 done
 cmp -s "$tmp/n1" "$tmp/n2" || complain "--camera: a name is not its number"
 expect 1 render $named -o "$tmp/x.png" --camera "$cam"
-says "no camera $cam in its rig of 3"
+says "no camera $cam; it has 3 cameras"
 expect 0 info $named
 grep -q "$cam 9" "$tmp/out" && grep -q ': 0.1875 m' "$tmp/out" ||
     complain "info: $(cat "$tmp/out")"
@@ -418,7 +418,7 @@ assert v["rows"][0]["alone"]["n"] > 0
 assert v["pictures_from"]["symbols"]["max"] <= 2' "$tmp/out" 2>"$tmp/py" ||
     complain "verify --json: $(tail -n 1 "$tmp/py")"
 told 1 "lies past its $frames frames" verify "$scene" --frame "$frames"
-told 1 'no camera 3 in its rig of 3' verify "$scene" --camera 3
+told 1 'no camera 3; it has 3 cameras' verify "$scene" --camera 3
 told 1 'crc_segment.saga' verify vectors/bad/crc_segment.saga
 told 2 'verify' verify
 verdict verify
@@ -438,7 +438,7 @@ for r in rows:
     assert r["neighbours"]["psnr"] > r["random"]["psnr"]
 ' "$tmp/out" 2>"$tmp/py" || complain "analyse --json: $(tail -n 1 "$tmp/py")"
 told 2 '1 to 99' analyse "$scene" --mask 100
-told 1 'no camera 30 in its rig' analyse "$scene" --camera 30
+told 1 'no camera 30; it has' analyse "$scene" --camera 30
 told 1 'crc_segment.saga' analyse vectors/bad/crc_segment.saga
 verdict analyse
 
@@ -593,12 +593,13 @@ assert len(json.load(open(sys.argv[1]))["rig"]) == 3' "$tmp/out" \
 mv "$tmp/odd" "$tmp/$latin"
 expect 2 encode "$tmp/$latin" -o "$tmp/new.saga" --primitives 20 \
     --iterations 6 --json
-says 'which is no UTF-8; rename it'
-told 2 'which is no UTF-8; rename it' eval "$tmp/odd.saga" "$tmp/$latin" --json
+says 'is not UTF-8 and cannot be written as JSON; rename it'
+told 2 'is not UTF-8 and cannot be written as JSON' \
+    eval "$tmp/odd.saga" "$tmp/$latin" --json
 mv "$tmp/$latin" "$tmp/odd"
 expect 2 eval "$tmp/odd.saga" "$tmp/odd" --no-ssim --json \
     --pictures "$tmp/$latin"
-says 'cannot be told in JSON; '
+says 'has a report that JSON cannot hold; '
 verdict names
 
 # ---- check
@@ -673,7 +674,7 @@ json.dump(j, open(name, "w"))
 PYTHON
 expect 0 check "$tmp/wide"
 [ "$(grep -A1 'preset fast' "$tmp/out" | tail -n 1)" = \
-    '    with pictures at 1/2 of their size, for which it has time' ] &&
+    '    with pictures reduced to 1/2 of their size, to save time' ] &&
     [ "$(grep -c 'of their size' "$tmp/out")" = 1 ] ||
     complain "check: the forecast of photographs: $(grep preset "$tmp/out")"
 # Four cameras that are 16 degrees apart must be trained with teachers, except
@@ -712,7 +713,7 @@ says_plan() {
     rm -f "$tmp/wide.saga"*
     grep -q "$text" "$tmp/err" || complain "no '$text': $(cat "$tmp/err")"
 }
-says_plan 'pictures at 1/2 of their size, for which preset fast has time'
+says_plan 'pictures are reduced to 1/2 of their size, to fit the time of preset fast'
 says_plan '480 iterations: preset fast, 30 visits' --scale 1
 ! grep -q 'of their size' "$tmp/err" || complain "--scale 1 is not obeyed"
 # For one camera there must be no comparison with others, and for four frames no
@@ -732,7 +733,7 @@ PYTHON
 expect 0 check "$tmp/alone" --frames 0:4
 grep -q ', 1 camera, 4 frames at' "$tmp/out" ||
     complain "check: one camera is $(head -n 1 "$tmp/out")"
-grep -q 'One camera will not give free views' "$tmp/out" ||
+grep -q 'One camera does not allow free views' "$tmp/out" ||
     complain "check: no word of one camera"
 ! grep -q '1 cameras\|180' "$tmp/out" ||
     complain "check: $(grep '1 cameras\|180' "$tmp/out")"
@@ -769,8 +770,8 @@ expect 0 check "$tmp/poses" --fix "$tmp/poses/fixed.json"
 grep -q 'matrices are world to camera, and camera axes are OpenCV' "$tmp/out" ||
     complain "check: no word of wrong poses"
 expect 0 check "$tmp/poses/fixed.json"
-grep -q '^nothing to mind' "$tmp/out" ||
-    complain "check --fix: $(sed -n '/to mind/,/^$/p' "$tmp/out")"
+grep -q '^nothing needs attention' "$tmp/out" ||
+    complain "check --fix: $(sed -n '/needs attention/,/^$/p' "$tmp/out")"
 expect 0 check "$tmp/poses/fixed.json" --fix "$tmp/poses/again.json"
 grep -q 'nothing was found that --fix' "$tmp/err" && [ ! -e "$tmp/poses/again.json" ] ||
     complain "check --fix of what is right"
@@ -796,15 +797,15 @@ expect 0 check "$tmp/poses/moved.json" --fix "$tmp/poses/refined.json"
 grep -q 'Poses and lenses can be refined' "$tmp/out" ||
     complain "check: no word of poses that can be refined"
 expect 0 check "$tmp/poses/refined.json"
-grep -q '^nothing to mind' "$tmp/out" ||
-    complain "check --fix: $(sed -n '/to mind/,/^$/p' "$tmp/out")"
+grep -q '^nothing needs attention' "$tmp/out" ||
+    complain "check --fix: $(sed -n '/needs attention/,/^$/p' "$tmp/out")"
 for name in "$tmp/poses/transforms.json" "$tmp/./poses/transforms.json" \
     "$tmp/fixed.json"; do
-    told 2 'give --fix a new name there' check "$tmp/poses" --fix "$name"
+    told 2 'must lie there under a new name' check "$tmp/poses" --fix "$name"
 done
 told 2 "$tmp/none" check "$tmp/none"
 told 1 'holds no capture of a known format' check "$tmp/dim/images"
-says '(docs/from-cameras.md tells how' '`saga help check` lists the layouts'
+says '(docs/from-cameras.md explains how' '`saga help check` lists the layouts'
 told 2 "$tmp/none/x.html" check "$tmp/dim" --html "$tmp/none/x.html"
 verdict check
 

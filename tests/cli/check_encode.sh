@@ -68,12 +68,12 @@ small=(--primitives 150 --iterations 120 --moving --ablate no-teachers)
 expect 0 cap -o whole.saga "${small[@]}"
 size=$(stat -c %s whole.saga)
 grep -q "^whole.saga: $size bytes" out || complain "size: $(head -n 1 out)"
-for word in 'what stands still: ' 'integer decoder' 'training  held out' 'networks'; do
+for word in 'things that stand still: ' 'integer decoder' 'training  held out' 'networks'; do
     grep -q "$word" out || complain "no '$word' in the report"
 done
 "$saga" info whole.saga >out 2>err || complain "info: $(cat err)"
 expect 0 cap -o x.saga "${small[@]}" --hold-out ""
-grep -q 'no view was held out' out || complain "no word of held-out views"
+grep -q 'no camera was held out' out || complain "no word of held-out views"
 rm -f x.saga
 expect 0 cap -o j.saga "${small[@]}" --json --threads 2
 python3 -c '
@@ -150,11 +150,11 @@ for signal in INT TERM; do
 done
 set +m
 expect 0 cap -o s.saga "${small[@]}" --resume
-grep -q 'starting anew' err || complain "--resume of nothing: $(cat err)"
+grep -q 'starts from the beginning' err || complain "--resume of nothing: $(cat err)"
 cmp -s s.saga whole.saga || complain "--resume of nothing: another file"
 echo 'of another capture' >s.saga
 expect 2 cap -o s.saga "${small[@]}" --resume
-says 's.saga is there already, and no s.saga.ckpt to go on from; leave --resume'
+says 's.saga exists, but there is no checkpoint s.saga.ckpt to continue from; leave --resume'
 grep -qx 'of another capture' s.saga || complain "--resume overwrites a file"
 leaves s.saga s.whole
 rm -f s.saga s.whole
@@ -230,8 +230,8 @@ ffmpeg -nostdin -v error -y -i dim/images/cam02/00000.png \
     -vf lutrgb=r=val*.6:g=val*.6:b=val*.6 dim.png &&
     mv dim.png dim/images/cam02/00000.png
 expect 0 dim -o x.saga --primitives 300 --iterations 300
-grep -q 'beside the pictures as they were evened out' out &&
-    grep -q 'beside the pictures as they were taken' out &&
+grep -q 'compared with the pictures with evened exposures' out &&
+    grep -q 'compared with the pictures as they were taken' out &&
     [ "$(grep -c 'file, integer decoder' out)" = 2 ] ||
     complain "a table without words: $(grep -A9 'mean PSNR' out)"
 expect 0 dim -o x.saga --primitives 300 --iterations 300 --json
@@ -284,7 +284,7 @@ assert rgb("tone.png") == bytes(min(255, s * q12[i % 3] + 2048 >> 12)
                                 for i, s in enumerate(rgb("y.png")))
 ' 2>>bad || complain "the tone of cameras: $(tail -n 1 bad)"
 expect 0 cap -o x.saga "${small[@]}"
-! grep -q 'beside the pictures' out || complain "words of no exposure"
+! grep -q 'compared with the pictures' out || complain "words of no exposure"
 rm -rf dim x.saga y.saga info info_y eval eval_y y.png tone.png \
     tone--no-exposure.png
 leaves
@@ -547,7 +547,7 @@ told 2 '--iterations' cap -o x.saga --iterations 2
 told 2 "'many'" cap -o x.saga --primitives many
 told 2 "fast, balanced or best, not 'slow'" cap -o x.saga --preset slow
 expect 2 cap -o x.saga --size 20k --lambda 3
-says 'of --lambda, --size, --bitrate and --sweep give one'
+says 'give only one of --lambda, --size, --bitrate and --sweep'
 told 2 '3000 bytes is too small' cap -o x.saga --size 3k
 for size in 10q 0 -1 nan 1kk k; do
     told 2 "not '$size'" cap -o x.saga --size "$size"

@@ -256,7 +256,7 @@ def check_refused(tmp, part):
          says="inside segment 0, which is frames 0:19")
     saga("cut", SCENE, "19:900", "-o", out, status=1, says="its 78 frames")
     saga("cut", SCENE, "78:", "-o", out, status=1, says="its 78 frames")
-    saga("cut", SCENE, "19", "-o", out, status=2, says="'19' is no range")
+    saga("cut", SCENE, "19", "-o", out, status=2, says="'19' is not a range")
     saga("cut", SCENE, "0:19", status=2, says="-o OUT is missing")
     saga("cut", "/dev/null/x", "0:19", "-o", out, status=2, says="x")
     saga("cut", "Makefile", "0:19", "-o", out, status=1, says="Makefile")
@@ -268,7 +268,7 @@ def check_refused(tmp, part):
         other = write(tmp + "/other.saga", changed(data, at, 2))
         saga("join", part, other, "-o", out, status=1, says="its " + what)
     saga("join", part, "vectors/good/still.saga", "-o", out, status=1,
-         says="not what")
+         says="differs from that of")
     if os.path.exists(out):
         complain("something was written though it was refused")
     verdict("refused")
@@ -454,10 +454,10 @@ def check_outputs(tmp):
         complain("help tells of the formats", known)
     for options, status, says in (
             ([], 2, "-o OUT is missing"),
-            (["-o", out], 2, "end it as one of " + known),
+            (["-o", out], 2, "use one of " + known),
             (["-o", folder + "/%d.ply"], 2, "exists"),
-            (["-o", "%d.ply"], 2, "like frames/%d.ply"),
-            (["-o", out + "/%d/x.ply"], 2, "behind the last slash"),
+            (["-o", "%d.ply"], 2, "as in frames/%d.ply"),
+            (["-o", out + "/%d/x.ply"], 2, "after the last slash"),
             (["-o", out + "/%d.ply", "--frame", "3"], 2, "for a sequence"),
             (["-o", out + ".ply", "--frames", "3:4"], 2, "does not fit"),
             (["-o", out + "/%d.ply", "--frames", "20:30"], 1,
@@ -545,7 +545,7 @@ def check_import_refused(tmp):
     rows, nan = ball(5), float("nan")
     out = tmp + "/refused.saga"
     for data, says in (
-            (b"no", "is in no format of splats that is known"),
+            (b"no", "is not in a known splat format"),
             (ply(rows)[:-3], "announces 5 points"),
             (ply([]), "has no splats"),
             (ply([[nan] + rows[0][1:]], ["q"] + COLUMNS[1:]), "has no x"),
@@ -567,7 +567,7 @@ def check_import_refused(tmp):
     write(tmp + "/empty/0.ply", b"")
     write(tmp + "/empty/1.spz", b"")
     saga("import", tmp + "/empty", "-o", out, status=1,
-         says="has files of several formats")
+         says="has files of different formats")
     if [n for n in os.listdir(tmp) if n.startswith("refused")]:
         complain("something was written though it was refused")
     verdict("import")

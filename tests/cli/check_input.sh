@@ -173,11 +173,11 @@ try_all() {
     --points 300 --depth-every 0 >out 2>err || complain "synth: $(cat err)"
 
 # ---- json
-bad_json 'j = ""' 'no valid JSON at line 1'
-bad_json 'j = json.dumps(j)[:-40]' 'no valid JSON at line 1'
-bad_json 'j = "\0\1\2"' 'no valid JSON'
-bad_json 'j = "[" * 5000' 'no valid JSON'
-bad_json 'j = []' '(root)' 'is no object' 'expected an object'
+bad_json 'j = ""' 'not valid JSON at line 1'
+bad_json 'j = json.dumps(j)[:-40]' 'not valid JSON at line 1'
+bad_json 'j = "\0\1\2"' 'not valid JSON'
+bad_json 'j = "[" * 5000' 'not valid JSON'
+bad_json 'j = []' '(root)' 'is not an object'
 bad_json 'del j["frames"]' '"frames"' missing
 bad_json 'j["frames"] = {}' '"frames"' 'is an object, expected an array'
 bad_json 'j["frames"] = []' '"frames" has 0 entries'
@@ -216,7 +216,7 @@ bad_json 'j["k4"] = 0.5' 'k4 = 0.5 of frames[0]'
 bad_json 'move_camera(1, lambda m: m[0].__setitem__(0, 3))' \
     'images/cam01/00000.png (frames[3])' 'first row 3'
 bad_json 'move_camera(1, lambda m: [r.__setitem__(0, -r[0]) for r in m[:3]])' \
-    'no rotation'
+    'not a rotation'
 bad_json 'f(1, 1)["transform_matrix"][0][3] += 1' 'unequal frame counts'
 bad 'j["fl_x"] = -57.6' /images/cam00/00000.png 'fx -57.6'
 bad 'j["fl_y"] = 0' /images/cam00/00000.png 'fy 0'
@@ -251,7 +251,7 @@ odd 'png("images/cam01/odd.png", 48, 36)' \
 odd 'png("images/cam01/odd.png", 0, 0)' 'size of 0 x 0 pixels'
 odd 'png("images/cam01/odd.png", 64, 0)' 'size of 64 x 0 pixels'
 odd 'png("images/cam01/odd.png", 64, 20000)' 'size of 64 x 20000 pixels'
-odd 'write("images/cam01/odd.png", b"")' 'no PNG, JPEG, WebP, TIFF or OpenEXR' \
+odd 'write("images/cam01/odd.png", b"")' 'not a PNG, JPEG, WebP, TIFF or OpenEXR' \
     '0 bytes read'
 odd 'write("images/cam01/odd.png", b"GIF89a, not a PNG")' \
     'starts with 47 49 46 38'
@@ -339,18 +339,18 @@ refused n n/poses_bounds.npy 'row of cam01 is not finite'
 poses focal
 refused n n/poses_bounds.npy 'row of cam01 has' 'focal length -60'
 poses head
-refused n n/poses_bounds.npy 'cut short in its header'
+refused n n/poses_bounds.npy 'its header is cut short'
 poses cut
 refused n n/poses_bounds.npy 'announces 2 x 17 numbers of 8 bytes but holds'
 poses text
-refused n n/poses_bounds.npy 'is no .npy file'
+refused n n/poses_bounds.npy 'is not an .npy file'
 poses apart
 refused n n: 'no overlap'
 poses good
 video cam01.mp4 5
 refused n n/cam00.mp4 'cam00 has 3 frames, cam01 has 5' '--frames 0:3'
 head -c 1000 n/cam00.mp4 >n/cam01.mp4
-refused n n/cam01.mp4 'no video that ffprobe can read'
+refused n n/cam01.mp4 'not a video that ffprobe can read'
 rm n/cam01.mp4
 refused n n/poses_bounds.npy '2 rows but there are 1 videos'
 mkdir empty
@@ -465,7 +465,7 @@ done
 # With paths out of a frame's folder, all frame folders would have the same
 # pictures, or none.
 run 1 times -o x.saga --follow-paths
-says "$PWD/cap/images/cam00/00000.png" 'is no name in times/frame0'
+says "$PWD/cap/images/cam00/00000.png" 'does not lie in times/frame0'
 # A COLMAP model lies next to frame folders, and points lie in the folder above
 # a frame's.
 for t in 0 1; do
@@ -525,7 +525,7 @@ cp d/x.saga.ckpt was
  "$saga" encode cap -o d/x.saga "${long[@]}" --resume 2>err | cat >out
  exit "${PIPESTATUS[0]}")
 [ $? = 2 ] || complain "full disk: $(cat err)"
-grep -q 'no checkpoint: .*d/x.saga.ckpt: could not be written' err ||
+grep -q 'the checkpoint was not written: .*d/x.saga.ckpt: could not be written' err ||
     complain "full disk, checkpoint: $(cat err)"
 tail -n 1 err | grep -q 'd/x.saga: could not be written (File too large); .*free space.*--resume' ||
     complain "full disk, file: $(tail -n 1 err)"
@@ -565,14 +565,14 @@ $stoppable "$saga" encode cap -o d/x.saga "${long[@]}" --checkpoint-every 0 \
     >out 2>err </dev/null &
 pid=$!
 i=0
-while ! grep -q 'no checkpoint' err && [ $i -lt 500 ]; do
+while ! grep -q 'checkpoint was not written' err && [ $i -lt 500 ]; do
     sleep 0.02
     i=$((i + 1))
 done
 kill -INT "$pid"
 wait "$pid"
 [ $? = 2 ] || complain "Ctrl-C without a checkpoint: $(cat err)"
-tail -n 1 err | grep -q 'no checkpoint could be written; nothing is left' ||
+tail -n 1 err | grep -q 'no checkpoint could be written; the training is lost' ||
     complain "Ctrl-C without a checkpoint: $(tail -n 1 err)"
 [ "$(ls d)" = x.saga.ckpt ] || complain "Ctrl-C leaves $(ls d)"
 set +m

@@ -175,7 +175,7 @@ def check_temporal():
 
 def check_lpips():
     bad = os.path.join(tmp, "weights.npz")
-    for data, word in ((b"no weights at all, but some text", "no .npz"),
+    for data, word in ((b"no weights at all, but some text", "not an .npz"),
                        (b"PK\5\6" + bytes(18), "alex.lin0")):
         with open(bad, "wb") as f:
             f.write(data)
@@ -251,16 +251,16 @@ def check_compare():
     report["protocol"]["frames"] = [1, FRAMES]
     for bad, word in ((write("other", report), "frames"),
                       (write("mixed", result(1, 2), report), "frames"),
-                      (write("none"), "no result"),
+                      (write("none"), "no results"),
                       (write("older", dict(report, schema=0)), "schema"),
-                      (os.path.join(capture, "transforms.json"), "no result")):
+                      (os.path.join(capture, "transforms.json"), "than results")):
         status, text, err = compare(one, bad)
         if status != 1 or text or word not in err or bad not in err:
             v.complain(bad, status, err)
     with open(one, "a") as f:
         f.write("{")
     status, text, err = compare(one, two)
-    if status != 1 or text or "no JSON" not in err:
+    if status != 1 or text or "not JSON" not in err:
         v.complain("a cut file:", status, err)
 
 

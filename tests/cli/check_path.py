@@ -325,7 +325,7 @@ def check_look_at(tmp):
     render("-o", tmp + "/x.png", "--look-at", "1,2", status=2,
            says="--look-at takes X,Y,Z")
     render("-o", tmp + "/x%d.png", "--look-at", "1,2,3", "--orbit", "3",
-           status=2, says="--look-at goes with")
+           status=2, says="--look-at works only with")
     render("-o", tmp + "/x.png", "--look-at", "1,2,3", "--eye", "1,2,3",
            status=1, says="give another point")
     verdict("look-at")
@@ -375,14 +375,14 @@ def check_bad(tmp):
     key = KEYS[0]
     form = "saga camera path 1"
     refused("{", "is not valid JSON")
-    refused([], "is no camera path")
-    refused({"format": "saga camera path 9", "keys": KEYS}, "is no camera")
+    refused([], "is not a camera path")
+    refused({"format": "saga camera path 9", "keys": KEYS}, "is not a camera")
     refused({"format": form, "keys": []}, '0 "keys"')
     refused({"format": form, "keys": [key, {**key, "eye": [1, 2]}]},
             'camera 2 of the path has no valid "eye"')
     refused({"format": form, "keys": [{**key, "fov": 180}]}, '"fov"')
     refused({"format": form, "keys": [{**key, "eye": [0, 0, 0]}]},
-            "looks nowhere")
+            "has no direction")
     refused({"format": form, "size": [0, 5], "keys": KEYS}, "path.json")
     refused({"format": form, "fps": -1, "keys": KEYS}, '"fps"')
     refused({"format": form, "keys": [key, {**key, "seconds": 1e9}]},

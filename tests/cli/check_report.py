@@ -136,13 +136,13 @@ def check_foreign():
     for name, why in (
             ("secret", "in its folder or below"),
             (os.path.abspath("secret"), "in its folder or below"),
-            ("own/secret.png", "no PNG and no JPEG"),
+            ("own/secret.png", "is neither PNG nor JPEG"),
             ("outside.png", "in its folder or below"),
             (os.path.abspath("outside.png"), "in its folder or below"),
             ("own/../outside.png", "in its folder or below"),
             ("own/link.png", "in its folder or below"),
             ("own/up/outside.png", "in its folder or below"),
-            ("/etc/passwd", "in its folder or below"), ("own", "is not there"),
+            ("/etc/passwd", "in its folder or below"), ("own", "does not exist"),
             ("own/below/inside.png", None), ("own/good.png", None),
             ("linked/below/inside.png", None)):
         for view in result["views"]:
@@ -179,7 +179,7 @@ def check_refused():
         v.complain("half a page is left")
     shutil.move("pictures", "gone")
     r = run("report", "first.json", "-o", "without.html")
-    if r.returncode or r.stderr.count("is not there") != 3 or data_of(
+    if r.returncode or r.stderr.count("does not exist") != 3 or data_of(
             read("without.html").decode())["pictures"]:
         v.complain("without pictures:", r.returncode, r.stderr)
 

@@ -287,7 +287,7 @@ def check_checkpoint(tmp):
                    stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     checkpoint = tmp + "/x.saga.ckpt"
     encode(tmp, 10)
-    refused([checkpoint], 1, "its training is in the warm-up")
+    refused([checkpoint], 1, "the training is in the warm-up")
     encode(tmp, 2500, "--resume")
     before = read(checkpoint)
     view = View(checkpoint)

@@ -98,7 +98,7 @@ class Trial:
         resume = ["--resume"] if self.kind in RESUMES else []
         rc, said = finish(start([*KINDS[self.kind], *resume]))
         # A file that is whole has no checkpoint from which to go on.
-        if rc and not (self.is_whole() and "is there already" in said):
+        if rc and not (self.is_whole() and "exists, but there is no checkpoint" in said):
             return f"does not go on: {said}"
         if not self.is_whole():
             return "goes on to other bytes"

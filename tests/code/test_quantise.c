@@ -300,7 +300,7 @@ TEST(quantiser_should_cut_a_row_that_no_scale_makes_valid)
             assert_string_equal(error.message,
                                 "row 1 of layer 2 of network 7 is too large "
                                 "to be coded; try another --seed, and report "
-                                "it");
+                                "this error");
         }
     }
 }

@@ -191,9 +191,10 @@ TEST(others_should_be_refused)
             "save it as one .glb file");
     refused("\"byteOffset\":8", "\"byteOffset\":12", "announces 1 elements");
     refused("\"count\":1", "\"count\":2", "POSITION announces 2 elements");
-    refused("\"count\":1", "\"count\":1e9", "POSITION has a form");
-    refused("\"count\":1", "\"count\":-1", "POSITION has a form");
-    refused("\"type\":\"SCALAR\"", "\"type\":\"VEC3\"", "OPACITY has a form");
-    refused("5121", "5125", "OPACITY has a form");
-    refused("{\"asset\"", "[{\"asset\"", "is no valid JSON");
+    refused("\"count\":1", "\"count\":1e9", "POSITION has an unsupported form");
+    refused("\"count\":1", "\"count\":-1", "POSITION has an unsupported form");
+    refused("\"type\":\"SCALAR\"", "\"type\":\"VEC3\"",
+            "OPACITY has an unsupported form");
+    refused("5121", "5125", "OPACITY has an unsupported form");
+    refused("{\"asset\"", "[{\"asset\"", "is not valid JSON");
 }

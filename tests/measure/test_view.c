@@ -239,7 +239,7 @@ TEST(what_a_file_lacks_should_be_told)
 
     open_vector(&o, 1);
     assert_false(saga_film_rig(&o.film, 3, &c, &number, &o.error));
-    assert_non_null(strstr(o.error.message, "no camera 3 in its rig of 3"));
+    assert_non_null(strstr(o.error.message, "no camera 3; it has 3 cameras"));
     o.error.message[0] = '\0';
     assert_false(saga_film_draw(&o.film, &c, 9999, 1, rgb,
                                 &o.error));
@@ -391,7 +391,7 @@ TEST(capture_should_be_refused_where_it_differs)
     mismatch(&o, &c, "30 frames per second, the capture 25");
     c.fps = 30.0;
     v->translation[0] += 1e-3 * saga_metric_width(&o.film.metric);
-    mismatch(&o, &c, "cam01 is no camera of its rig");
+    mismatch(&o, &c, "cam01 is not one of its cameras");
     v->held_out = true;
     assert_true(saga_eval_match(&e, &o.film, &c, -1, &o.error));
     assert_int_equal(e.view[0].rig, 0);

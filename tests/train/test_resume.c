@@ -349,7 +349,7 @@ TEST(peek_should_show_the_training)
 
     assert_null(peek_at(o, (tiny_stop){ SAGA_TRAIN_WARM, 20, 0, 0 }, &n,
                         &error));
-    assert_non_null(strstr(error.message, "x.saga.ckpt: its training is in the "
+    assert_non_null(strstr(error.message, "x.saga.ckpt: the training is in the "
                            "warm-up, at iteration 20 of"));
     for (int i = 0; i < 2; i++) {
         const tiny_stop s = { SAGA_TRAIN_RENDER, at[i], 0, 0 };
@@ -447,7 +447,7 @@ TEST(train_should_refuse_a_damaged_checkpoint)
     for (size_t at = 0; at < HEAD_END; at++) {
         write_damaged(&b, b.nbytes, at);
         assert_true(resume_fails(&o, at < HEAD_BEGIN
-                                 ? "is no checkpoint of this version"
+                                 ? "is not a checkpoint of this version"
                                  : "is damaged or cut short"));
     }
     for (uint64_t i = 0; i < 48; i++) {
@@ -519,7 +519,7 @@ TEST(train_should_refuse_impossible_numbers)
 
         for (size_t i = 0; i < sizeof change / sizeof change[0]; i++) {
             write_changed(&b, change[i].at, change[i].value);
-            assert_true(resume_fails(&o, "does not hold together"));
+            assert_true(resume_fails(&o, "contradicts itself"));
         }
     }
     write_changed(&b, iteration, 4);

@@ -7,7 +7,7 @@
  * saves. */
 enum { VERSION = 12 };
 
-static const char anew[] = "delete it and start anew";
+static const char anew[] = "delete it and start again";
 
 typedef struct { char magic[16]; uint64_t version, real_nbytes; } header;
 
@@ -55,8 +55,8 @@ static bool check(const saga_bytes *b, const char *path, saga_error *error)
         return saga_fail(error, path, anew, "is cut short");
     /* Compares magic, version and the size of a real together. */
     if (memcmp(b->data, &mine, sizeof mine) != 0)
-        return saga_fail(error, path, anew, "is no checkpoint of this version "
-                         "of the program");
+        return saga_fail(error, path, anew, "is not a checkpoint of this "
+                         "version of the program");
     memcpy(&sum, b->data + b->nbytes - sizeof sum, sizeof sum);
     return saga_digest(SAGA_DIGEST_START, b->data, b->nbytes - sizeof sum) ==
                sum || saga_fail(error, path, anew, "is damaged or cut short");
@@ -124,5 +124,5 @@ bool saga_checkpoint_close(saga_checkpoint *c, bool ok, saga_error *error)
     /* Bytes that are left over are an error too. */
     ok = ok && !c->failed && saga_left(&c->rest) == 0;
     saga_bytes_free(&c->bytes);
-    return ok || saga_fail(error, c->path, anew, "does not hold together");
+    return ok || saga_fail(error, c->path, anew, "contradicts itself");
 }

@@ -132,9 +132,9 @@ FILE *saga_open_file(const char *path)
 static bool cannot_open(const char *path, saga_error *error)
 {
     if (errno == ENOENT && strstr(path, "://"))
-        return saga_fail(error, path, "download it first, as by `curl -O "
-                         "ADDRESS`, and give the file's name", "is an address, "
-                         "not a file of this machine");
+        return saga_fail(error, path, "download it first, for example with "
+                         "`curl -O ADDRESS`, and give the file's name",
+                         "is an address, not a file on this machine");
     return saga_fail_errno(error, path, "check the name and the permissions",
                            "cannot be opened");
 }

@@ -142,20 +142,20 @@ static const saga_line text[] = {
       "other cameras from where the poses say, a dash where too\n  few match; "
       "stops: exposure against the others; colour: median difference after\n"
       "  that, of 255; late: frames, where the motion tells them\n" },
-    { "to_mind", NULL, "\nto mind:\n" },
-    { "!to_mind", NULL, "\nnothing to mind\n" },
+    { "to_mind", NULL, "\nneeds attention:\n" },
+    { "!to_mind", NULL, "\nnothing needs attention\n" },
     { "", "to_mind", "  - {}\n" },
-    { "", NULL, "\nforecast, by the measured files of docs/results/rd.md; what "
-      "PSNR comes out only a\ntrial tells:\n" },
+    { "", NULL, "\nestimates from the files measured in docs/results/rd.md "
+      "(PSNR is known only\nafter training):\n" },
     { "", "forecast", "  --preset {preset:%-9s}{n_primitives:%7d} primitives"
       "{n_iterations:%7d} iterations{/minutes:%6.0f} CPU minutes"
       "{least_kb:%6.0f} to {most_kb:%.0f} kB\n" },
-    { "scale>1", "forecast", "    with pictures at 1/{scale} of their size, "
-      "for which it has time\n" },
-    { "n_teachers>0", "forecast", "    with {n_teachers} teachers before it, "
-      "for views between cameras that are far apart\n" },
-    { "/n_segments>1", NULL, "  in {/n_segments} segments, with these "
-      "primitives and iterations each; a base may save\n  some of that\n" }
+    { "scale>1", "forecast", "    with pictures reduced to 1/{scale} of their "
+      "size, to save time\n" },
+    { "n_teachers>0", "forecast", "    with {n_teachers} teachers: extra "
+      "models for views between distant cameras\n" },
+    { "/n_segments>1", NULL, "  in {/n_segments} segments, each with these "
+      "numbers, which a base may reduce\n" }
 };
 
 /* --- Together ------------------------------------------------------------ */

@@ -238,9 +238,10 @@ static bool check_place(const char *path, const char *json, saga_error *error)
     if (ok) {
         ok = is_same(folder, there) && !is_same(path, json);
         if (!ok)
-            saga_fail(error, path, NULL, "the pictures' paths begin at the "
-                      "capture's folder: give --fix a new name there, such as "
-                      "%s%s", folder, "transforms-fixed.json");
+            saga_fail(error, path, NULL, "the paths of the pictures are "
+                      "relative to the capture's folder, so that the file "
+                      "must lie there under a new name; give --fix %s%s",
+                      folder, "transforms-fixed.json");
     }
     free(folder);
     free(there);
@@ -270,14 +271,15 @@ bool saga_check_fix(const char *path, const char *name,
         : saga_string_copy(name, error);
     json_t *root = NULL;
     bool ok = json && (saga_path_is_file(json) ||
-                       saga_fail(error, name, "correct the cameras where they "
-                                 "come from", "--fix writes captures with "
-                                 "transforms.json only")) &&
+                       saga_fail(error, name, "correct the cameras in the "
+                                 "program that made them",
+                                 "--fix works only for captures "
+                                 "with a transforms.json")) &&
               check_place(path, json, error);
 
     /* If there is nothing to correct, nothing is read or written. */
     if (ok && !fit->found && !fit->refinement.helps) {
-        fputs("check: nothing was found that --fix could undo\n", stderr);
+        fputs("check: nothing was found that --fix could correct\n", stderr);
     } else if (ok) {
         root = saga_json_read(json, error);
         ok = root != NULL;

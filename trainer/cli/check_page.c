@@ -317,7 +317,7 @@ static bool put_page(FILE *to, const char *name, const saga_survey *s,
           "width:1.5}svg{background:#f4f4f4}</style>\n<h1>", to);
     put_escaped(to, name);
     fprintf(to, "</h1><p>%s, %d camera%s, %d frame%s at %g per second, %zu "
-            "points.<h2>To mind</h2><ul>", c->format, c->n_views,
+            "points.<h2>Needs attention</h2><ul>", c->format, c->n_views,
             c->n_views == 1 ? "" : "s", c->n_frames,
             c->n_frames == 1 ? "" : "s", c->fps, c->n_points);
     /* Names and notes come from the capture's files, so they are escaped. */
@@ -332,9 +332,9 @@ static bool put_page(FILE *to, const char *name, const saga_survey *s,
     for (int v = 0; ok && v < c->n_views; v++)
         ok = put_thumbnail(to, c, v, error);
     /* The forecast has a row for each preset. */
-    fprintf(to, "<h2>Forecast</h2><p>By the measured files of docs/results/"
-            "rd.md; what PSNR comes out only a trial tells. Segments: %d, with "
-            "that number of primitives and iterations each.<table>",
+    fprintf(to, "<h2>Estimates</h2><p>From the files measured in "
+            "docs/results/rd.md; PSNR is known only after training. Segments: "
+            "%d, each with these numbers of primitives and iterations.<table>",
             saga_plan_segments(c, 0));
     for (int i = 0; saga_forecast_of(&f, c, i); i++)
         fprintf(to, "<tr><td>--preset %s<td>%d primitives<td>%d iterations<td>"
@@ -342,7 +342,7 @@ static bool put_page(FILE *to, const char *name, const saga_survey *s,
                 "%d teachers\n",
                 f.preset, f.n_primitives, f.n_iterations, ceil(f.minutes),
                 f.least_kb, f.most_kb, f.scale, f.n_teachers);
-    fputs("</table><h2>What the loader decided</h2><pre>", to);
+    fputs("</table><h2>Decisions while loading</h2><pre>", to);
     put_escaped(to, c->notes);
     fputs("</pre></html>\n", to);
     return ok;

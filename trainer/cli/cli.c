@@ -295,8 +295,8 @@ static int wrong_value(const saga_command *c, const saga_cli_option *o,
 
     if (o->max > o->min)
         snprintf(range, sizeof range, ", %ld to %ld", o->min, o->max);
-    return saga_cli_error(SAGA_EXIT_USAGE, "%s: %s takes %s%s, not '%s'; "
-                          "`saga help %s` explains", c->name, o->name,
+    return saga_cli_error(SAGA_EXIT_USAGE, "%s: %s takes %s%s, not '%s'; see "
+                          "`saga help %s`", c->name, o->name,
                           o->value, range, value, c->name);
 }
 
@@ -319,7 +319,7 @@ static int take_option(const saga_command *c, void *values, int argc,
                               c->name, o->name);
     if (o->value && !value) {
         if (*i + 1 == argc)
-            return saga_cli_error(SAGA_EXIT_USAGE, "%s: %s lacks its %s",
+            return saga_cli_error(SAGA_EXIT_USAGE, "%s: %s needs a value, %s",
                                   c->name, o->name, o->value);
         value = argv[++*i];
     }
@@ -332,7 +332,7 @@ static int wrong_count(const saga_command *c, int n)
 {
     return saga_cli_error(SAGA_EXIT_USAGE, "%s: %s; usage: saga %s %s "
                           "[options]", c->name, n > c->n_arguments ?
-                          "more arguments than it takes" :
+                          "there are too many arguments" :
                           "an argument is missing", c->name, c->arguments);
 }
 

@@ -134,8 +134,9 @@ static int judge(session *s, const options *o)
 
     if (differs)
         return saga_cli_error(SAGA_EXIT_DATA, "compare: the %s of %s and %s "
-                              "differ, so their numbers do not compare; "
-                              "evaluate both alike", differs, s->a.path,
+                              "differ, so that they cannot be compared; "
+                              "evaluate both with the same options", differs,
+                              s->a.path,
                               s->b.path);
     return tell(s, o->json);
 }

@@ -95,6 +95,6 @@ bool saga_encode_log_close(saga_encode_log *log, saga_error *error)
 
     log->file = NULL;
     return !file || (fclose(file) == 0 && !bad) ||
-           saga_fail(error, log->path, "make room", "could not be written "
-                     "whole");
+           saga_fail(error, log->path, "check the free space of the disk",
+                     "could not be written completely");
 }

@@ -46,9 +46,10 @@ static int check_finished(const saga_encode_session *s)
     if (!s->o->resume || s->o->sweep || saga_path_is_file(s->checkpoint) ||
         stat(s->o->output, &info) != 0 || info.st_size == 0)
         return SAGA_EXIT_OK;
-    return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s is there already, and "
-                          "no %s to go on from; leave --resume out to replace "
-                          "it, or name another file", s->o->output,
+    return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s exists, but there is "
+                          "no checkpoint %s to continue from; leave --resume "
+                          "out to replace the file, or name another one",
+                          s->o->output,
                           s->checkpoint);
 }
 
@@ -63,9 +64,10 @@ static int check_checkpoint(saga_encode_session *s)
     /* Partly written checkpoints of a killed run are removed. */
     saga_output_sweep(s->checkpoint);
     if (!s->o->resume && saga_path_is_file(s->checkpoint))
-        return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s is left from a run "
-                              "that was stopped; give --resume to go on with "
-                              "it, or delete it", s->checkpoint);
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s is the checkpoint "
+                              "of a run that was stopped; give --resume to "
+                              "continue that run, or delete the checkpoint",
+                              s->checkpoint);
     return check_finished(s);
 }
 
@@ -114,8 +116,9 @@ static int choose_scale(saga_encode_session *s)
         s->scale = saga_plan_scale(&t, &s->whole, s->preset);
     if (s->scale < 2)
         return SAGA_EXIT_OK;
-    saga_cli_error(0, "encode: pictures at 1/%d of their size, for which "
-                   "preset %s has time; --scale 1 takes whole ones", s->scale,
+    saga_cli_error(0, "encode: pictures are reduced to 1/%d of their size, to "
+                   "fit the time of preset %s; --scale 1 keeps their size",
+                   s->scale,
                    s->preset->name);
     /* The capture is read again, with the scale at which its pictures will be
      * loaded. */
@@ -201,7 +204,7 @@ static void plan(saga_encode_session *s, saga_train_options *t, bool resume)
     if (s->part > 0 && (s->o->primitives || !resume)) {
         t->n_primitives = primitives_of(s, t->n_primitives);
         snprintf(s->why.primitives, sizeof s->why.primitives,
-                 "%u primitives of this one", t->n_primitives);
+                 "%u primitives in this file", t->n_primitives);
     }
 }
 
@@ -220,12 +223,13 @@ static int open_training(saga_encode_session *s)
     int status;
 
     if (s->o->size + s->o->bitrate > 0 && t.n_bytes < LEAST_SIZE)
-        return saga_cli_error(SAGA_EXIT_USAGE, "encode: a file of %zu bytes is "
-                              "too small for networks and header; %d and more "
-                              "can be asked for", t.n_bytes, LEAST_SIZE);
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: a file of %zu bytes "
+                              "is too small for networks and header; ask for "
+                              "%d or more", t.n_bytes, LEAST_SIZE);
     s->wanted = t.n_bytes;
     if (s->o->resume && !resume && !s->o->sweep)
-        fprintf(stderr, "saga: encode: there is no %s: starting anew\n",
+        fprintf(stderr, "saga: encode: there is no checkpoint %s: the "
+                "training starts from the beginning\n",
                 s->checkpoint);
     /* The first segment is given by the checkpoint or the file of networks.
      * Otherwise all segments are loaded to find the one with the most

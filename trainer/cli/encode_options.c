@@ -48,21 +48,22 @@ static const char *contradiction(const saga_encode_options *o,
         bool is_there;
         const char *says;
     } wrong[] = {
-        { !o->output && o->sweep, "where to? give -o FOLDER" },
-        { !o->output, "where to? give -o FILE.saga" },
+        { !o->output && o->sweep, "the output is missing; give -o FOLDER" },
+        { !o->output, "the output is missing; give -o FILE.saga" },
         { o->still && o->moving, "--still and --moving exclude each other" },
         { (o->lambda > 0) + (o->size > 0) + (o->bitrate > 0) + o->sweep > 1,
-          "of --lambda, --size, --bitrate and --sweep give one: each decides "
-          "on the file's size" },
-        { o->log && o->sweep, "--log keeps one training, --sweep has several; "
-          "give one of them" },
+          "give only one of --lambda, --size, --bitrate and --sweep: each "
+          "determines the file's size" },
+        { o->log && o->sweep, "--log records one training, but --sweep has "
+          "several; give one of them" },
         { o->networks_only && o->only >= 0, "--networks-only and --only "
-          "exclude each other: the one makes the file that the other reads" },
+          "exclude each other: --networks-only makes the file that --only "
+          "needs" },
         { (o->only >= 0) != (o->networks != NULL), "--only N and --networks "
           "FILE go together; --networks-only makes FILE" },
-        { part && sized, "parts do not know of each other's sizes; give "
-          "--lambda and --primitives instead of --size, --bitrate and "
-          "--sweep" },
+        { part && sized, "segments that are trained apart cannot share one "
+          "size; give --lambda and --primitives instead of --size, --bitrate "
+          "or --sweep" },
         { layers && part, "--layers needs all segments trained in one place; "
           "leave --networks-only and --only out" },
         { layers && (ablation->slots || ablation->plain_update), "files of "

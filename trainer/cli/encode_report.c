@@ -49,7 +49,7 @@ static json_t *layers_of(const saga_encode_session *s)
         json_t *const o = layer_of(s->cut[k].nbytes, &s->cut[k].quality);
         char what[40];
 
-        snprintf(what, sizeof what, "  cut behind layer %d: %zu B", k + 1,
+        snprintf(what, sizeof what, "  cut after layer %d: %zu B", k + 1,
                  s->cut[k].nbytes);
         saga_put_text(o, "/cut", what);
         saga_put_item(list, o);
@@ -189,10 +189,10 @@ static void put_entropy(json_t *report, const saga_train_entropy *e)
 /* Returns who chose lambda, as text. */
 static const char *reason_of_lambda(const saga_encode_session *s)
 {
-    return s->wanted ? ", which makes the size"
-         : !(s->o->lambda > 0) ? ", which balances primitives and bits"
+    return s->wanted ? ", chosen to meet the size"
+         : !(s->o->lambda > 0) ? ", chosen to balance primitives and bits"
          : s->o->primitives ? ""
-         : ", for which that number of primitives is right";
+         : ", from which the number of primitives follows";
 }
 
 static void put_decoded(json_t *o, const saga_encode_session *s)
@@ -357,25 +357,25 @@ static const saga_line file_text[] = {
     { "", NULL, " {n_coarse} coarse anchors, {n_fine} fine, {n_primitives} "
       "primitives\n" },
     { "base.n_primitives", NULL, "  a base of {base./in_file} primitives, "
-      "{base./still*100:%.0f} % of the warm-up's stand still\n" },
-    { "/chosen_scale>1", NULL, "  pictures at 1/{/chosen_scale} of their size, "
-      "as preset {options.preset} has it\n" },
-    { "temporal", NULL, "  temporal tools on" },
-    { "!temporal", NULL, "  no temporal tools" },
+      "{base./still*100:%.0f} % of those of the warm-up stand still\n" },
+    { "/chosen_scale>1", NULL, "  pictures reduced to 1/{/chosen_scale} of "
+      "their size, by preset {options.preset}\n" },
+    { "temporal", NULL, "  tools for motion on" },
+    { "!temporal", NULL, "  no tools for motion" },
     { "/has_explained", NULL, ": {changing_pixels*100:%.2f} % of the pixels "
       "change, the warm-up explains {explained*100:%.0f} % of that" },
     { "", NULL, "\n" },
-    { "", "tools", "  {@:%-22s} worth {worth:%7.0f} bytes, costs "
+    { "", "tools", "  {@:%-22s} saves {worth:%7.0f} bytes, costs "
       "{cost:%6.0f}: " },
     { "kept", "tools", "kept\n" },
     { "!kept", "tools", "off\n" },
-    { "/exposure", NULL, "  cameras are exposed differently, by up to "
-      "{/exposure*100:%.0f} %: evened out in training;\n" },
-    { "/exposure&!options.no_exposure", NULL, "  the file has the exposures, "
-      "so that a camera's view has its own tone\n" },
-    { "/exposure&options.no_exposure", NULL, "  the file's pictures have "
-      "another tone than theirs; `saga eval --json` tells\n  psnr_exposed, "
-      "without that\n" },
+    { "/exposure", NULL, "  exposures of the cameras differ by up to "
+      "{/exposure*100:%.0f} %; training evens this out\n" },
+    { "/exposure&!options.no_exposure", NULL, "  the file stores the "
+      "exposures, so that a camera's view is as bright as it was\n  filmed\n" },
+    { "/exposure&options.no_exposure", NULL, "  the file's pictures may be "
+      "brighter or darker than the filmed ones; in\n  `saga eval --json`, "
+      "psnr_exposed is the PSNR without this difference\n" },
     { "", NULL, "  lambda {lambda:%.4g}{/why_lambda}\n"
       "  bytes: header {/sizes.header}, index {/sizes.index}, networks "
       "{/sizes.networks}, base {/sizes.base}, coarse {/sizes.coarse}, fine "
@@ -385,38 +385,40 @@ static const saga_line file_text[] = {
     { "", NULL, "  bits                  code length        spent\n" },
     { "", "/bits", "  {name:%-20s} {length:%12.0f} {spent:%12.0f}  "
       "{part*100:%5.1f} %\n" },
-    { "", NULL, "  entropy model         constants   networks    no bank     "
+    { "", NULL, "  entropy model, bytes  constants   networks    no bank     "
       "chosen    weights  sources kept\n" },
     { "", "/kinds", "  {/name:%-20s} {constants:%10.0f} {networks:%10.0f} "
       "{without_bank:%10.0f} {chosen:%10.0f} {weights:%10.0f} {/sources}\n" },
     { "entropy_model.hyperprior_weights>0", NULL,
       "  hyperprior           {entropy_model.hyperprior_weights:%54.0f}\n" },
     { "entropy_model.bank_weights>0", NULL,
-      "  bank                 {entropy_model.bank_weights:%54.0f}  net of what "
-      "it saves: {entropy_model.bank_net:%+.0f}\n" },
+      "  bank                 {entropy_model.bank_weights:%54.0f}  minus "
+      "what it saves: {entropy_model.bank_net:%+.0f}\n" },
     DECODED,
-    { "psnr_evened", NULL, "  beside the pictures as they were evened out\n" },
+    { "psnr_evened", NULL, "  compared with the pictures with evened "
+      "exposures\n" },
     QUALITY("file", "flat warm-up (float)        ", "psnr_warm_up"),
     QUALITY("file", "model (float)               ", "psnr_float"),
     QUALITY("file", "decoded symbols (float)     ", "psnr_decoded_float"),
     QUALITY("psnr_evened", "file, integer decoder       ", "psnr_evened"),
-    QUALITY("psnr_evened", "  ... against that float    ",
+    QUALITY("psnr_evened", "  integer against float     ",
             "psnr_against_decoded_float"),
-    { "psnr_evened", NULL, "  beside the pictures as they were taken\n" },
+    { "psnr_evened", NULL, "  compared with the pictures as they were "
+      "taken\n" },
     QUALITY("file", "file, integer decoder       ", "psnr"),
     { "/cut", "layers", "  {/cut:%-28s}" },
     { "/cut&psnr.n_training", "layers", "  {psnr.training:%6.2f} dB" },
     { "/cut&psnr.n_held_out", "layers", "  {psnr.held_out:%6.2f} dB" },
     { "/cut", "layers", "\n" },
-    QUALITY("!psnr_evened", "  ... against that float    ",
+    QUALITY("!psnr_evened", "  integer against float     ",
             "psnr_against_decoded_float"),
     SAGA_VERDICT_LINES,
     SAGA_SHUTTER_LINES,
-    { "!psnr.n_held_out", NULL, "  no view was held out, so nothing tells how "
-      "good others are: --hold-out NAME\n" },
+    { "!psnr.n_held_out", NULL, "  no camera was held out, so the quality of "
+      "other views is not measured;\n  --hold-out NAME does so\n" },
     { "/gap", NULL, "  views between the cameras are poor: held-out ones are "
-      "{/gap:%.1f} dB below those\n  trained on; more cameras or points of the "
-      "scene help\n" },
+      "{/gap:%.1f} dB below those\n  trained on; more cameras or more points "
+      "help\n" },
     { "", NULL, "  {seconds:%.0f} s\n" }
 };
 

@@ -38,7 +38,7 @@ static void tell_base(const saga_encode_session *s)
 {
     const saga_train_base *const b = &saga_train_report_of(s->train)->base;
     const double still = 100.0 * b->n_still / fmax(b->n_looked_at, 1);
-    char gain[48] = "more of both fill the size";
+    char gain[48] = "their numbers are raised to fill the size";
 
     if (!s->wanted)
         snprintf(gain, sizeof gain, "that saves about %.0f kB",
@@ -46,16 +46,16 @@ static void tell_base(const saga_encode_session *s)
     /* There is a base, or too much moves for one, or the cameras move. */
     if (b->n_prim)
         saga_cli_error(0, "encode: %.0f %% of the primitives stand still: %u "
-                       "are sent once, as the base, and each of the %d "
-                       "segments has %s%u; %s", still, b->n_prim,
+                       "are stored once, as the base, and each of the %d "
+                       "segments has %s%u more; %s", still, b->n_prim,
                        s->n_segments, s->wanted ? "about " : "", b->n_kept,
                        gain);
     else if (b->why == SAGA_TRAIN_MOVES)
         saga_cli_error(0, "encode: %.0f %% of the primitives stand still: too "
                        "few for a base of %d segments", still, s->n_segments);
     else if (b->why == SAGA_TRAIN_WANDERS)
-        saga_cli_error(0, "encode: no base: no camera stands still, so no "
-                       "pictures tell what does");
+        saga_cli_error(0, "encode: no base: all cameras move, so that it is "
+                       "unknown what stands still");
 }
 
 /* Sets *next to what is trained next, and returns false if training ends. A
@@ -158,7 +158,7 @@ int saga_encode_write(saga_encode_session *s)
         return SAGA_EXIT_OK;
     return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s; %s", s->error.message,
                           saga_path_is_file(s->checkpoint)
-                          ? "then --resume writes it again"
-                          : "the training is lost, for there is no checkpoint "
-                            "either");
+                          ? "then --resume writes the file again"
+                          : "the training is lost, because there is no "
+                            "checkpoint");
 }

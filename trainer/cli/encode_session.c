@@ -31,7 +31,7 @@ void saga_encode_complain(saga_encode_session *s)
     if (!complaint)
         return;
     saga_meter_end(&s->meter);
-    saga_cli_error(0, "encode: no checkpoint: %s", complaint);
+    saga_cli_error(0, "encode: the checkpoint was not written: %s", complaint);
 }
 
 /* Shows stage, iteration, PSNR and bits in one line, to which the meter adds
@@ -67,11 +67,11 @@ int saga_encode_stopped(const saga_encode_session *s)
 {
     if (saga_path_is_file(s->checkpoint))
         return saga_cli_error(SAGA_EXIT_USAGE, "encode: stopped by %s; the "
-                              "same command with --resume goes on from %s",
+                              "same command with --resume continues from %s",
                               *s->signal == SIGINT ? "Ctrl-C" : "a signal",
                               s->checkpoint);
-    return saga_cli_error(SAGA_EXIT_USAGE, "encode: stopped, and no "
-                          "checkpoint could be written; nothing is left");
+    return saga_cli_error(SAGA_EXIT_USAGE, "encode: stopped, but no "
+                          "checkpoint could be written; the training is lost");
 }
 
 /* --- The capture ---------------------------------------------------------- */

@@ -53,8 +53,8 @@ static bool written(session *s, bool ok)
 static void tell_colours(const session *s)
 {
     if (s->colours.rms > 0.0)
-        printf("colours: harmonics of degree %d, off by %.1f of 255 (RMS) "
-               "towards the rig's cameras\n", s->colours.degree,
+        printf("colours: harmonics of degree %d; as the cameras see them, off "
+               "by %.1f of 255 (RMS)\n", s->colours.degree,
                255.0 * s->colours.rms);
 }
 
@@ -117,7 +117,7 @@ static bool write_folder(session *s, const char *path, const char *pattern)
     ok = fill_folder(s, folder, pattern) &&
          written(s, rename(folder, path) == 0 || saga_fail_errno(
              &s->error, path, "remove it or choose another name",
-             "is in the way"));
+             "exists already"));
     /* The lock is released first, because saga_output_sweep removes only what
      * is not locked. */
     close(lock);
@@ -200,15 +200,15 @@ static int check_sequence(const options *o)
 
     /* The folder must be new, because it is renamed as a whole. */
     if (!strchr(o->out, '/'))
-        return saga_cli_error(SAGA_EXIT_USAGE, "export: %s: a sequence gets a "
-                              "new folder; give it with the name, like "
-                              "frames/%s", o->out, o->out);
+        return saga_cli_error(SAGA_EXIT_USAGE, "export: %s: a sequence needs "
+                              "a new folder; name it, as in frames/%s", o->out,
+                              o->out);
     folder = folder_of(o->out, &error);
     if (!folder)
         return saga_cli_error(SAGA_EXIT_USAGE, "export: %s", error.message);
     if (strchr(folder, '%'))
         status = saga_cli_error(SAGA_EXIT_USAGE, "export: %s: the number is "
-                                "in the folder's name; put it behind the last "
+                                "in the folder's name; put it after the last "
                                 "slash", o->out);
     else if (access(folder, F_OK) == 0)
         status = saga_cli_error(SAGA_EXIT_USAGE, "export: %s: exists; remove "
@@ -223,11 +223,11 @@ static int check_options(const options *o)
 
     if (!o->out)
         return saga_cli_error(SAGA_EXIT_USAGE, "export: -o OUT is missing; "
-                              "`saga help export` explains");
+                              "see `saga help export`");
     saga_cloud_suffixes(known);
     if (!saga_cloud_format_of(o->out))
-        return saga_cli_error(SAGA_EXIT_USAGE, "export: %s: its name ends as "
-                              "no format of splats; end it as one of %s",
+        return saga_cli_error(SAGA_EXIT_USAGE, "export: %s: its ending "
+                              "belongs to no splat format; use one of %s",
                               o->out, known);
     if (saga_is_numbered(o->out) ? o->frame >= 0 : o->frames.a || o->frames.b)
         return saga_cli_error(SAGA_EXIT_USAGE, "export: --frame N is for a "

@@ -99,8 +99,8 @@ static bool list_folder(session *s, DIR *dir)
             continue;
         first = first ? first : f;
         if (f != first)
-            ok = saga_fail(&s->error, folder, "leave one of them in the "
-                           "folder", "has files of several formats (%s, %s)",
+            ok = saga_fail(&s->error, folder, "leave only one format in the "
+                           "folder", "has files of different formats (%s, %s)",
                            first->suffix, f->suffix);
         else if (s->n_files == MOST_FILES)
             ok = saga_fail(&s->error, folder, "take fewer", "has more than %d "
@@ -130,8 +130,8 @@ static bool list_files(session *s)
     closedir(dir);
     saga_cloud_suffixes(known);
     if (ok && !s->n_files)
-        ok = saga_fail(&s->error, s->splats, "give a folder of them, a file a "
-                       "frame", "has no file of splats (%s)", known);
+        ok = saga_fail(&s->error, s->splats, "give a folder with a file for "
+                       "each frame", "has no file of splats (%s)", known);
     if (ok)
         qsort(s->path, (size_t)s->n_files, sizeof *s->path, by_name);
     return ok;
@@ -201,7 +201,8 @@ static bool path_cameras(session *s)
         return false;
     ok = path.n <= SAGA_MAX_CAMERAS
         ? alloc_shots(s, path.n)
-        : saga_fail(&s->error, s->o->cameras, "take a slower one", "has %d "
+        : saga_fail(&s->error, s->o->cameras, "use a path with fewer pictures",
+                    "has %d "
                     "pictures, more than the %d cameras of a file", path.n,
                     SAGA_MAX_CAMERAS);
     for (int i = 0; i < s->n_shots && ok; i++) {
@@ -363,7 +364,7 @@ static void tell(const session *s)
            " primitives, lambda %.4g\n", s->o->out, r->sizes.total,
            r->info.level, s->n_files, s->n_files == 1 ? "" : "s", r->n.prim,
            r->lambda);
-    printf("%.2f dB beside the splats' own pictures (%d of them)\n",
+    printf("%.2f dB against pictures of the original splats (%d pictures)\n",
            r->coded.training, r->coded.n_training);
 }
 
@@ -426,7 +427,7 @@ static int run(int argc, char **argv)
         return status;
     if (!o.out)
         return saga_cli_error(SAGA_EXIT_USAGE, "import: -o OUT is missing; "
-                              "`saga help import` explains");
+                              "see `saga help import`");
     if (cannot_read(s.splats) || (o.cameras && cannot_read(o.cameras)))
         return SAGA_EXIT_USAGE;
     if (!(o.fps > 0.0))

@@ -96,11 +96,12 @@ static char *text_of(json_t *o, size_t precision, const char *file,
     if (saga_json_starved()) /* keys may be missing then */
         saga_no_memory(0, file, error);
     else if (!saga_utf8_is(file))
-        saga_fail(error, file, "rename it to UTF-8", "cannot be named in JSON");
+        saga_fail(error, file, "give it a name in UTF-8",
+                  "has a name that JSON cannot hold");
     else if (!text || saga_json_lost())
-        saga_fail(error, file, "rename what it was made of to UTF-8, or leave "
-                  "--json out", "something of its report cannot be told in "
-                  "JSON");
+        saga_fail(error, file, "give what it was made from names in UTF-8, or "
+                  "leave --json out",
+                  "has a report that JSON cannot hold");
     else
         return text;
     free(text);
@@ -116,8 +117,8 @@ static int status_of(const saga_error *error)
 int saga_cli_json_can_tell(const char *command, const char *name)
 {
     return !name || saga_utf8_is(name) ? SAGA_EXIT_OK
-        : saga_cli_error(SAGA_EXIT_USAGE, "%s: JSON cannot tell of %s, which "
-                         "is no UTF-8; rename it", command, name);
+        : saga_cli_error(SAGA_EXIT_USAGE, "%s: %s is not UTF-8 and cannot be "
+                         "written as JSON; rename it", command, name);
 }
 
 int saga_cli_print_json(json_t *o, size_t precision, const char *file)

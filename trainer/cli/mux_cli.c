@@ -119,8 +119,8 @@ static int check_options(const options *o)
     static const double most = 43200.0;
 
     if (!o->out || !o->audio)
-        return saga_cli_error(SAGA_EXIT_USAGE, "mux: %s is missing; `saga help "
-                              "mux` explains", o->audio ? "-o OUT"
+        return saga_cli_error(SAGA_EXIT_USAGE, "mux: %s is missing; see `saga "
+                              "help mux`", o->audio ? "-o OUT"
                                                         : "--audio FILE");
     if (fabs(o->start) > most)
         return saga_cli_error(SAGA_EXIT_USAGE, "mux: --start %g is more than "

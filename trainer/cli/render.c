@@ -58,8 +58,8 @@ typedef struct {
 
 static int mistake(const char *what)
 {
-    return saga_cli_error(SAGA_EXIT_USAGE, "render: %s; `saga help render` "
-                          "explains", what);
+    return saga_cli_error(SAGA_EXIT_USAGE, "render: %s; see `saga help "
+                          "render`", what);
 }
 
 /* Checks the options' combination: at most one may set the time. */
@@ -75,7 +75,7 @@ static int check_options(const options *o)
     if ((o->camera != NULL) + (o->orbit > 0) + (o->path != NULL) > 1)
         return mistake("--camera, --orbit and --path exclude each other");
     if (o->look_at.given && (o->orbit || o->path))
-        return mistake("--look-at goes with --camera or --eye alone");
+        return mistake("--look-at works only with --camera or --eye");
     if (o->eye.given && !o->look_at.given)
         return mistake("--eye needs --look-at");
     if (o->depth && o->alpha)
@@ -93,7 +93,8 @@ static int plan(session *s)
     s->first = o->frames.b ? o->frames.a : 0;
     s->n = moving ? moving : o->frames.b ? o->frames.b - o->frames.a : 1;
     if (moving && o->frames.b && o->frames.b - o->frames.a != moving)
-        return mistake("the path's pictures and --frames A:B differ in number");
+        return mistake("the path and --frames A:B have different numbers of "
+                       "pictures");
     return SAGA_EXIT_OK;
 }
 
@@ -256,8 +257,8 @@ static bool turn(session *s)
         memcpy(eye, o->eye.at, sizeof eye);
     if (!saga_look_at(shot.rotation, eye, o->look_at.at, rig.up))
         return saga_fail(&s->error, "--look-at", "give another point",
-                         "the camera stands there, or looks straight up or "
-                         "down");
+                         "the camera stands at this point, or would look "
+                         "straight up or down");
     /* The translation -R eye puts the camera at the eye. */
     for (int i = 0; i < 3; i++) {
         shot.translation[i] = 0.0;
@@ -301,7 +302,7 @@ static saga_film_sound sound_of(const session *s, double fps)
     if (saga_find_sound(&sound, film->bytes, film->nbytes) || s->n < 2)
         return to;
     if (!runs_at_speed(&from, s, fps)) {
-        fputs("The film has no sound, since time passes otherwise than in the "
+        fputs("The film has no sound, because its time does not run as in the "
               "file.\n", stderr);
         return to;
     }
@@ -348,7 +349,7 @@ static bool find_camera(uint32_t *index, session *s, const char *name)
     *index = (uint32_t)number;
     return (name[0] >= '0' && name[0] <= '9' && !*end && number < n) ||
            saga_fail(&s->error, s->film.name, "`saga info` lists them",
-                     "has no camera %s in its rig of %" PRIu32, name, n);
+                     "has no camera %s; it has %" PRIu32 " cameras", name, n);
 }
 
 /* Returns the number of pixels in the largest picture. */

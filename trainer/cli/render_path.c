@@ -141,8 +141,8 @@ static bool read_frame(const reader *r, const json_t *fps, const json_t *width,
     saga_path *const p = r->path;
 
     if (fps && (!number_of(&p->fps, fps) || p->fps <= 0.0))
-        return saga_fail(r->error, r->name, "give pictures a second",
-                         "its \"fps\" is no number above 0");
+        return saga_fail(r->error, r->name, "give pictures per second",
+                         "its \"fps\" is not a number above 0");
     if (!width && !height)
         return true;
     p->width = (int)json_integer_value(width);
@@ -235,9 +235,9 @@ static bool play_keys(const reader *r, const key_row *key, int n)
         row_at(row, key, n, start + i / fps);
         if (!is_fov(row[FOV]) ||
             !saga_look_at(c->rotation, row + EYE, row + TARGET, row + UP))
-            return saga_fail(r->error, r->name, "put eye and target apart, and "
-                             "up not along them", "picture %d of the path "
-                             "looks nowhere", i + 1);
+            return saga_fail(r->error, r->name, "keep eye and target apart, "
+                             "and up away from the line through both",
+                             "picture %d of the path has no direction", i + 1);
         memcpy(c->centre, row + EYE, sizeof c->centre);
         c->fov = row[FOV];
         c->time = row[FRAME];
@@ -339,7 +339,7 @@ static bool read_root(const reader *r, const json_t *root)
     if (json_object_get(root, "camera_path"))
         return read_nerfstudio(r, root);
     return saga_fail(r->error, r->name, "save one in `saga view` or in "
-                     "nerfstudio's viewer", "is no camera path");
+                     "nerfstudio's viewer", "is not a camera path");
 }
 
 static bool read_json(saga_path *path, const char *name, saga_error *error)

@@ -73,7 +73,7 @@ static bool read_picture(session *s, char **text, const char *path,
     *text = NULL;
     /* Results may name any path; only files below their own folder are read. */
     if (!saga_path_is_file(path))
-        why = "is not there";
+        why = "does not exist";
     else if (!real)
         why = "does not lie in its folder or below; put it there";
     else
@@ -81,15 +81,15 @@ static bool read_picture(session *s, char **text, const char *path,
     /* Only pictures are included, whatever the file's name. */
     if (ok && !why) {
         address = address_of(&bytes);
-        why = address ? NULL : "is no PNG and no JPEG";
+        why = address ? NULL : "is neither PNG nor JPEG";
     }
     if (ok && address) {
         *text = saga_base64(address, bytes.data, bytes.nbytes, &s->error);
         ok = *text != NULL;
     }
     if (why)
-        fprintf(stderr, "saga: report: the page is without %s, which %s names: "
-                "it %s\n", path, results, why);
+        fprintf(stderr, "saga: report: the page lacks the picture %s, which "
+                "%s names: it %s\n", path, results, why);
     saga_bytes_free(&bytes);
     free(real);
     return ok;
@@ -241,7 +241,8 @@ static int load(session *s, const char *path)
     differs = saga_results_differ(s->results[0].result[0], r->result[0]);
     if (differs)
         return saga_cli_error(SAGA_EXIT_DATA, "report: %s has other %s than "
-                              "%s; evaluate both alike", path, differs,
+                              "%s; evaluate both with the same options", path,
+                              differs,
                               s->results[0].path);
     return SAGA_EXIT_OK;
 }

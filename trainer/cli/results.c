@@ -37,12 +37,13 @@ static bool add(saga_results *r, json_t *o, saga_error *error)
     const char *differs;
 
     if (!is_result(o))
-        return saga_fail(error, r->path, "give what `saga eval --json` of this "
-                         "version wrote", "holds something that is no result "
+        return saga_fail(error, r->path, "give results of `saga eval --json` "
+                         "of this version",
+                         "holds something else than results "
                          "of schema %d", SAGA_JSON_SCHEMA);
     differs = r->n ? saga_results_differ(r->result[0], o) : NULL;
     if (differs)
-        return saga_fail(error, r->path, "keep one protocol in a curve",
+        return saga_fail(error, r->path, "use results of one protocol",
                          "holds results whose %s differ", differs);
     if (r->n == SAGA_BD_MOST_POINTS)
         return saga_fail(error, r->path, "split it", "holds more than %d "
@@ -90,8 +91,8 @@ bool saga_results_load(saga_results *r, const char *path, saga_error *error)
         if (saga_json_starved())
             ok = saga_no_memory(bytes.nbytes, path, error);
         else if (!o)
-            ok = saga_fail(error, path, "give what `saga eval --json` wrote",
-                           "is no JSON: %s", why.text);
+            ok = saga_fail(error, path, "give results of `saga eval --json`",
+                           "is not JSON: %s", why.text);
         else
             ok = add_value(r, o, error);
         /* add() keeps a reference of its own. */
@@ -100,8 +101,8 @@ bool saga_results_load(saga_results *r, const char *path, saga_error *error)
         at += skip_blanks((const char *)bytes.data + at);
     }
     saga_bytes_free(&bytes);
-    return ok && (r->n || saga_fail(error, path, "give what `saga eval "
-                                    "--json` wrote", "holds no result"));
+    return ok && (r->n || saga_fail(error, path, "give results of `saga eval "
+                                    "--json`", "holds no results"));
 }
 
 /* --- What they say ------------------------------------------------------- */

@@ -40,7 +40,7 @@ static void tell_sound(const uint8_t *bytes, size_t n,
     for (int i = 0; i < n_parts && !had; i++)
         had = has_sound(part[i].bytes, part[i].nbytes);
     if (had && !has_sound(bytes, n))
-        printf("The sound is left out; `saga mux` gives the film another.\n");
+        printf("The sound is left out; `saga mux` can add it again.\n");
 }
 
 static int write_splice(const char *command, const char *path,
@@ -74,8 +74,8 @@ static int splice_files(const char *command, const char *path,
     int status = SAGA_EXIT_OK;
 
     if (!path)
-        return saga_cli_error(SAGA_EXIT_USAGE, "%s: -o OUT is missing; `saga "
-                              "help %s` explains", command, command);
+        return saga_cli_error(SAGA_EXIT_USAGE, "%s: -o OUT is missing; see "
+                              "`saga help %s`", command, command);
     /* All files stay in memory, because the parts point into them. */
     for (int i = 0; i < n_parts && !status; i++) {
         if (!saga_read_file(&file[i], part[i].name, &error))
@@ -103,9 +103,9 @@ static int run_cut(int argc, char **argv)
     if (status != SAGA_CLI_GO_ON)
         return status;
     if (!saga_cli_range(&range, argument[1], &frames))
-        return saga_cli_error(SAGA_EXIT_USAGE, "cut: '%s' is no range of "
-                              "frames; give A:B, like 0:24, for frames A to "
-                              "B - 1", argument[1]);
+        return saga_cli_error(SAGA_EXIT_USAGE, "cut: '%s' is not a range of "
+                              "frames; give A:B, like 0:24, for frames A to B "
+                              "- 1", argument[1]);
     part.name = argument[0];
     part.first = (uint32_t)range.a;
     part.end = (uint32_t)range.b;

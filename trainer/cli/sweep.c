@@ -51,11 +51,12 @@ static int open_folder(const saga_sweep *s)
                               "(%s); name a folder that can", s->folder,
                               strerror(errno));
     if (!saga_path_is_folder(s->folder))
-        return saga_cli_error(SAGA_EXIT_USAGE, "encode: -o %s is no folder; "
-                              "--sweep writes several files", s->folder);
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: -o %s is not a "
+                              "folder, but --sweep writes several files",
+                              s->folder);
     if (!s->resume && !is_empty(s->folder))
         return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s is not empty; give "
-                              "--resume to go on with a sweep there, or name "
+                              "--resume to continue a sweep there, or name "
                               "another folder", s->folder);
     return SAGA_EXIT_OK;
 }
@@ -162,8 +163,8 @@ static const saga_line text[] = {
     { "beaten", "points", "  beaten" },
     { "", "points", "\n" },
     { "", NULL, "PSNR in dB, of all pictures, by the integer decoder\n" },
-    { "any", NULL, "beaten: another file is as good and no larger; not in the "
-      "curve\n" },
+    { "any", NULL, "beaten: another file is as good and not larger; left out "
+      "of the curve\n" },
     { "", NULL, "{path}: the curve; `saga report {path} -o curve.html` draws "
       "it\n" }
 };

@@ -24,11 +24,11 @@ void saga_put_shutter(json_t *report, const saga_shutter_found *found,
 /* The lines that print both; cameras with a rolling shutter are listed if there
  * are any. */
 #define SAGA_VERDICT_LINES \
-    { "psnr_parts./still_word", NULL, "  what stands still: " \
+    { "psnr_parts./still_word", NULL, "  things that stand still: " \
       "{psnr_parts.still:%.1f} dB, {psnr_parts./still_word}" }, \
     { "psnr_parts./shown&!psnr_parts./still_word", NULL, \
       "  nothing stands still" }, \
-    { "psnr_parts./moving_word", NULL, "; what moves " \
+    { "psnr_parts./moving_word", NULL, "; things that move " \
       "({psnr_parts.moving_share*100:%.1f} % of the pixels): " \
       "{psnr_parts.moving:%.1f} dB, {psnr_parts./moving_word}" }, \
     { "psnr_parts./bad&psnr_parts./better", NULL, \
@@ -40,8 +40,8 @@ void saga_put_shutter(json_t *report, const saga_shutter_found *found,
 #define SAGA_SHUTTER_LINES \
     { "shows", "readout", "  {@}: the last row is {/off:%.1f} of a frame " \
       "(+-{/spread:%.1f}) {/side} the first\n" }, \
-    { "/shutter", NULL, "  a rolling shutter shows there, against the other " \
-      "cameras: what moves fast\n  leans and blurs; film with a faster " \
-      "readout or a global shutter\n" }
+    { "/shutter", NULL, "  their rolling shutter differs from the other " \
+      "cameras': fast things lean and\n  blur; film with a faster readout " \
+      "or a global shutter\n" }
 
 #endif

@@ -145,10 +145,9 @@ static const saga_line text[] = {
     ERROR("alone"),
     ERROR("chain"),
     { "/n", "rows", " {/n:%8d}\n" },
-    { "", NULL, "\nthe picture beside float64 from a stage on, rounded to 8 "
-      "bits, and not rounded\n"
-      "from           PSNR  levels    PSNR  levels  RMS before   cut, %"
-      "  stopped otherwise, %\n" },
+    { "", NULL, "\nthe picture compared with float64 from a stage on, rounded "
+      "to 8 bits, and not rounded\nfrom           PSNR  levels    PSNR  "
+      "levels  RMS before   cut, %  stopped otherwise, %\n" },
     { "", "pictures_from", "{@:%-10s} {psnr:%8.2f} {max:%7d} "
       "{psnr_real:%7.2f} {max_real:%7.2f} {rms:%11.4f} {/cut*100:%8.4f} "
       "{/stop*100:%21.4f}\n" },

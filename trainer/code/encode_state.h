@@ -31,7 +31,7 @@ struct saga_encoder {
 
 /* PURPOSE is named in errors of memory, and REMEDY recommended in others. */
 #define PURPOSE "the file to be written"
-#define REMEDY "try another --seed, and report it"
+#define REMEDY "try another --seed, and report this error"
 
 /* Makes room for n more bytes after the present ones and returns their address.
  * Returns NULL with *error set if memory is short. */

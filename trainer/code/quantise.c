@@ -226,8 +226,9 @@ bool saga_quantise_segment(saga_symbols *s, saga_quantise_report *report,
                           "offsets of the primitives", error);
     if (l.prim_o)
         ok = run(&l, decoded ? decoded->order : NULL, report) ||
-             saga_fail(error, NULL, "try another --seed, and report it",
-                       "the closed loop refuses the scene");
+             saga_fail(error, NULL, "try another --seed, and report this "
+                       "error",
+                       "the values of the scene cannot be quantised");
     if (ok && decoded && decoded->coarse_x)
         copy_decoded(decoded, &sc);
     free(l.prim_o);

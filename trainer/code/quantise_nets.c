@@ -155,7 +155,7 @@ static bool force_layer(saga_layer_symbols *out, const saga_layer_values *v,
         while (!set_row(out, v, row, k, k == least))
             if (--k < least)
                 return saga_fail(error, NULL,
-                                 "try another --seed, and report it",
+                                 "try another --seed, and report this error",
                                  "row %u of layer %d of network %d is too "
                                  "large to be coded", (unsigned)row, v->layer,
                                  v->net);

@@ -297,7 +297,7 @@ static bool begin(saga_capture *c, const saga_cloud_source *s,
         nbytes += (uint64_t)saga_view_frame_nbytes(&s->shot[v]) *
                   (uint64_t)s->n_frames;
     if (nbytes > MOST_NBYTES)
-        return saga_fail(error, s->path[0], "take smaller pictures (--size) or "
+        return saga_fail(error, s->path[0], "use smaller pictures (--size) or "
                          "fewer cameras", "pictures of %d frames from %d "
                          "cameras take %.1f GB", s->n_frames, s->n_shots,
                          1e-9 * (double)nbytes);

@@ -45,8 +45,8 @@ bool saga_cloud_write(const char *path, saga_cloud *cloud, saga_error *error)
     if (format)
         return format->write(path, cloud, error);
     saga_cloud_suffixes(known);
-    return saga_fail(error, path, "end it as one of these", "its name ends as "
-                     "no format of splats (%s)", known);
+    return saga_fail(error, path, "use one of these endings",
+                     "its ending belongs to no splat format (%s)", known);
 }
 
 static bool read_any(saga_cloud *cloud, const saga_bytes *bytes,
@@ -59,7 +59,7 @@ static bool read_any(saga_cloud *cloud, const saga_bytes *bytes,
             return formats[i]->read(cloud, bytes, path, error);
     saga_cloud_suffixes(known);
     return saga_fail(error, path, "export the splats in one of these",
-                     "is in no format of splats that is known (%s)", known);
+                     "is not in a known splat format (%s)", known);
 }
 
 bool saga_cloud_read(saga_cloud *cloud, const char *path, saga_error *error)

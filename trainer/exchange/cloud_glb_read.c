@@ -270,8 +270,8 @@ static bool find_accessor(accessor *a, const glb *g, const char *name,
     if (!set_type(a, of) || components_of(of) != n_components ||
         json_object_get(of, "sparse") || !view || n < 0 || n > UINT32_MAX ||
         at < 0 || at > UINT32_MAX || stride < 0 || stride > 255)
-        return saga_fail(g->error, g->path, AGAIN, "%s has a form that is not "
-                         "understood", name);
+        return saga_fail(g->error, g->path, AGAIN, "%s has an unsupported "
+                         "form", name);
     if (!find_view(&a->data, &nbytes, g, integer(of, "bufferView")))
         return false;
     /* The last element must end inside the view. */

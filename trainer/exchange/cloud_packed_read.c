@@ -121,7 +121,8 @@ static bool take_header(header *h, saga_cursor *c, const char *path,
             return check_header(h, saga_left(c), path, error);
         if (!take_header_line(h, line))
             return saga_fail(error, path, "export it again", "header line "
-                             "\"%.80s\" is none of a compressed PLY", line);
+                             "\"%.80s\" does not belong to a compressed PLY",
+                             line);
     }
     return saga_fail(error, path, "copy it again", "is cut short in its "
                      "header");

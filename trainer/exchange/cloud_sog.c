@@ -282,8 +282,8 @@ static bool write_sog(const char *path, saga_cloud *cloud, saga_error *error)
         return saga_fail(error, path, "choose another frame", "no splat is "
                          "visible, and SOG has no empty pictures");
     if (cloud->degree && cloud->n > SOG_MOST_ROWS)
-        return saga_fail(error, path, "give --sh 0", "SOG has no room for the "
-                         "harmonics of %zu splats, more than %d", cloud->n,
+        return saga_fail(error, path, "give --sh 0", "SOG cannot hold the "
+                         "harmonics of %zu splats, only of %d", cloud->n,
                          SOG_MOST_ROWS);
     /* Pictures are square as far as possible. rgba also has room for the
      * palette with its last line. */

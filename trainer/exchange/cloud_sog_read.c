@@ -90,8 +90,8 @@ static bool take_meta(sog *s)
         json_integer_value(json_object_get(s->meta, "count"));
 
     if (version != SOG_VERSION)
-        return saga_fail(s->error, s->path, "save it as version 2", "is SOG of "
-                         "version %d, or none", (int)version);
+        return saga_fail(s->error, s->path, "save it as version 2", "is not "
+                         "SOG, or of version %d", (int)version);
     if (n < 0 || n > MOST_SPLATS)
         return saga_fail(s->error, s->path, AGAIN, "announces %lld splats",
                          (long long)n);
@@ -148,8 +148,8 @@ static bool decode(picture *p, const sog *s, const saga_bytes *bytes,
     int width, height;
 
     if (!WebPGetInfo(bytes->data, bytes->nbytes, &width, &height))
-        return saga_fail(s->error, s->path, "save it as WebP without loss",
-                         "%.200s is no WebP", name);
+        return saga_fail(s->error, s->path, "save it as lossless WebP",
+                         "%.200s is not a WebP picture", name);
     if ((size_t)width * (size_t)height > most)
         return saga_fail(s->error, s->path, AGAIN, "%.200s has %dx%d pixels, "
                          "for %zu splats", name, width, height, s->n);

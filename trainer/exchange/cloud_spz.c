@@ -171,8 +171,8 @@ static bool write_spz(const char *path, saga_cloud *cloud, saga_error *error)
     bool ok;
 
     if (bits < 0)
-        return saga_fail(error, path, "write PLY", "SPZ has no room for "
-                         "positions beyond 2^%d", POSITION_BITS);
+        return saga_fail(error, path, "write PLY", "SPZ cannot hold positions "
+                         "beyond 2^%d", POSITION_BITS);
     bytes = saga_alloc(n, 1, path, error);
     if (!bytes)
         return false;

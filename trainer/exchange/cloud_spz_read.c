@@ -47,14 +47,15 @@ static bool take_head(spz_head *h, const uint8_t *p, saga_error *error)
     h->flags = p[14];
     if (saga_load_le(p, 4) != SPZ_MAGIC)
         return saga_fail(error, h->path, "export the splats as SPZ",
-                         "is a gzip file, but no SPZ");
+                         "is a gzip file, but not SPZ");
     if (h->version < 2 || h->version > 4)
         return saga_fail(error, h->path, "save it as version 2, 3 or 4",
                          "is SPZ of version %u", (unsigned)h->version);
     if (h->degree > MOST_DEGREE || h->fraction_bits > MOST_SHIFT)
         return saga_fail(error, h->path, "export it again", "has harmonics of "
-                         "degree %d (0 to %d are known) and %d bits behind the "
-                         "point (0 to %d)", h->degree, MOST_DEGREE,
+                         "degree %d (0 to %d are supported) and positions "
+                         "with %d fractional bits (0 to %d)", h->degree,
+                         MOST_DEGREE,
                          h->fraction_bits, MOST_SHIFT);
     return true;
 }
@@ -108,7 +109,7 @@ static bool find_axis(int *axis, const spz_head *h, saga_cursor c,
     return *axis >= 0 || axes == RDF ||
            saga_fail(error, h->path, "save it with axes right, up, back",
                      "has the axes number %u of SPZ_ADOBE_coordinate_system, "
-                     "of which 4, 6 and 7 are known", (unsigned)axes);
+                     "of which 4, 6 and 7 are supported", (unsigned)axes);
 }
 
 /* --- Arrays -------------------------------------------------------------- */

@@ -52,7 +52,7 @@ static bool read_rig(fit *f, saga_error *error)
             if (f->rig[i].centre[a] < -MOST_AWAY ||
                 f->rig[i].centre[a] > MOST_AWAY)
                 return saga_fail(error, f->film->name, "encode it again",
-                                 "camera %u of its rig stands too far away",
+                                 "its camera %u stands too far away",
                                  (unsigned)i);
         f->n_rig++;
     }
@@ -268,7 +268,7 @@ static bool make_colours(saga_film_colours *colours, saga_film *film,
     ok = read_rig(&f, error);
     if (ok && how.camera >= 0 && (uint32_t)how.camera >= f.n_rig)
         ok = saga_fail(error, film->name, "`saga info` lists them",
-                       "has no camera %d in its rig of %u", how.camera,
+                       "has no camera %d; it has %u cameras", how.camera,
                        (unsigned)f.n_rig);
     ok = ok && fill_colours(colours, &f, n, error);
     if (ok)

@@ -56,7 +56,7 @@ static bool check_segments(const parts *p, const char *name, size_t n,
     }
     return at == n ||
            saga_fail(error, name, "`saga cut FILE :` writes it without them",
-                     "it has bytes that belong to nothing");
+                     "it has bytes that belong to no part of it");
 }
 
 static size_t chunk_nbytes(const saga_recording *take)

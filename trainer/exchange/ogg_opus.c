@@ -32,8 +32,8 @@ typedef struct {
 static bool bad(const walk *w, const char *what, saga_error *error)
 {
     return saga_fail(error, w->name, "make it with opusenc, or with ffmpeg's "
-                     "-c:a libopus", "it is no whole Ogg stream of Opus: at "
-                     "byte %zu %s", w->at, what);
+                     "-c:a libopus", "it is not a complete Ogg Opus stream: "
+                     "at byte %zu %s", w->at, what);
 }
 
 /* Returns the CRC of a page as Ogg defines it: polynomial 0x04c11db7, highest

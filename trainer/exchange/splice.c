@@ -91,7 +91,8 @@ static bool take_layers(piece *p, saga_error *error)
     const uint32_t wanted = p->part->n_layers;
 
     if (wanted > p->layout.n_layers)
-        return saga_fail(error, p->part->name, "take fewer", "its layers: %"
+        return saga_fail(error, p->part->name, "take fewer", "number of its "
+                         "layers: %"
                          PRIu32 "; asked for: %" PRIu32, p->layout.n_layers,
                          wanted);
     /* All code below that counts bytes or anchors reads the number of layers
@@ -245,7 +246,8 @@ static bool check_same(const piece *a, const piece *b, saga_error *error)
         : NULL;
 
     return !what || saga_fail(error, b->part->name, "join files that were cut "
-                              "from one encoding", "its %s is not what %s has",
+                              "from one encoding", "its %s differs from that "
+                                                   "of %s",
                               what, a->part->name);
 }
 

@@ -36,7 +36,8 @@ static bool check_time(const saga_film *film, const saga_capture *capture,
 
     if (first_frame >= 0 &&
         (uint64_t)first_frame + (uint64_t)capture->n_frames > i->n_frames)
-        return saga_fail(error, film->name, "give frames inside it to --only",
+        return saga_fail(error, film->name, "give --only a range within the "
+                         "file",
                          "has %" PRIu32 " frames, compared would be %d:%d",
                          i->n_frames, first_frame,
                          first_frame + capture->n_frames);
@@ -126,7 +127,8 @@ static bool refuse_view(const saga_film *film, const saga_shot *shot,
 {
     return saga_fail(error, film->name, "give the capture it was made from, "
                      "or name the view in --hold-out",
-                     "%s is no camera of its rig: the nearest, number %" PRIu32
+                     "%s is not one of its cameras: the nearest, number "
+                     "%" PRIu32
                      ", is %.3g m and %.3g degrees away, its focal length "
                      "%.2g %% different", shot->name, m->number, m->distance,
                      m->degrees, 100.0 * m->focal);

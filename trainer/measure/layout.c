@@ -304,7 +304,7 @@ static bool read_all(walk *w, const saga_header *h, const char *name,
 
     if (!take_head(w, h) || !check_index(w, h))
         return saga_fail(error, name, "copy the file again", "%s; nothing "
-                         "behind it can be found", to->damage);
+                         "after it can be found", to->damage);
     to->segment =
         saga_calloc(h->n_segments, sizeof *to->segment, name, error);
     if (!to->segment)

@@ -218,7 +218,7 @@ bool saga_orbit_of(saga_orbit *orbit, const saga_film *film,
         find_sweep(orbit, shots, n, angle);
     else
         saga_fail(error, film->name, "give a camera",
-                  "its rig does not tell where to move");
+                  "its cameras do not determine a path");
     free(shots);
     free(angle);
     return ok;
@@ -252,7 +252,7 @@ bool saga_orbit_camera(saga_camera *camera, const saga_orbit *orbit,
     cross3(right, forward, orbit->up);
     if (!normalise(forward) || !normalise(right))
         return saga_fail(error, "orbit", "give a camera",
-                         "the rig looks straight down");
+                         "its cameras look straight down");
     cross3(down, forward, right);
     for (int i = 0; i < 3; i++)
         shot.translation[i] = -dot3(shot.rotation + 3 * i, centre);

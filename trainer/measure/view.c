@@ -59,7 +59,7 @@ static bool refuse_late(const saga_film *film, saga_error *error)
 static bool refuse(const saga_film *film, const char *what,
                    saga_status status, saga_error *error)
 {
-    const char *remedy = "`saga info` tells what is damaged";
+    const char *remedy = "`saga info` shows what is damaged";
     saga_error ignored = { "" };
     saga_layout layout;
 
@@ -108,7 +108,7 @@ static bool open_film(saga_film *film, saga_error *error)
 {
     const saga_status s = saga_probe(&film->info, film->bytes, film->nbytes);
     bool ok = s == SAGA_OK ||
-              saga_fail(error, film->name, "`saga info` tells what to do",
+              saga_fail(error, film->name, "`saga info` says what to do",
                         "its header is refused (%s)", saga_status_text(s));
 
     if (ok)
@@ -167,8 +167,8 @@ bool saga_film_rig(const saga_film *film, uint32_t index, saga_camera *camera,
 {
     if (index >= film->info.n_cameras)
         return saga_fail(error, film->name, "`saga info` lists them",
-                         "has no camera %" PRIu32 " in its rig of %" PRIu32,
-                         index, film->info.n_cameras);
+                         "has no camera %" PRIu32 "; it has %" PRIu32
+                         " cameras", index, film->info.n_cameras);
     const saga_status s =
         saga_rig(camera, number, film->bytes, film->nbytes, index);
     return s == SAGA_OK || refuse(film, "its rig is refused", s, error);

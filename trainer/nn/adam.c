@@ -72,7 +72,8 @@ static bool blame(const real *x, const char *what, const saga_adam_tensor *t,
     while (i < t->n && x[i] * 0 == 0)
         i++;
     return i == t->n ||
-           saga_fail(error, NULL, "try another --seed, and report it", "number "
+           saga_fail(error, NULL, "try another --seed, and report this error",
+                     "number "
                      "%zu of the %s of the %s is not finite at step %llu", i,
                      what, t->name, (unsigned long long)step);
 }

@@ -376,7 +376,7 @@ static bool look(saga_flat *f, double *mse, saga_sample sample,
         return false;
     *mse = l.mse;
     return (*mse >= 0 && *mse < INFINITY) ||
-           saga_fail(error, NULL, "try another --seed, and report it",
+           saga_fail(error, NULL, "try another --seed, and report this error",
                      "picture of view %s is not finite at iteration %d",
                      saga_novel_is(f->pictures, sample) ? "of a teacher"
                      : f->pictures->capture->views[sample.view].name,

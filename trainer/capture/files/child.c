@@ -222,8 +222,8 @@ int saga_child_end(saga_child *child, bool kill_it)
     child->pid = 0;
     quote_log(child);
     if (child->hung)
-        (void)snprintf(child->tail, sizeof child->tail, "it said nothing for "
-                       "%d s", child->patience);
+        (void)snprintf(child->tail, sizeof child->tail, "it printed nothing "
+                       "for %d s", child->patience);
     close_fd(&child->log);
     return r > 0 && WIFEXITED(status) ? WEXITSTATUS(status) : -1;
 }

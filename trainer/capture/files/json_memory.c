@@ -69,7 +69,7 @@ static bool bad_json(const json_error_t *problem, const char *path,
                                             : "correct the file",
                      "%s at line %d, column %d (%s)",
                      nonfinite ? "holds a number that is not finite"
-                               : "is no valid JSON",
+                               : "is not valid JSON",
                      problem->line, problem->column, problem->text);
 }
 
@@ -87,8 +87,8 @@ json_t *saga_json_parse(const saga_bytes *text, const char *path,
     if (saga_json_starved())
         ok = saga_no_memory(0, path, error);
     else if (ok && !json_is_object(root))
-        ok = saga_fail(error, path, "correct the file", "\"(root)\" at the top "
-                       "is no object, expected an object");
+        ok = saga_fail(error, path, "correct the file", "\"(root)\" at the "
+                       "top is not an object");
     if (ok)
         return root;
     json_decref(root);

@@ -131,12 +131,12 @@ static bool read_array(saga_npy *npy, saga_cursor *c, const char *path,
     npy_header h = {0};
     if (!header)
         return saga_fail(error, path, "save it again with numpy.save",
-                         "is no .npy file, or is cut short in its header");
+                         "is not an .npy file, or its header is cut short");
     memcpy(text, header, n);
     text[n] = '\0';
     if (!parse_header(text, &h))
         return saga_fail(error, path, "save a plain float64 array",
-                         "has a header that is not understood (%.120s)", text);
+                         "has an unsupported header (%.120s)", text);
     const size_t item = (size_t)h.item_nbytes;
     const size_t have = saga_left(c) / item;
     /* The sizes are compared by division, because rows x cols may overflow. */
@@ -144,7 +144,7 @@ static bool read_array(saga_npy *npy, saga_cursor *c, const char *path,
         h.rows * h.cols * item != saga_left(c))
         return saga_fail(error, path, "save or copy it again",
                          "announces %zu x %zu numbers of %zu bytes but holds "
-                         "%zu bytes of them", h.rows, h.cols, item,
+                         "%zu bytes", h.rows, h.cols, item,
                          saga_left(c));
     npy->data = saga_alloc(h.rows * h.cols, sizeof *npy->data, path, error);
     if (!npy->data)
@@ -175,7 +175,7 @@ bool saga_npy_read(saga_npy *npy, const char *path, saga_error *error)
     saga_bytes_free(&bytes);
     if (ok && npy->n_sides > 2) {
         ok = saga_fail(error, path, "save a plain float64 array",
-                       "has a header that is not understood (%d dimensions)",
+                       "has an unsupported header (%d dimensions)",
                        npy->n_sides);
         saga_npy_free(npy);
     }

@@ -21,7 +21,7 @@ bool saga_npz_open(saga_npz *npz, const char *path, saga_error *error)
         return false;
     return saga_zip_open(&npz->zip, &npz->bytes, path) ||
            saga_fail(error, path, "save it again with numpy.savez",
-                     "is no .npz file, or is cut short");
+                     "is not an .npz file, or is cut short");
 }
 
 void saga_npz_close(saga_npz *npz)

@@ -38,8 +38,8 @@ static bool picture_kind(const char *path, enum picture_kind *kind,
         *kind = PICTURE_TIFF;
     else
         return saga_fail(error, path, "convert it to PNG or JPEG",
-                         "is no PNG, JPEG, WebP, TIFF or OpenEXR (starts with "
-                         "%02x %02x %02x %02x, %zu bytes read)",
+                         "is not a PNG, JPEG, WebP, TIFF or OpenEXR picture "
+                         "(starts with %02x %02x %02x %02x, %zu bytes read)",
                          magic[0], magic[1], magic[2], magic[3], n);
     return true;
 }

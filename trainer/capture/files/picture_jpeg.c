@@ -88,7 +88,8 @@ bool saga_jpeg_encode(uint8_t **bytes, size_t *nbytes, int width, int height,
         saga_no_memory(0, "a picture", error);
     if (ok && tjCompress2(encoder, rgb, width, 0, height, TJPF_RGB, bytes, &n,
                           TJSAMP_420, 85, TJFLAG_NOREALLOC) != 0)
-        ok = saga_fail(error, "a picture", NULL, "cannot become a JPEG (%s)",
+        ok = saga_fail(error, "a picture", NULL, "cannot be written as JPEG "
+                       "(%s)",
                        tjGetErrorStr2(encoder));
     *nbytes = n;
     if (encoder)

@@ -33,7 +33,7 @@ bool saga_check_size(const char *path, long long width, long long height,
     if (width >= 1 && height >= 1 && width <= SAGA_MAX_SIDE &&
         height <= SAGA_MAX_SIDE)
         return true;
-    return saga_fail(error, path, "give pictures of 1..16384 pixels a side",
+    return saga_fail(error, path, "use pictures of 1 to 16384 pixels per side",
                      "has a size of %lld x %lld pixels", width, height);
 }
 

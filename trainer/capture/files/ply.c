@@ -114,15 +114,16 @@ static bool parse_header(ply_header *h, saga_cursor *c, const char *path,
         h->field[f] = -1;
     if (!saga_take_line(c, line, sizeof line) || strcmp(line, "ply") != 0)
         return saga_fail(error, path, "export the points as PLY",
-                         "is no PLY file");
+                         "is not a PLY file");
     /* Lines are read up to end_header, where the checks need all of them. */
     while (saga_take_line(c, line, sizeof line)) {
         if (strcmp(line, "end_header") == 0)
             return header_is_whole(h, &s, path, error);
         if (!header_line(h, &s, line))
-            return saga_fail(error, path, "store ascii or "
-                             "binary_little_endian, vertices first, scalar "
-                             "properties", "header line \"%.80s\" is not "
+            return saga_fail(error, path, "save it as ascii or "
+                             "binary_little_endian, with vertices first and "
+                             "scalar properties",
+                             "header line \"%.80s\" is not "
                              "supported", line);
     }
     return saga_fail(error, path, "copy it again",

@@ -94,15 +94,15 @@ static bool take_string(toml_reader *r, char text[MOST_TEXT])
             /* Names and paths need no other escapes. */
             c = look(r);
             if (c != '\\' && c != '"')
-                return bad(r, "a string has an escape other than \\\\ and "
-                           "\\\"");
+                return bad(r, "a string has an escape sequence other than "
+                           "\\\\ and \\\"");
             r->next++;
         }
         text[n++] = (char)c;
     }
     text[n] = '\0';
     (void)take(r, quote);
-    return saga_utf8_is(text) || bad(r, "a string is no UTF-8");
+    return saga_utf8_is(text) || bad(r, "a string is not valid UTF-8");
 }
 
 static bool take_key(toml_reader *r, char text[MOST_TEXT])
@@ -133,8 +133,8 @@ static json_t *take_word(toml_reader *r)
         return json_boolean(text[0] == 't');
     const double x = strtod(text, &end);
     if (n == 0 || *end != '\0' || !isfinite(x)) {
-        bad(r, "a value is no string, finite number, true, false or list of "
-            "these");
+        bad(r, "a value is not a string, a finite number, true, false or a "
+            "list of these");
         return NULL;
     }
     return json_real(x);
@@ -163,10 +163,11 @@ static json_t *take_list(toml_reader *r)
             after = true;
             depth--;
         } else if (after) {
-            ok = take(r, ',') || bad(r, "a list lacks a comma or its end");
+            ok = take(r, ',') || bad(r, "a list has no comma or no end");
             after = false;
         } else if (take(r, '[')) {
-            ok = depth + 1 < MOST_DEPTH || bad(r, "lists are too deep");
+            ok = depth + 1 < MOST_DEPTH || bad(r, "lists are nested too "
+                                               "deeply");
             if (ok) {
                 json_t *const inner = json_array();
                 ok = saga_json_append_item(lists[depth], inner);
@@ -193,13 +194,13 @@ static bool take_header(toml_reader *r)
     char key[MOST_TEXT];
     r->table = r->root;
     if (look(r) == '[')
-        return bad(r, "a list of tables is no calibration");
+        return bad(r, "lists of tables are not supported");
     /* Each part of a name "a.b" goes one table deeper; the depth is limited,
      * since jansson frees by recursion. */
     for (int depth = 0; depth == 0 || take(r, '.'); depth++) {
         skip_blanks(r);
         if (depth == MOST_DEPTH)
-            return bad(r, "tables are too deep");
+            return bad(r, "tables are nested too deeply");
         if (!take_key(r, key))
             return false;
         skip_blanks(r);
@@ -223,10 +224,10 @@ static bool take_pair(toml_reader *r)
         return false;
     skip_blanks(r);
     if (!take(r, '='))
-        return bad(r, "there is no = behind a key");
+        return bad(r, "there is no = after a key");
     skip_blanks(r);
     if (json_object_get(r->table, key))
-        return bad(r, "a key is there twice");
+        return bad(r, "a key occurs twice");
     json_t *const value = look(r) == '[' ? take_list(r) : take_scalar(r);
     if (value)
         saga_json_set_value(r->table, key, value);
@@ -240,7 +241,7 @@ static bool take_all(toml_reader *r)
             return false;
         skip_comment(r);
         if (r->next < r->end && look(r) != '\n')
-            return bad(r, "there is more in a line than a key and a value");
+            return bad(r, "a line has something after its key and value");
     }
     return true;
 }

@@ -140,7 +140,7 @@ static bool run_ffprobe(const char *path, const char *still, char *text,
          * killed. */
         if (saga_child_end(&child, got == n - 1) != 0)
             ok = saga_fail(error, path, "check that ffplay shows it",
-                           "is no video that ffprobe can read (%s)",
+                           "is not a video that ffprobe can read (%s)",
                            child.tail);
     }
     free(url);
@@ -153,7 +153,7 @@ bool saga_video_probe(saga_video_info *info, const char *path,
     char text[8192];
     *info = (saga_video_info){.still = still};
     if (!saga_path_is_file(path))
-        return saga_fail(error, path, "check the name; every camera needs its "
+        return saga_fail(error, path, "check the name; every camera needs a "
                          "video", "video is missing");
     if (!run_ffprobe(path, still, text, sizeof text, error))
         return false;
@@ -171,7 +171,7 @@ bool saga_video_probe(saga_video_info *info, const char *path,
                          "has no frame that ffprobe can count; it may be cut "
                          "short");
     if (n > SAGA_MAX_FRAMES)
-        return saga_fail(error, path, "give a video with 1..1048576 frames",
+        return saga_fail(error, path, "use a video with 1 to 1048576 frames",
                          "has %ld frames", n);
     info->width = (int)width;
     info->height = (int)height;
@@ -271,8 +271,8 @@ bool saga_video_close(saga_video *video, bool ok, saga_error *error)
     if (saga_child_read(&video->child, &extra, 1) != 0) {
         (void)saga_child_end(&video->child, true);
         return saga_fail(error, video->path, "encode the video again",
-                         "holds more frames, or larger ones, than the %d of "
-                         "%d x %d that ffprobe counts",
+                         "holds more or larger frames than the %d of %d x %d "
+                         "pixels that ffprobe counts",
                          video->info.n_frames, video->info.width,
                          video->info.height);
     }

@@ -145,13 +145,13 @@ bool saga_zip_read(saga_bytes *to, const saga_zip *zip, const char *name,
 
     *to = (saga_bytes){ .nbytes = 0 };
     if (!find(&m, zip, name))
-        return saga_fail(error, zip->path, "give a file that has all members",
+        return saga_fail(error, zip->path, "use a file that has all members",
                          "has no member %s", name);
     from = packed(zip, &m);
     if (!from || !is_possible(&m))
         return saga_fail(error, zip->path, "save it stored or deflated",
-                         "holds %s in a form that is not understood, or is "
-                         "cut short", name);
+                         "holds %s in an unsupported form, or is cut short",
+                         name);
     /* A NUL follows the last byte. */
     to->data = saga_calloc(m.nbytes + 1, 1, zip->path, error);
     if (!to->data)

@@ -146,9 +146,9 @@ static bool read_distortion(const calibration *c, saga_source *s,
         if (k[i] != 0.0)
             return saga_fail(c->error, c->path, s->lens.fisheye
                              ? "calibrate with OpenCV's fisheye model"
-                             : "calibrate with k1 k2 p1 p2 k3 alone",
-                             "%s has a lens of %zu coefficients, of which only "
-                             "%zu are known", s->name, n, n_known);
+                             : "calibrate with only k1 k2 p1 p2 k3",
+                             "the lens of %s has %zu coefficients, but only "
+                             "%zu are supported", s->name, n, n_known);
     s->lens.k1 = k[0];
     s->lens.k2 = k[1];
     if (s->lens.fisheye) {
@@ -196,7 +196,8 @@ static bool read_pose(const calibration *c, saga_source *s, const json_t *table)
     return saga_pose_from_axes(r, r + 3, r + 6, centre, s->rotation,
                                s->translation) ||
            saga_fail(c->error, c->path, "export the calibration again",
-                     "rotation of %s is not finite or no rotation (%g %g %g)",
+                     "rotation of %s is not finite or not a rotation (%g %g "
+                     "%g)",
                      s->name, r[0], r[1], r[2]);
 }
 
@@ -236,8 +237,8 @@ static bool add_camera(calibration *c, const char *key, const json_t *table)
     if (json_is_true(json_object_get(table, "ignore")) ||
         !json_object_get(table, "rotation") ||
         !json_object_get(table, "translation")) {
-        saga_note(l->notes, "cameras: %s is left out, the calibration has no "
-                  "pose of it or ignores it", s->name);
+        saga_note(l->notes, "cameras: %s is left out, because the calibration "
+                  "has no pose for it or ignores it", s->name);
         return true;
     }
     l->n_sources++;
@@ -405,8 +406,9 @@ static bool give_videos(calibration *c, const char *folder)
     const int rule = best_rule(c);
     if (rule < 0)
         return saga_fail(c->error, folder, "name each video as its camera, for "
-                         "example cam_0.mp4", "no name of its %d videos tells "
-                         "one camera of %d; the first camera is %s",
+                         "example cam_0.mp4", "no name of its %d videos "
+                         "contains that of one of the %d cameras; the first "
+                         "camera is %s",
                          c->n_videos, l->n_sources, l->sources[0].name);
     /* Each camera takes the video that the rule gives it; the other videos are
      * only counted. */
@@ -421,7 +423,7 @@ static bool give_videos(calibration *c, const char *folder)
         n_used++;
     }
     if (n_used < c->n_videos)
-        saga_note(l->notes, "videos: %d of %d are of no camera of the "
+        saga_note(l->notes, "videos: %d of %d belong to no camera of the "
                   "calibration", c->n_videos - n_used, c->n_videos);
     return true;
 }
@@ -432,8 +434,8 @@ static bool give_videos(calibration *c, const char *folder)
 static bool fit_size(const calibration *c, saga_source *s, const double size[2])
 {
     if (!saga_source_fit(s, size[0], size[1]))
-        return saga_fail(c->error, c->path, "calibrate with pictures as they "
-                         "are filmed, neither turned nor cropped", "%s was "
+        return saga_fail(c->error, c->path, "calibrate with pictures that are "
+                         "neither rotated nor cropped", "%s was "
                          "calibrated with %g x %g pixels, the video has "
                          "%d x %d", s->name, size[0], size[1], s->width,
                          s->height);
@@ -461,9 +463,9 @@ static void tell_unit(saga_listing *l)
         }
     if (farthest <= largest_rig_metres)
         return;
-    saga_note(l->notes, "unit: cameras stand up to %.4g apart, which are no "
-              "metres; if they are millimetres, --metres 0.001 keeps that in "
-              "the file", farthest);
+    saga_note(l->notes, "unit: cameras are up to %.4g units apart, which "
+              "cannot be metres; if they are millimetres, --metres 0.001 "
+              "records that in the file", farthest);
     l->metres = 0.0;
 }
 

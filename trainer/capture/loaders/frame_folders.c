@@ -79,8 +79,8 @@ static bool is_below(const char *file, const char *folder, saga_error *error)
 {
     const size_t n = strlen(folder);
     return (strncmp(file, folder, n) == 0 && file[n] == '/') ||
-           saga_fail(error, file, "give names that begin in the frame folder",
-                     "is no name in %s, the first of the frame folders",
+           saga_fail(error, file, "use picture paths inside the frame folder",
+                     "does not lie in %s, the first of the frame folders",
                      folder);
 }
 

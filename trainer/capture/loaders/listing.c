@@ -127,8 +127,8 @@ char *saga_listing_join(const saga_listing *listing, const char *folder,
         return path;
     free(path);
     if (!saga_failed(error))
-        saga_fail(error, file, "copy it there, or give --follow-paths where "
-                  "this capture may read any file", "names \"%.200s\", which "
+        saga_fail(error, file, "copy it there, or give --follow-paths if this "
+                  "capture may read any file", "names \"%.200s\", which "
                   "is not in the capture's folder", name);
     return NULL;
 }
@@ -150,7 +150,7 @@ static bool unknown_format(const saga_listing *listing, const char *path,
                               (*l)->sign, l[1] ? ", "
                               : "; `saga help check` lists the layouts");
     return saga_fail(error, path, looked, "holds no capture of a known format "
-                     "(docs/from-cameras.md tells how to make one)");
+                     "(docs/from-cameras.md explains how to make one)");
 }
 
 bool saga_listing_make_part(saga_listing *listing, const char *path,
@@ -308,7 +308,7 @@ bool saga_probe_video(saga_source *source, saga_listing *listing,
     source->height = source->info.height;
     if (source->info.untagged && !strstr(listing->notes, "colour:"))
         saga_note(listing->notes, "colour: video without a matrix tag (%s) is "
-                  "taken as BT.709", source->name);
+                  "assumed to be BT.709", source->name);
     return true;
 }
 
@@ -361,15 +361,16 @@ bool saga_listing_match_videos(saga_listing *listing,
     /* They may also differ if --late gives the frames that belong together, or
      * if the caller accepts any length. */
     if (options->late || options->any_length) {
-        saga_note(listing->notes, "lengths: %s has %d frames, %s has %d; what "
-                  "is behind the shortest is not taken", shortest->name,
+        saga_note(listing->notes, "lengths: %s has %d frames, %s has %d; "
+                  "frames after the end of the shortest are not used",
+                  shortest->name,
                   shortest->info.n_frames, longest->name,
                   longest->info.n_frames);
         return true;
     }
     char remedy[160];
-    (void)snprintf(remedy, sizeof remedy, "saga check tells whether they start "
-                   "together, then use --frames 0:%d; or use --late",
+    (void)snprintf(remedy, sizeof remedy, "if `saga check` finds that they "
+                   "start together, give --frames 0:%d, else give --late",
                    listing->n_frames);
     return saga_fail(error, shortest->video, remedy, "unequal frame counts: "
                      "%s has %d frames, %s has %d", shortest->name,
@@ -390,8 +391,8 @@ static bool take_late(const saga_listing *l, const char **text, double *late,
     /* The number must reach exactly to the comma or the end. */
     if (n >= all || end != *text + all || !(fabs(frames) <= SAGA_MAX_FRAMES))
         return saga_fail(error, l->path, "give NAME=FRAMES, with commas "
-                         "between", "--late \"%.60s\" is no camera and number "
-                         "of frames", *text);
+                         "between", "--late \"%.60s\" is not a camera with a "
+                         "number of frames", *text);
     if (!s) {
         char names[160];
         list_names(l, names, sizeof names);
@@ -441,7 +442,7 @@ bool saga_listing_late(saga_listing *listing, const char *text,
     const int n = l->n_frames - most;
     if (ok && n < 1)
         ok = saga_fail(error, l->path, "give smaller numbers", "--late leaves "
-                       "nothing of %d frames", l->n_frames);
+                       "none of %d frames", l->n_frames);
     /* Videos are not cut here; their reader skips these frames. */
     for (int i = 0; ok && i < l->n_sources; i++) {
         saga_source *const s = &l->sources[i];

@@ -117,8 +117,8 @@ bool saga_listing_find_masks(saga_listing *listing, const char *path,
     for (int i = 0; ok && i < listing->n_sources; i++)
         ok = find_masks(listing, &listing->sources[i], root, &n, error);
     if (ok && n > 0)
-        saga_note(listing->notes, "masks: %d of %d pictures have one; what is "
-                  "not white neither is learned nor judged", n,
+        saga_note(listing->notes, "masks: %d of %d pictures have one; pixels "
+                  "that are not white are ignored", n,
                   listing->n_sources * listing->n_frames);
     free(root);
     return ok;

@@ -180,14 +180,14 @@ static bool measure_texture(const miv_reader *r, miv_camera *c)
         return false;
     if (size[0] != c->info.width || size[1] != c->info.height)
         return saga_fail(r->error, c->video, "correct the name or the JSON",
-                         "is of %d x %d pixels by its name, of %g x %g by "
+                         "has %d x %d pixels by its name, but %g x %g by "
                          "\"Resolution\"", c->info.width, c->info.height,
                          size[0], size[1]);
     if (!saga_check_size(c->video, c->info.width, c->info.height, r->error))
         return false;
     if (c->info.width % 2 || c->info.height % 2)
         return saga_fail(r->error, c->video, "export it with even sides",
-                         "has odd sides, %d x %d, which 4:2:0 has not",
+                         "has odd sides, %d x %d, which 4:2:0 does not allow",
                          c->info.width, c->info.height);
     /* 4:2:0 has 3/2 samples per pixel; a sample of 10 bits takes two bytes. */
     const long long frame = (long long)c->info.width * c->info.height * 3 / 2 *
@@ -195,7 +195,8 @@ static bool measure_texture(const miv_reader *r, miv_camera *c)
     const long long n = stat(c->video, &st) == 0 ? (long long)st.st_size : 0;
     if (n < frame || n % frame != 0 || n / frame > SAGA_MAX_FRAMES)
         return saga_fail(r->error, c->video, "copy it again", "has %lld "
-                         "bytes, which are not 1 to %d frames of %lld", n,
+                         "bytes, which is not 1 to %d frames of %lld bytes "
+                         "each", n,
                          SAGA_MAX_FRAMES, frame);
     c->info.n_frames = (int)(n / frame);
     c->info.fps = r->fps;
@@ -255,8 +256,8 @@ static bool get_depth_range(const miv_reader *r, const miv_camera *c,
     range[0] = json_number_value(json_array_get(a, 0));
     range[1] = json_is_string(far) ? INFINITY : json_number_value(far);
     return (range[0] > 0.0 && range[1] > range[0]) ||
-           saga_fail(r->error, r->path, "correct the camera", "\"Depth_range"
-                     "\" of camera %s is no range of depths above 0", c->name);
+           saga_fail(r->error, r->path, "correct the camera", "\"Depth_range\" "
+                     "of camera %s is not a range of depths above 0", c->name);
 }
 
 static bool add_perspective(const miv_reader *r, const miv_camera *c)
@@ -398,8 +399,8 @@ static bool add_depth(miv_reader *r, const miv_camera *c, int kind)
     if (!c->depth)
         return true;
     if (c->depth_width != d.width || c->depth_height != d.height)
-        return saga_fail(r->error, c->depth, "export it as large as its "
-                         "texture", "is of %d x %d pixels, not %d x %d",
+        return saga_fail(r->error, c->depth, "export it at the size of its "
+                         "texture", "has %d x %d pixels, not %d x %d",
                          c->depth_width, c->depth_height, d.width, d.height);
     if (!get_depth_range(r, c, range) || !get_directions(r, c, &d))
         return false;
@@ -437,7 +438,7 @@ static bool add_camera(miv_reader *r, miv_camera *c)
     }
     return saga_fail(r->error, r->path, "render it as Perspective or "
                      "Equirectangular", "\"Projection\" of camera %s is %s, "
-                     "which is not known", c->name,
+                     "which is not supported", c->name,
                      projection ? projection : "missing");
 }
 
@@ -455,7 +456,7 @@ static bool add_cameras(miv_reader *r)
         c.name = json_string_value(json_object_get(c.json, "Name"));
         if (!c.name)
             ok = saga_fail(r->error, r->path, "name it", "\"Name\" of "
-                           "cameras[%zu] is missing or no string", i);
+                           "cameras[%zu] is missing or not a string", i);
         else if (is_source(r, c.name))
             ok = add_camera(r, &c);
         free(c.video);
@@ -463,8 +464,7 @@ static bool add_cameras(miv_reader *r)
     }
     if (ok && r->listing->n_sources == 0)
         ok = saga_fail(r->error, r->path, "list them in sourceCameraNames",
-                       "names no camera that is a source and no orthographic "
-                       "one");
+                       "has no source camera and no orthographic camera");
     return ok;
 }
 
@@ -519,12 +519,13 @@ static bool list(saga_listing *listing, const char *folder,
     ok = ok && saga_listing_match_videos(listing, options, error) &&
          saga_listing_hold_out(listing, options->hold_out, error);
     if (ok)
-        saga_note(listing->notes, "colour: YUV is taken as BT.709, limited "
-                  "range; points: %zu of %d views' depth", listing->n_points,
+        saga_note(listing->notes, "colour: YUV is assumed to be BT.709 with "
+                  "limited range; points: %zu from the depth of %d views",
+                  listing->n_points,
                   r.n_depths);
     if (ok && r.n_left_out > 0)
-        saga_note(listing->notes, "cameras: %d orthographic ones are left out, "
-                  "which no pinhole shows; their depth is taken",
+        saga_note(listing->notes, "cameras: of %d orthographic ones only the "
+                  "depth is used",
                   r.n_left_out);
     json_decref(r.root);
     free(r.path);

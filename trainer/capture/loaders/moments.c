@@ -125,9 +125,9 @@ static bool place(saga_listing *listing, saga_finds *finds, saga_error *error)
         k += i == 0 || f->moment != finds->items[i - 1].moment;
         char **const to = &listing->sources[f->source].pictures[k];
         if (*to)
-            return saga_fail(error, f->path, "leave one picture for each "
+            return saga_fail(error, f->path, "keep one picture for each "
                              "camera and moment", "is a second picture of "
-                             "camera %s with the number %llu, beside %.200s",
+                             "camera %s with the number %llu, besides %.200s",
                              listing->sources[f->source].name,
                              (unsigned long long)f->moment, *to);
         /* The listing owns the path from here on. */

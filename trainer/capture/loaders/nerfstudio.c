@@ -54,8 +54,8 @@ static bool split_views(saga_transforms *r)
         if (i == r->view_first[e->view])
             s->held_out = e->held_out;
         else if (s->held_out != e->held_out)
-            return saga_fail(r->error, r->path, "list all pictures of a "
-                             "camera alike, or remove the lists and use "
+            return saga_fail(r->error, r->path, "put all pictures of a camera "
+                             "into one list, or remove the lists and use "
                              "--hold-out", "the train/test lists hold out "
                              "only some pictures of camera %s (%s differs)",
                              s->name, e->file);
@@ -135,7 +135,8 @@ static bool fill_pose(const saga_transforms *r, saga_source *s,
         return true;
     return saga_fail(r->error, r->path, "export the poses again, without "
                      "scale", "transform_matrix of %s (frames[%d]) is not "
-                     "finite or no rotation (first row %g %g %g %g)", e->file,
+                     "finite or not a rotation (first row %g %g %g %g)",
+                     e->file,
                      e->index, e->key.pose[0], e->key.pose[1], e->key.pose[2],
                      e->key.pose[3]);
 }

@@ -128,8 +128,8 @@ static bool row_camera(saga_source *source, const double *row,
     if (!saga_pose_from_axes(axis[0], axis[1], axis[2], centre,
                              source->rotation, source->translation))
         return saga_fail(error, path, "export the poses again, columns down, "
-                         "right, backwards", "row of %s is not finite or no "
-                         "rotation (first column %g %g %g)", source->name,
+                         "right, backwards", "row of %s is not finite or not "
+                         "a rotation (first column %g %g %g)", source->name,
                          row[0], row[5], row[10]);
     const double near = row[15], far = row[16];
     if (isfinite(near) && isfinite(far) && near > 0.0 && far > near) {
@@ -379,7 +379,7 @@ static bool list(saga_listing *listing, const char *folder,
     const bool have_poses = ok && saga_path_is_file(poses);
     if (ok && !have_poses && !model)
         ok = saga_fail(error, folder, "add one of them; docs/from-cameras.md "
-                       "tells how to calibrate cameras",
+                       "explains how to calibrate cameras",
                        "has %d videos but no calibration: no "
                        "poses_bounds.npy, COLMAP model in colmap/ or sparse/0, "
                        "camera_array.toml or calibration.toml",

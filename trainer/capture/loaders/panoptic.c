@@ -109,8 +109,8 @@ static bool fill_camera(const sports_reader *r, saga_source *s, size_t t,
     return saga_pose_from_axes(axis[0], axis[1], axis[2], centre, s->rotation,
                                s->translation) ||
            saga_fail(r->error, r->path, "export the poses again",
-                     "w2c[%zu][%zu] is not finite or no rotation (first row "
-                     "%g %g %g)", t, c, m[0], m[1], m[2]);
+                     "w2c[%zu][%zu] is not finite or not a rotation (first "
+                     "row %g %g %g)", t, c, m[0], m[1], m[2]);
 }
 
 static bool add_camera(sports_reader *r, int id, size_t t, size_t c)

@@ -138,7 +138,8 @@ static void guess_fps(saga_transforms *r, int n)
     const double first = moving ? r->first_time : e[0].time;
     const double last = moving ? first + r->step * (n - 1) : e[n - 1].time;
     if (fabs(first) < 1e-9 && fabs(last - 1.0) < 1e-9) {
-        saga_note(r->listing->notes, "time: 0..1 is taken as normalised");
+        saga_note(r->listing->notes, "time: values from 0 to 1 are taken as "
+                  "fractions of the whole time");
         return;
     }
     r->listing->fps = (n - 1) / (last - first);

@@ -168,8 +168,9 @@ static void note_decisions(const saga_load_job *job)
         saga_note(notes, "lens: %d of %d cameras undistorted, focal lengths x "
                   "%.5f to %.5f", n_lenses, job->capture->n_views, least, most);
     if (n_missing > 0 && !job->capture->moves)
-        saga_note(notes, "pictures: %d are missing, and neither learned nor "
-                  "judged: of %d cameras, most of %s (%d of %d)", n_missing,
+        saga_note(notes, "pictures: %d are missing and are skipped; they "
+                  "belong to %d cameras, most of them to %s (%d of %d)",
+                  n_missing,
                   n_lacking, worst, n_most, job->capture->n_frames);
 }
 

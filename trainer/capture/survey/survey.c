@@ -333,25 +333,26 @@ static void judge_rig(saga_survey *s, const saga_capture *c)
     const int n = count_training(c);
     const bool points = c->n_points >= FEW_PLACES;
     if (c->moves)
-        note(s, "One camera that moves sees each moment from one side: how "
-             "what moves looks from elsewhere at that moment is a guess.");
+        note(s, "A single moving camera sees each moment from one side only; "
+             "other views of moving things are guesses.");
     /* Free views need more than six cameras, or at least three close ones with
      * points. */
     s->free_views = n > FEW_VIEWS ||
                     (n > 2 && points && s->typical_angle < FAR_APART);
     if (n == 1 && !s->free_views)
-        note(s, "One camera%s will not give free views: the file will show "
-             "what it saw. More cameras%s help.", points ? "" : " without "
+        note(s, "One camera%s does not allow free views: the file shows only "
+             "what this camera saw. More cameras%s help.",
+             points ? "" : " without "
              "points", points ? "" : ", or a COLMAP model with points,");
     else if (!s->free_views)
-        note(s, "%d cameras %.0f degrees apart%s will not give free views: the "
-             "file will show what these cameras saw, and views between them "
-             "will be poor. More cameras%s help.", n, s->typical_angle,
+        note(s, "%d cameras that stand %.0f degrees apart%s do not allow free "
+             "views: the file shows what these cameras saw, and views between "
+             "them are poor. More cameras%s help.", n, s->typical_angle,
              points ? "" : " without points", points ? "" : ", or a COLMAP "
              "model with points,");
     else if (s->typical_angle > FAR_APART)
-        note(s, "Cameras are %.0f degrees apart: views between them will be "
-             "poor.", s->typical_angle);
+        note(s, "Cameras are %.0f degrees apart: views between them are poor.",
+             s->typical_angle);
     if (!points && s->free_views)
         note(s, "There are no points: training begins with guesses of depth. A "
              "COLMAP model or ply_file_path helps.");
@@ -366,7 +367,7 @@ static void judge_late(saga_survey *s, const char *name,
     const double whole = nearbyint(late->frames);
     if (!(fabs(late->frames) > late->tolerance))
         return;
-    note(s, "%s seems to run %.1f frames (+-%.1f) %s the others: --late "
+    note(s, "%s seems to run %.1f frames (+-%.1f) %s the others: give --late "
          "%s=%.3g, or hold it out.", name, fabs(late->frames), late->tolerance,
          late->frames > 0.0 ? "behind" : "before", name,
          fabs(late->frames - whole) <= late->tolerance ? whole
@@ -405,8 +406,8 @@ static void judge_mistake(saga_survey *s, const saga_capture *c)
                        ? "are too long" : "are too short",
                        m->focal < 1.0 ? 1.0 / m->focal : m->focal);
     note(s, "The cameras do not fit the pictures: of %d pairs of cameras with "
-         "matches %d fit. With a mistake undone %d do: %s%s. --fix FILE writes "
-         "them so.", fit->n_pairs,
+         "matches, %d fit. After the correction of one mistake, %d fit: %s%s. "
+         "--fix FILE writes the corrected cameras.", fit->n_pairs,
          fit->n_fit, fit->n_fit_then, what, lens);
 }
 
@@ -421,14 +422,15 @@ static void judge_calibration(saga_survey *s, const saga_capture *c)
         judge_mistake(s, c);
     else if (fit->bad && n_odd == 0)
         note(s, "The cameras do not fit the pictures: of %d pairs of cameras "
-             "with matches %d fit, the others lie %.1f pixels off or more, and "
-             "none of the usual mistakes explains it. Calibrate again.",
+             "with matches, %d fit; the others are off by %.1f pixels or "
+             "more, and none of the usual mistakes explains it. Calibrate "
+             "again.",
              fit->n_pairs, fit->n_fit, fit->within);
     for (int v = 0; v < c->n_views; v++)
         if (fit->odd[v])
             note(s, "%s does not fit the other cameras, which fit each other: "
-                 "what it sees lies %.1f pixels off. Its pose, its lens or its "
-                 "file is wrong: correct it, or hold it out.",
+                 "what it sees is off by %.1f pixels. Its pose, its lens or "
+                 "its file is wrong: correct it, or hold it out.",
                  c->views[v].name, fit->off[v]);
 }
 
@@ -437,10 +439,10 @@ static void judge_refinement(saga_survey *s)
 {
     const saga_refinement *const r = &s->calibration.refinement;
     if (r->helps)
-        note(s, "Poses and lenses can be refined: matches that were kept apart "
-             "lie %.2f pixels from where cameras say, and %.2f after "
-             "adjustment of all cameras to the other matches. --fix FILE "
-             "writes them so.", r->before, r->after);
+        note(s, "Poses and lenses can be refined: if all cameras are adjusted "
+             "to a part of the matches, the error of the other matches falls "
+             "from %.2f to %.2f pixels. --fix FILE writes the refined "
+             "cameras.", r->before, r->after);
 }
 
 /* Notes if two cameras at one place with the same direction do not see the
@@ -457,8 +459,8 @@ static void judge_twin(saga_survey *s, const saga_capture *c, int v)
     const double *const b = c->views[w].rotation + 6;
     if (dot3(a, b) > ONE_WAY && fit->n_features[v] >= FEW_FEATURES &&
         fit->n_features[w] >= FEW_FEATURES)
-        note(s, "%s and %s have one pose, but see different things: one of "
-             "the poses, or of the files, is another camera's.",
+        note(s, "%s and %s have the same pose, but see different things: one "
+             "of the poses or files belongs to another camera.",
              c->views[v].name, c->views[w].name);
 }
 
@@ -468,16 +470,17 @@ static void judge_view(saga_survey *s, const saga_capture *c, int v)
     const saga_shot *const shot = &c->views[v];
     /* Each check adds a note if its limit is exceeded. */
     if (one->overlap < LITTLE_OVERLAP)
-        note(s, "%s shares %.0f %% of what it sees with any other camera: its "
-             "own part cannot be placed in depth.", shot->name,
+        note(s, "%s shares only %.0f %% of what it sees with other cameras: "
+             "the depth of the rest is unknown.", shot->name,
              100.0 * one->overlap);
     if (shot->n_observations > 0 && shot->reprojection_median > OFF_PIXELS)
         note(s, "%s: half of the model's features lie more than %.1f pixels "
              "from their points: pose, lens or size is wrong.", shot->name,
              shot->reprojection_median);
     if (fabs(one->stops) > OFF_STOPS)
-        note(s, "%s is %.2f stops %s than the others; encode evens that out as "
-             "far as colours are not clipped.", shot->name, fabs(one->stops),
+        note(s, "%s is %.2f stops %s than the others; `saga encode` "
+             "compensates for this, except where colours are clipped.",
+             shot->name, fabs(one->stops),
              one->stops > 0.0 ? "brighter" : "darker");
     judge_twin(s, c, v);
     judge_late(s, shot->name, &one->late);

@@ -64,7 +64,7 @@ static bool fill_folder(saga_synth_job *job)
     /* The capture gets its name only once it is complete. */
     return rename(job->folder, job->target) == 0 ||
            saga_fail_errno(job->error, job->target, "remove it or choose "
-                           "another name", "is in the way");
+                           "another name", "exists already");
 }
 
 bool saga_synth_write(const char *folder, const saga_synth_options *options,

@@ -20,8 +20,8 @@ enum { N_WORDS = sizeof words / sizeof *words };
 
 #define NAME(member, word, value, most, help) word ", "
 
-static const char remedy[] = "the words are " SAGA_ABLATION_WORDS(NAME)
-    "as `saga help encode` explains";
+static const char remedy[] = "the valid words are " SAGA_ABLATION_WORDS(NAME)
+    "see `saga help encode`";
 
 /* Reads a word of n characters. Returns false if it is unknown or its number is
  * out of range. */

@@ -211,7 +211,7 @@ static void plan_primitives(saga_train_options *o, char *why, size_t n,
         o->n_primitives = within_level(
             saga_plan_primitives_of_size((double)o->n_bytes) / o->n_segments,
             o->level);
-        snprintf(why, n, "%u primitives: about what the size leaves for them",
+        snprintf(why, n, "%u primitives, chosen for the size",
                  o->n_primitives);
         return;
     }
@@ -219,8 +219,8 @@ static void plan_primitives(saga_train_options *o, char *why, size_t n,
         p->primitives * saga_plan_primitives(pixels, changing, seconds),
         o->level);
     /* k is the length of the sentence so far, if it was not cut. */
-    k = snprintf(why, n, "%u primitives: one for %.0f of the %.0f pixels that "
-                 "%s views have at a time", o->n_primitives,
+    k = snprintf(why, n, "%u primitives: one for every %.0f of the %.0f pixels "
+                 "of %s views at a time", o->n_primitives,
                  pixels / o->n_primitives, pixels, pixels < e.pixels
                  ? "ten of the" : "all");
     if (c->n_frames > 1 && k > 0 && (size_t)k < n)

@@ -10,9 +10,10 @@
 static bool pack_so_far(saga_train *t, saga_error *error)
 {
     if (saga_train_in_base(t))
-        return saga_fail(error, t->o.checkpoint, "look again when a segment "
-                         "renders", "its training is in the base, of which "
-                         "alone nothing can be packed");
+        return saga_fail(error, t->o.checkpoint, "try again when a segment is "
+                         "in the rendering stage",
+                         "the training is busy with the base, "
+                         "which cannot be shown alone");
     /* The segment is rounded in its present state and packed after the finished
      * ones. */
     if (t->fitting) {
@@ -22,9 +23,10 @@ static bool pack_so_far(saga_train *t, saga_error *error)
     if (t->turn > (t->base.n_prim ? 2 : 0))
         return saga_encoder_finish(t->file.encoder, &t->bytes, &t->nbytes,
                                    &t->report.sizes, error);
-    return saga_fail(error, t->o.checkpoint, "look again when it renders",
-                     "its training is in the warm-up, at iteration %d of %d, "
-                     "of which nothing can be packed",
+    return saga_fail(error, t->o.checkpoint, "try again in the rendering "
+                     "stage",
+                     "the training is in the warm-up, at iteration %d of %d, "
+                     "from which no file can be made",
                      saga_train_warm_iteration(t),
                      saga_train_warm_iterations(t));
 }
@@ -49,7 +51,7 @@ static bool load_blind(saga_train *t, saga_train_header *h,
     }
     if (h->stage >= SAGA_TRAIN_N_STAGES)
         return saga_fail(error, c->path, "`saga encode --networks` takes it",
-                         "has the networks of a training that is over");
+                         "holds the networks of a finished training");
     /* Error messages name the path of the checkpoint. */
     t->o.checkpoint = c->path;
     t->capture = capture;
