@@ -642,55 +642,61 @@ clean:
 	rm -rf $(BUILD)
 
 define HELP
-make [all]       $(BUILD)/libsaga.a, saga-dec (decoder), saga (trainer), gen_tables
-make demo        the built-in scene, encoded, decoded and judged; 3 CPU minutes
-make floors      the demo beside what needs no such codec; 4 CPU minutes more
-make ablation    what the entropy model's parts are worth; about 50 CPU minutes
-make rd          rate and distortion of all scenes beside other codecs; hours
-make compare     a capture through x265, SVT-AV1, libaom and VVenC, as far as
-                 ffmpeg has them, beside files of saga: CAPTURE= FILES=
-make rd-short    the same of two small scenes at one rate, beside the last row
-make install     programs, library, header, manual pages, completion: PREFIX=
-                 /usr/local, DESTDIR=, BINDIR, LIBDIR, INCLUDEDIR, DATADIR
-make uninstall   removes what make install has put there
+Build
+make [all]       $(BUILD)/libsaga.a, saga-dec (the decoder), saga (the encoder)
+make shared      $(SHARED), the decoder for programs and for Python
+make web         the page and the decoder for browsers, in $(BUILD)/web
 make wheel       the Python module with its library, in $(BUILD)/dist
 make npm         the packages for browsers and engines, in $(BUILD)/dist
-make dist        both, and the source, with their checksums; needs a clone
-make conformance what another decoder is written and tested with: documents,
-                 vectors, a program that compares; in $(BUILD)/dist
-make shared      $(SHARED), which a program or a module loads
-make numerics    what operators cost and how exact they are; a CPU minute
-make web         the page and the decoder for browsers, in $(BUILD)/web
-make setup       installs what is missing to build and test (Debian, as root)
-make check       unit tests, vectors, a tiny encode: less than a CPU minute
-make test        what CI runs, sanitizers too: 10 CPU minutes
-make test-all    every program in both builds, mutants, every emulated target,
-                 the long counts
-make sanitize    the test programs under ASan and UBSan alone
-make lint        what clang-tidy finds, with the exceptions of .clang-tidy
-make compile_commands.json   how each file is compiled, for editors
+make dist        wheel, npm packages, source and checksums; needs a git clone
+make conformance documents, vectors and a program that compares, for authors of
+                 other decoders, in $(BUILD)/dist
+make setup       installs packages for building and testing (Debian, as root)
+make install     programs, library, header, manual pages, completion; PREFIX=
+                 /usr/local, DESTDIR=, BINDIR, LIBDIR, INCLUDEDIR, DATADIR
+make uninstall   removes what make install has installed
+make clean       removes $(BUILD)
+
+Try and measure
+make demo        encodes, decodes and judges the built-in scene: 3 CPU minutes
+make compare     codes CAPTURE= with x265, SVT-AV1, libaom and VVenC, as far as
+                 ffmpeg has them, and compares with the .saga files in FILES=
+make floors      compares the demo with simpler ways to code: 4 CPU minutes
+make ablation    measures each part of the entropy model: 50 CPU minutes
+make rd          rate-distortion curves of all scenes and codecs: hours
+make rd-short    the same for two small scenes at one rate, against the last
+make numerics    cost and exactness of each operator: 1 CPU minute
+make bench       time of each operator, against the limits of this machine
+
+Test
+make check       unit tests, vectors, a tiny encode: less than 1 CPU minute
+make test        what CI runs, with sanitizers: 10 CPU minutes
+make test-all    all tests in all builds and on all emulated targets: hours
+make sanitize    the test programs under ASan and UBSan
+make lint        clang-tidy, with the exceptions in .clang-tidy
 make symbols     undefined symbols, prefixes, .data and .bss of the decoder
 make nofloat     no floating point in common/ and decoder/
 make stack       worst-case stack of every public function
 make headers     every header compiles alone
-make tree        include law, file names, licence lines, columns
+make tree        allowed includes, file names, licence lines, columns
 make circles     no two object files need each other
-make docs        links, columns and manner of the pages
+make docs        links, columns and wording of the pages
 make tables      the generated tables are what gen_tables prints
-make matrix      the vectors on every compiler and emulated target
-make init        the decode depends on the bytes alone: paint, MemorySanitizer
-make mutants     planted mistakes that the gates must catch
-make coverage    the tables of vectors/README.md: extremes that the vectors reach
-make bench       what operators take, beside what this machine can do
-make vectors     regenerates vectors/
-make ksy         regenerates docs/bitstream.ksy from the tables of bitstream.md
-make clean       removes $(BUILD)
+make matrix      the vectors with every compiler and emulated target
+make init        no output depends on uninitialised memory
+make mutants     planted mistakes are found by the tests
+make coverage    the vectors reach the extremes that vectors/README.md lists
+
+Generate
+make vectors     writes vectors/ again
+make ksy         writes docs/bitstream.ksy from the tables of bitstream.md
+make compile_commands.json   how each file is compiled, for editors
 
 CC=gcc|clang|...   OPT=-O2   HOT_OPT=-O3 (inner loops)   CFLAGS= LDFLAGS=
 WERROR=-Werror   SANITIZE=1   LEVEL=2 (memory of saga-dec)   BUILD=build
 THREADS=2 (demo, floors, ablation, rd)   CAPTURES='NAME=PATH ...' (rd)
 SCENES='NAME=FILE.saga ...' (ablation, numerics)
-SAGA_TEST_SEED, SAGA_TEST_COUNT, SAGA_TEST_LONG=1 (environment): random tests
+Random tests: SAGA_TEST_SEED, SAGA_TEST_COUNT, SAGA_TEST_LONG=1 (environment)
 endef
 export HELP
 help:
