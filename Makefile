@@ -1,19 +1,22 @@
 # SPDX-License-Identifier: MIT
 #
-# saga. `make help` lists the targets and the variables.
+# Builds, tests and installs saga. `make help` lists the targets and the
+# variables.
 #
-# Include law (docs/architecture.md), enforced by the -I of each folder:
-#   common   sees common
-#   decoder  sees common, decoder
-#   trainer  sees common and saga.h alone (build/include), and each of its rooms
-#            what SEE_room says below
-#   tools    see saga.h alone, and so does ports
-#   reference  sees common, decoder, and of the trainer basics and code; the
-#            trainer's cli sees its verify.h and mask.h
-#   tests, lab, bench  see everything
+# The files of a folder may include only headers of these folders (see
+# docs/architecture.md), which the folder's -I options enforce:
+#   common   common
+#   decoder  common, decoder
+#   trainer  common, saga.h (copied to build/include), and for each room, that
+#            is, folder of the trainer, the rooms in its SEE_room below; cli
+#            also verify.h and mask.h of reference
+#   tools, ports  saga.h
+#   reference  common, decoder, and basics and code of the trainer
+#   tests, lab, bench  all folders
 #
-# Everything is built under BUILD. A change of the compiler or of a flag builds
-# it anew; configurations that live side by side take folders of their own:
+# Everything is built under BUILD. If the compiler or a flag has changed,
+# everything is built again. Each configuration that is to be kept needs a
+# folder of its own:
 #   make BUILD=build/clang CC=clang OPT=-O3
 
 MAKEFLAGS += --no-builtin-rules
@@ -31,15 +34,15 @@ BUILD = build
 LEVEL = 2# level whose memory block saga-dec reserves
 OPT = -O2
 HOT_OPT = $(if $(filter -O2,$(OPT)),-O3,$(OPT))
-WERROR =# -Werror in the tests
-CFLAGS =# added to every compilation, after ours
-CORE_CFLAGS =# added to those of common/ and decoder/
+WERROR =# tests set it to -Werror
+CFLAGS =# added to every compilation, after this file's flags
+CORE_CFLAGS =# added to compilations of common/ and decoder/
 LDFLAGS =# added to every link, before the objects
 SANITIZE =# 1: ASan and UBSan, and the domain checks of fx.h
-REAL =# double: the trainer computes in it, for tests
-ARGS =# parts of `make bench`, or of `make rd`
+REAL =# double: the trainer computes in double, for tests
+ARGS =# selects parts of `make bench` or `make rd`
 
-# Where `make install` puts things; DESTDIR goes before all of them.
+# The folders of `make install`; DESTDIR is put before each of them.
 PREFIX = /usr/local
 BINDIR = $(PREFIX)/bin
 LIBDIR = $(PREFIX)/lib
@@ -55,13 +58,14 @@ HOT = common/interp common/mlp common/mlp_avx2 common/fx_math \
       $(addprefix decoder/arch/blend_,avx2 sse4 neon) \
       $(addprefix decoder/arch/splats_,avx2 neon)
 
-# check_vectors is built for every machine that has libc and libm: it links
-# these parts of the trainer and no others.
+# check_vectors is built for every machine that has libc and libm. It links only
+# these files of the trainer, which need no other library.
 PLAIN_TRAINER = $(addprefix trainer/code/,cost.c range_enc.c look_up.c \
                   encode.c encode_chunks.c) $(addprefix trainer/basics/,alloc.c error.c)
 
-# SEE_room lists what a room of the trainer may see; each room stands on those
-# above it. docs/architecture.md has the same table, tests/check_tree.sh both.
+# SEE_room lists the rooms whose headers a room of the trainer may include, all
+# of them earlier in ROOMS. docs/architecture.md has the same table;
+# tests/check_tree.sh compares both.
 ROOMS := basics nn $(addprefix capture/,views files loaders read survey synth) \
          code splat rig scene entropy warm \
          $(addprefix train/,plan fit pack run) measure exchange cli
@@ -106,8 +110,9 @@ DECODER_OBJ := $(call obj,$(DECODER_SRC))
 TRAINER_OBJ := $(call obj,$(filter-out $(CLI_SRC),$(TRAINER_SRC)))
 CLI_OBJ     := $(call obj,$(CLI_SRC))
 
-# Operators of the float half compile a second time in double, for the tests'
-# finite differences and references: objects under f64, symbols with _f64.
+# The trainer's floating-point operators are compiled a second time in double,
+# for finite differences and references in tests. Their objects are under f64,
+# and their symbols end with _f64.
 FLOAT_SRC := $(sort $(foreach r,basics nn splat rig scene entropy warm train/*,\
                  $(wildcard trainer/$(r)/*.c)))
 TWICE_SRC := $(filter-out $(addprefix trainer/,scene/hierarchy.c scene/tree.c \
@@ -133,12 +138,14 @@ REFERENCE_H = $(addprefix $(BUILD)/include/,verify.h mask.h)
 
 TOOLS = $(addprefix $(BUILD)/,saga-dec saga-play saga gen_tables)
 TESTS := $(addprefix $(BUILD)/,$(notdir $(TESTS_SRC:.c=)))
-# Scripts of lab/ take files apart with these: coarse features zeroed, entropy
-# networks fitted anew, the order-0 coder's bytes, times of the layers; or train
-# with shared anchors.
+# Programs for the scripts of lab/. Those for files set coarse features to zero,
+# fit the entropy networks again, count the bytes of an order-0 coder, measure
+# the times of parts, and try number formats. make_shared trains with shared
+# anchors.
 LAB := $(addprefix $(BUILD)/,make_zeroed make_order0 make_refit make_times \
          make_formats make_shared)
-# One table of everything, and the shares of a file; operators and their errors.
+# bench_table times all operators, bench_share the parts of decoding a file, and
+# bench_numerics the decoder's operators in several number formats.
 BENCH := $(addprefix $(BUILD)/,bench_table bench_share bench_numerics)
 BENCH_OBJ := $(call obj,$(filter-out bench/bench_share.c \
                bench/bench_numerics.c,$(BENCH_SRC)))
@@ -153,9 +160,10 @@ SAN_FLAGS = $(if $(SANITIZE),$(SAN_ALL))
 SAN_DEFS  = $(if $(SANITIZE),-DSAGA_CHECK)
 BASE = -std=c11 $(WARN) $(SAN_DEFS) -MMD -MP
 
-# common/ and decoder/ are freestanding integers.
+# common/ and decoder/ are freestanding and use only integers.
 CORE = $(BASE) -ffreestanding $(CORE_CFLAGS)
-# Hosted code has POSIX names; its floats are never contracted nor reassociated.
+# Other code uses POSIX. The compiler must not contract or reassociate its
+# floating-point operations.
 HOST = $(BASE) -D_XOPEN_SOURCE=700 -ffp-contract=off
 
 # OpenMP is used where the compiler can link it (Debian's clang cannot without
@@ -169,7 +177,7 @@ AS_NEEDED = $(if $(filter Darwin,$(shell uname -s)),,-Wl$(comma)--as-needed)
 HOST_LIBS = $(AS_NEEDED) -lOpenEXRCore $(shell pkg-config --libs jansson \
               libpng libturbojpeg libwebp libzstd zlib 2>/dev/null || \
               echo -ljansson -lpng -lturbojpeg -lwebp -lzstd -lz) -lm
-# Warnings in system headers are not ours.
+# -isystem suppresses warnings in the headers of OpenEXR.
 EXR_INC   = $(patsubst -I%,-isystem %,$(shell pkg-config --cflags-only-I \
               OpenEXR 2>/dev/null))
 CMOCKA    = $(AS_NEEDED) -lcmocka
@@ -179,10 +187,11 @@ LINK    = $(CC) $(OPT) $(SAN_FLAGS) $(CFLAGS) $(LDFLAGS)
 
 OPT_LEVEL = $(OPT)
 $(foreach f,$(HOT),$(OBJ)/$(f).o $(OBJ)/pic/$(f).o): OPT_LEVEL = $(HOT_OPT)
-# SSE2 has no shifts of 64 bits to speak of: gcc's vectors cost a tenth here.
+# SSE2 has no arithmetic shift of 64 bits: gcc's vector code is a tenth slower.
 $(OBJ)/decoder/project.o $(OBJ)/pic/decoder/project.o: OPT_LEVEL = $(HOT_OPT) -fno-tree-vectorize
-# The float half uses AVX2 (trainer/basics/vec.h) where this machine has it and
-# the compiler is its own; WIDE files AVX-512 (wide.h), which gives their bits.
+# The trainer's floating-point code uses AVX2 (trainer/basics/vec.h) if this
+# machine has it and the compiler compiles for this machine. The files in WIDE
+# use AVX-512 (wide.h), which gives the same bits.
 WIDE = $(addprefix trainer/,splat/splat_raster splat/splat_raster_backward \
          nn/dense)
 CPU_FLAGS := $(shell sed -n '/^flags/{p;q;}' /proc/cpuinfo 2>/dev/null)
@@ -198,7 +207,7 @@ $(WIDE:%=$(OBJ)/%.o): OPT_LEVEL = $(HOT_OPT) $(MARCH) $(WIDE_MARCH)
 I_COMMON  = -Icommon -Icommon/arch
 I_DECODER = -Icommon -Idecoder
 I_SAGA    = -I$(BUILD)/include
-# Convolutions for the evaluation stay in float.
+# The metrics of trainer/measure stay in float if the trainer uses double.
 DOUBLE = $(if $(filter double,$(REAL)),$(if $(filter measure/%,$*),,\
            -DSAGA_REAL_DOUBLE))
 # $* is the source without its suffix.
@@ -220,7 +229,7 @@ shared: $(SHARED)
 tests: $(TESTS)
 lab-programs: $(LAB)
 bench-programs: $(BENCH)
-# Every file of the tree, compiled and not linked.
+# Compiles every file of the tree without linking.
 objects: $(EVERY_OBJ)
 
 $(LIB): $(COMMON_OBJ) $(DECODER_OBJ)
@@ -245,7 +254,7 @@ $(OBJ)/pic/%.o: %.c $(BUILD)/flags
 	@mkdir -p $(@D)
 	$(call COMPILE,$(CORE) -fPIC $(I_CORE)) -c $< -o $@
 
-# The shared library shows what saga.h declares and nothing else.
+# The shared library exports only the functions that saga.h declares.
 $(OBJ)/saga.map: $(SAGA_H)
 	@mkdir -p $(@D)
 	@echo '{ global:' >$@
@@ -286,20 +295,20 @@ $(OBJ)/bench/%.o: bench/%.c $(BUILD)/flags
 	@mkdir -p $(@D)
 	$(call COMPILE,$(HOST) $(OMP) $(I_ALL) -Ibench) -c $< -o $@
 
-# The trainer and the tools may see this header of the decoder and no other, and
-# the trainer's cli these of the reference.
+# The only header of the decoder that trainer and tools may include, and those
+# of reference that the trainer's cli may include, are copied.
 $(SAGA_H): decoder/saga.h
 $(REFERENCE_H): $(BUILD)/include/%: reference/%
 $(SAGA_H) $(REFERENCE_H):
 	@mkdir -p $(@D)
 	@cp $< $@
 
-# The decoder for browsers is freestanding WebAssembly, once with SIMD and once
-# without; `saga view` carries the page. Without clang and wasm-ld it is left
-# out.
+# The decoder for browsers is freestanding WebAssembly, in one build with SIMD
+# and one without. The program saga contains the page, for `saga view`. Without
+# clang and wasm-ld the decoder is not built.
 WASM_CC = clang
 WASM_LD = wasm-ld
-# -flto: browsers do not inline calls from one file into another.
+# -flto inlines calls between files, which browsers do not.
 WASM_FLAGS = --target=wasm32 -std=c11 -O3 -flto $(WARN) -ffreestanding \
              -mbulk-memory -MMD -MP
 WASM_LDFLAGS = --no-entry --stack-first -z stack-size=65536 --strip-all
@@ -309,10 +318,10 @@ WEB = $(BUILD)/web
 WEB_FILES := $(addprefix $(WEB)/,$(notdir $(sort $(wildcard \
     $(addprefix ports/web/*.,html css js)))) $(if $(HAS_WASM),saga.wasm \
     saga_simd.wasm))
-# `npm pack` wants these beside it.
+# These files go into the packages of `npm pack` as well.
 WEB_PACK := $(patsubst ports/web/%,$(WEB)/%,$(sort $(wildcard ports/web/*.ts \
     ports/web/*.json ports/web/*.md)))
-# Packages for engines use build/web.
+# The packages for other engines use the package in build/web.
 ENGINE_FILES := $(patsubst ports/%,$(BUILD)/%,$(sort $(wildcard \
     ports/three/* ports/playcanvas/*)))
 web: $(WEB_FILES) $(WEB_PACK) $(ENGINE_FILES)
@@ -351,8 +360,9 @@ EMBEDDED = $(addprefix $(OBJ)/,view_files.o report_files.o)
 $(EMBEDDED): $(OBJ)/%.o: $(OBJ)/%.c trainer/cli/view_files.h
 	$(call COMPILE,$(HOST) -Itrainer/cli) -c $< -o $@
 
-# These two are rewritten only when they change: every object depends on the
-# compiler and its flags, every library on which files there are.
+# These two files are rewritten only if their contents change. Every object
+# depends on `flags`, which has the compiler and its flags, and every library on
+# `sources`, which lists the source files.
 $(BUILD)/flags: NOW = $(CC) $(WARN) $(OPT) $(HOT_OPT) $(MARCH) $(WIDE_MARCH) \
                       $(SAN_FLAGS) $(OMP) $(CFLAGS) $(CORE_CFLAGS) $(LDFLAGS) \
                       $(LEVEL)
@@ -366,12 +376,12 @@ FORCE:
 
 # ---------------------------------------------------------------- programs
 
-# The reference decoder is common/ and decoder/, and reads and writes files.
+# The reference decoder consists of common/, decoder/ and code for files.
 $(BUILD)/saga-dec: $(addprefix $(OBJ)/tools/,saga_dec.o dec_options.o \
     dec_output.o) $(LIB)
 	$(LINK) $^ -o $@
 
-# The example of docs/threads.md.
+# The example program of docs/threads.md.
 $(BUILD)/saga-play: $(addprefix $(OBJ)/tools/,saga_play.o dec_options.o \
     dec_output.o) $(LIB)
 	$(LINK) $^ -pthread -o $@
@@ -383,7 +393,7 @@ $(BUILD)/gen_tables: $(OBJ)/tools/gen_tables.o
 	$(LINK) $^ -lm -o $@
 
 $(foreach t,$(TESTS_SRC:.c=),$(eval $(BUILD)/$(notdir $(t)): $(OBJ)/$(t).o))
-# Differences are taken in double; no other program needs the second half.
+# Only tests that take finite differences in double link the second objects.
 $(filter %_f64,$(TESTS)): $(TWICE)
 $(TESTS): $(HELPERS) $(REFERENCE) $(TRAIN) $(LIB)
 	$(LINK) $(OMP) $(filter %.o,$^) $(filter $(TWICE),$^) \
@@ -397,19 +407,19 @@ $(BENCH): $(HELPERS) $(REFERENCE) $(TRAIN) $(LIB)
 $(LAB): $(BUILD)/%: $(OBJ)/lab/%.o $(HELPERS) $(REFERENCE) $(TRAIN) $(LIB)
 	$(LINK) $(OMP) $^ $(HOST_LIBS) -o $@
 
-# This one is built for every target of tests/run_matrix.sh: no library but libc
-# and libm.
+# check_vectors is built for every target of tests/run_matrix.sh, so that it
+# links no libraries except libc and libm.
 $(BUILD)/check_vectors: $(OBJ)/tests/stream/check_vectors.o \
     $(OBJ)/reference/ref_recorder.o $(PLAIN) $(LIB)
 	$(LINK) $^ -lm -o $@
 
-# This one likewise, for builds in which all that nobody has written shows.
+# So does check_init, for builds that detect reads of uninitialised memory.
 $(BUILD)/check_init: $(OBJ)/tests/stream/check_init.o $(LIB)
 	$(LINK) $^ -o $@
 
 # ---------------------------------------------------------------- install
 
-# Manual pages and completions come from what the programs' --help says.
+# Manual pages and completions are made from the programs' --help.
 PAGES = $(BUILD)/pages
 PAGE_FILES := $(foreach p,saga saga-dec,$(foreach f,man bash zsh fish,\
                 $(PAGES)/$(p).$(f)))
@@ -428,8 +438,8 @@ install: all shared pages
 uninstall:
 	@$(PLACE) remove $(BUILD)
 
-# Archives to be given away come to build/dist: a wheel, packages for npm, the
-# source, and the checksums of all. The same commit gives the same bytes.
+# The archives for a release are made in build/dist: a wheel, packages for npm,
+# the source, and the checksums of all. The same commit gives the same bytes.
 DIST = $(BUILD)/dist
 NPM := $(addprefix $(BUILD)/,web three playcanvas)
 RELEASE := $(shell sed -n 's/^.define SAGA_RELEASE "\(.*\)"/\1/p' decoder/saga.h)
@@ -454,7 +464,7 @@ dist:
 	    >$(DIST)/saga-$(RELEASE).tar.gz
 	@cd $(DIST) && sha256sum *.whl *.tgz *.tar.gz >SHA256SUMS && cat SHA256SUMS
 
-# What somebody who writes another decoder needs.
+# The package for implementers of other decoders.
 .PHONY: conformance
 CONFORMANCE = saga-conformance-$(RELEASE)
 conformance:
@@ -465,9 +475,9 @@ conformance:
 
 # ---------------------------------------------------------------- tests
 
-# run-tests runs every test program, in parallel with -j and past failures. Its
-# output goes to $(BUILD)/log/NAME.log, the exit status to NAME.rc, and what the
-# shell's `times` says to NAME.cpu.
+# run-tests runs every test program, in parallel with -j, and continues after a
+# failure. A program's output goes to $(BUILD)/log/NAME.log, its exit status to
+# NAME.rc, and the output of the shell's `times` to NAME.cpu.
 TIMEOUT = 1200
 .PHONY: run-tests
 run-tests: $(TESTS:$(BUILD)/%=$(BUILD)/log/%.log)
@@ -483,7 +493,7 @@ $(BUILD)/log/%.log: $(BUILD)/% FORCE
 setup:
 	@tests/setup.sh
 
-# tests/README.md says what each of these runs.
+# tests/README.md lists the tests that each of these targets runs.
 check: setup
 	@tests/run_tests.sh $@
 
@@ -498,7 +508,7 @@ test-all:
 sanitize:
 	@tests/run_tests.sh sanitize
 
-# Editors and linters read here how each file is compiled.
+# This file tells editors and linters how each source file is compiled.
 COMMANDS = compile_commands.json
 $(COMMANDS): $(SAGA_H) $(REFERENCE_H) FORCE
 	@$(MAKE) --no-print-directory -Bn objects | awk -v dir='$(CURDIR)' ' \
@@ -527,7 +537,7 @@ circles: $(COMMON_OBJ) $(DECODER_OBJ) $(TRAINER_OBJ) $(CLI_OBJ) $(REFERENCE_OBJ)
 	@tests/check_circles.sh $(BUILD)
 docs:
 	@tests/check_docs.sh
-# tools/gen_tables.c prints common/*_tables.h.
+# The tables of common/ must be those that tools/gen_tables.c prints.
 tables: $(BUILD)/gen_tables
 	@for t in fx prob; do \
 	    if $< $$t | cmp - common/$${t}_tables.h; then \
@@ -545,22 +555,24 @@ mutants:
 coverage:
 	@tests/check_coverage.py
 
-# bench/before.json is an earlier result; ARGS name parts (bench/bench_table.c).
+# bench/before.json is an earlier result for comparison. ARGS selects parts, as
+# in bench/bench_table.c.
 bench:
 	@+$(MAKE) --no-print-directory BUILD=$(BUILD)/bench \
 	    OPT='-O3 -march=native' $(BUILD)/bench/bench_table
 	@$(BUILD)/bench/bench_table -o $(BUILD)/bench/bench.json \
 	    -b bench/before.json $(ARGS)
 
-# README shows what becomes of the built-in scene through synth, encode, eval.
+# Makes the demo of the README: the built-in scene is rendered, encoded, decoded
+# and evaluated.
 THREADS = 2
 .PHONY: demo
 demo: setup
 	@$(MAKE) --no-print-directory $(BUILD)/saga
 	@tools/demo.sh $(BUILD)/saga $(BUILD)/demo $(THREADS)
 
-# A table tells what the demo's file is worth beside what needs no such codec,
-# for which there is another training.
+# Prints a table that compares the demo's file with simple alternatives, one of
+# which needs a further training (lab/floors.sh).
 .PHONY: floors
 floors: setup
 	@$(MAKE) --no-print-directory $(BUILD)/saga $(BUILD)/make_zeroed
@@ -568,10 +580,10 @@ floors: setup
 	    $(MAKE) --no-print-directory demo
 	@lab/floors.sh $(BUILD)/saga $(BUILD)/demo $(THREADS)
 
-# docs/results/ablation.md and .svg, which this writes anew, tell what the parts
-# of the entropy model are worth on the built-in scene at four rates, and shared
-# anchors on two scenes, beside the paper's figures. SCENES are more files for
-# the comparison with an order-0 coder, NAME=FILE.saga each.
+# Measures how many bytes each part of the entropy model saves, for the built-in
+# scene at four rates, and shared anchors for two scenes, and writes
+# docs/results/ablation.md and .svg with these and the paper's numbers. SCENES
+# has further files for the comparison with an order-0 coder, as NAME=FILE.saga.
 SCENES =
 .PHONY: ablation
 ablation:
@@ -580,10 +592,11 @@ ablation:
 	@lab/ablation.sh $(BUILD)/saga $(BUILD)/ablation docs/results \
 	    $(THREADS) $(SCENES)
 
-# docs/results/rd.md and .svg tell what files are worth beside other codecs:
-# every scene of lab/rd.ini at four rates with its seeds, hours of CPU, of which
-# docs/results/rd keeps every row. CAPTURES are captures that are not built in,
-# NAME=PATH each; ARGS (`lab/rd.py` has them) choose scenes, rates and seeds.
+# Compares the rate and distortion of files with other codecs, for every scene
+# of lab/rd.ini at four rates with several seeds, and writes docs/results/rd.md
+# and .svg. This takes hours of CPU time; each result is kept as a row in
+# docs/results/rd. CAPTURES has the captures that are not built in, as
+# NAME=PATH. ARGS selects scenes, rates and seeds, as in lab/rd.py.
 CAPTURES = studio=../shared/data/studio person4=../shared/data/person4
 RD = SAGA=$(BUILD)/saga WORK=$(BUILD)/rd THREADS=$(THREADS) lab/rd.py
 .PHONY: rd rd-short
@@ -596,9 +609,10 @@ rd-short: setup
 	@$(MAKE) --no-print-directory $(BUILD)/saga
 	@$(RD) --short $(ARGS)
 
-# The capture CAPTURE through the video codecs that ffmpeg has, beside FILES of
-# it (none: saga is trained at four rates, which takes long): curves, BD-rates
-# and a page in build/compare/NAME, of the capture's name.
+# Compares FILES, which were encoded from the capture CAPTURE, with the video
+# codecs that ffmpeg supports. Without FILES, saga is trained at four rates,
+# which takes long. Writes curves, BD-rates and a page to build/compare/NAME,
+# where NAME is the name of the capture.
 CAPTURE =
 FILES =
 .PHONY: compare
@@ -609,10 +623,11 @@ compare: setup
 	@SAGA=$(BUILD)/saga THREADS=$(THREADS) lab/compare.py '$(CAPTURE)' \
 	    '$(BUILD)/compare/$(notdir $(CAPTURE:/=))' $(FILES)
 
-# docs/results/numerics.md, .json and plots tell what every operator of the
-# decoder costs and how exact it is, in integers with vectors and without and in
-# float, and what other formats would cost. SCENES are files that are verified
-# besides the demo. The trainer's float goes without AVX-512, for valgrind.
+# Measures the time and the error of every operator of the decoder, in integers
+# with and without vector instructions and in float, and the errors of other
+# number formats. Writes docs/results/numerics.md, .json and plots. SCENES has
+# files that are verified in addition to the demo. The trainer's code is
+# compiled without AVX-512, which valgrind does not support.
 NUMERICS = $(MAKE) --no-print-directory OPT=-O3 CFLAGS=-march=x86-64-v3 \
            WIDE_MARCH=
 .PHONY: numerics
@@ -624,8 +639,8 @@ numerics:
 	    CORE_CFLAGS=-mgeneral-regs-only $(BUILD)/numerics-plain/bench_numerics
 	@lab/numerics.py $(BUILD) docs/results demo=docs/demo.saga $(SCENES)
 
-# Only a change of the format may change a vector: look at the difference before
-# you commit it.
+# Writes the vectors again. Only a change of the format may change a vector, so
+# look at the differences before you commit them.
 $(BUILD)/make_vectors $(BUILD)/transcode: $(BUILD)/%: \
     $(OBJ)/tests/stream/%.o $(HELPERS) $(REFERENCE) $(TRAIN) $(LIB)
 	$(LINK) $(OMP) $^ $(HOST_LIBS) -o $@
@@ -633,7 +648,7 @@ vectors: $(BUILD)/make_vectors $(BUILD)/transcode
 	$(BUILD)/make_vectors vectors
 	tests/stream/make_refusals.py $(BUILD)/transcode vectors
 
-# The description of the container for Kaitai Struct, from the pages' tables.
+# Writes the container's description for Kaitai Struct, from bitstream.md.
 .PHONY: ksy
 ksy:
 	tests/stream/make_ksy.py >docs/bitstream.ksy

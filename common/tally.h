@@ -19,7 +19,7 @@ typedef struct saga_tally {
     int (*stop)(void *user);     /* returns other than 0 to stop; may be NULL */
     void *user;
     uint32_t done;               /* units since the last call */
-    int stopped;                 /* the last answer; stays when it is not 0 */
+    int stopped;                 /* last result of stop; kept once not 0 */
 } saga_tally;
 
 /* Adds at most 2^31 units. Returns 1 if the caller wants to stop, now or

@@ -32,7 +32,7 @@ enum { OP_INTERVAL, OP_ADAPTIVE, OP_RESIDUAL, OP_BITS };
 typedef struct {
     int kind;
     uint32_t n_sym;          /* symbols of the model, or bits */
-    uint32_t value;          /* the symbol, or the plain field */
+    uint32_t value;          /* the symbol, or the value of OP_BITS */
     int32_t q;
     uint8_t scale;
     saga_adaptive model;     /* model of OP_INTERVAL, used once */

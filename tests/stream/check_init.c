@@ -1,16 +1,18 @@
 /* SPDX-License-Identifier: MIT
  *
- * check_init FILE...: checks that the decoder's output depends on a file's
- * bytes alone. Each file is played twice, on every path of this machine (plain,
- * 128 bits, AVX2). Before every call, the stack below it is painted, and
- * everything in work block, scratch, pictures and results that nobody has
- * written: with zeros in one run, with PAINT in the other. Statuses, results,
- * pixels and the number of calls that a job takes must be the same. Prints `N
- * passed, N failed`, where each file on each path counts.
+ * check_init FILE...: checks that the decoder's output depends only on a file's
+ * bytes and not on uninitialised memory. Each file is played twice, on every
+ * path of this machine (plain C, 128 bits, AVX2). Before every call, the stack
+ * below it, and everything in work block, scratch, pictures and results that
+ * the decoder has not written, is filled: with zeros in one run, with PAINT in
+ * the other. Statuses, results, pixels and the number of calls that a job takes
+ * must be the same. Prints `N passed, N failed`, where each file counts once on
+ * each path.
  *
- * With MemorySanitizer nothing is painted. Instead everything that nobody has
- * written is poisoned, and all output is checked. Like check_vectors this is
- * plain C, because MemorySanitizer would need a test library built with it.
+ * With MemorySanitizer nothing is filled. Instead, everything that the decoder
+ * has not written is poisoned, and all output is checked. Like check_vectors
+ * this is plain C, because MemorySanitizer would need a test library built with
+ * it.
  */
 /* The program chooses the SIMD path by this function, which it links instead of
  * the library's cpu.c. */

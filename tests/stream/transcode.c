@@ -38,8 +38,9 @@ static void *must(void *p)
 typedef struct {
     uint8_t sym;
     uint32_t from_end, n;
-    int64_t write;           /* what the payload has */
-    int64_t give;            /* what the traversal gets; KEEP: as it was */
+    int64_t write;           /* value that the payload codes */
+    int64_t give;            /* value that the traversal gets; KEEP: as
+                              * decoded */
 } lie;
 
 enum { KEEP = -(1 << 20), MAX_LIES = 4 };

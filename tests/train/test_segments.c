@@ -399,7 +399,8 @@ static void networks_should_stay_what_they_are(void **state)
     saga_train_free(t);
 }
 
-/* Returns the PSNR of what the fit draws against the warm-up's primitives. */
+/* Returns the PSNR between the pictures of the fit and those of the warm-up's
+ * primitives. */
 static double near_target(saga_train *t)
 {
     saga_twin *const w = &t->fit->twin;

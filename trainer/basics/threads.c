@@ -111,8 +111,8 @@ static bool take(share *from, bool is_own)
     }
 }
 
-/* Does parts until none is left, first of the own share, then of the
- * others'. */
+/* Runs parts until none is left: first those of the thread's own share, then
+ * those of other shares. */
 static void help(void)
 {
     const size_t team = atomic_load(&all.team);

@@ -56,7 +56,7 @@ typedef struct saga_layer_values {
 bool saga_quantise_layer(saga_layer_symbols *out, const saga_layer_values *v,
                          saga_error *error);
 
-/* About the bits of the scale of a row or column. */
+/* The scale of a row or column takes about this number of bits. */
 enum { SAGA_QUANTISE_LINE_BITS = 3 };
 
 /* Sets *bits to the code length of a layer's weights w (rows, columns), rounded

@@ -97,7 +97,8 @@ static saga_scene reduced(const saga_scene *s, real *params,
         const int net = saga_scene_net(n), kind = net - SAGA_NET_E_COARSE;
         saga_net *const to = &c.net[net];
 
-        /* A kind without sources has constants (pack_nets.c). */
+        /* A kind without sources has constants in place of its network
+         * (pack_nets.c). */
         if (is_kind_net(net) && !sources[kind])
             continue;
         for (l = 0; l < to->n_layers; l++)

@@ -160,7 +160,7 @@ static void blend_backward(real *record, tile *t, const saga_splat_2d *o,
 typedef struct {
     kept *block;
     uint16_t *touched;     /* bit mask of blocks, for each splat that is kept */
-    size_t begin, end;     /* the part of the list that was drawn */
+    size_t begin, end;     /* range of the tile's list that was drawn */
     size_t unkept;         /* first splat that is not kept, or end */
     real trans[AREA];      /* transmittance before that splat */
 } trail;

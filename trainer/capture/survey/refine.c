@@ -66,8 +66,9 @@ static int by_place(const void *a, const void *b)
     return x->camera - y->camera;
 }
 
-/* Tells whether the sights of a place, sorted by camera, are of two cameras at
- * least and of none twice, in which case a match among them is wrong. */
+/* Tells whether the sights of a place, sorted by camera, come from at least two
+ * cameras and only once from each. Two sights of one camera show that a match
+ * is wrong. */
 static bool is_sound(const saga_sight *s, size_t n)
 {
     for (size_t k = 1; k < n; k++)

@@ -79,7 +79,7 @@ typedef struct saga_shot {
     double fx, fy, cx, cy;    /* pixels, at the size loaded */
     double rotation[9];       /* world to camera, row-major, orthonormal */
     double translation[3];
-    double near_depth, far_depth; /* along z; 0, 0 if unknown */
+    double near_depth, far_depth; /* range of z; 0, 0 if unknown */
     bool held_out;            /* used for evaluation only, never for training */
     double late;              /* frame k was taken at time k + late, 0 to 1 */
 

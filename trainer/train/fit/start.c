@@ -341,7 +341,7 @@ static bool find_features(const saga_start *x, saga_fit *f, saga_error *error)
         /* Forward. Nothing is drawn: the camera only gives the direction. */
         saga_twin_geometry(&f->twin, &f->used, f->scene->coarse_feature);
         saga_twin_colour(&f->twin, &f->used, camera.centre);
-        /* Backward, in the opposite order. */
+        /* The backward pass visits the stages in reverse order. */
         pull(x, f);
         saga_twin_colour_backward(&f->twin, &f->grad, &f->used);
         saga_twin_backward(&f->twin, &f->grad, &f->used);

@@ -236,8 +236,9 @@ static void decorrelate(saga_start *x, double *variance)
             for (size_t l = 0; l < x->f; l++)
                 c[j][l] += y[j] * y[l] / (double)x->n;
     }
-    /* A rotation, whose inverse is v, keeps what scale has achieved: an error
-     * costs the same in all directions. */
+    /* The codes are rotated by the transpose of v; v is its inverse. A rotation
+     * preserves the effect of the scaling before, that an error costs the same
+     * in all directions. */
     saga_eigen(v, c, x->f);
     for (size_t j = 0; j < x->f; j++)
         for (size_t l = 0; l < x->f; l++)

@@ -206,7 +206,8 @@ static void plan_primitives(saga_train_options *o, char *why, size_t n,
     const double seconds = saga_capture_seconds(c);
     int k;
 
-    /* A given size decides alone; the segments share it equally. */
+    /* If a file size is given, it alone determines the number of primitives,
+     * which the segments share equally. */
     if (o->n_bytes) {
         o->n_primitives = within_level(
             saga_plan_primitives_of_size((double)o->n_bytes) / o->n_segments,

@@ -520,8 +520,9 @@ static bool ask_view(trial *a, double mse, saga_error *error)
     if (count_pictures(a, 0) == 0 || count_pictures(a, 1) == 0)
         return true;
     ok = make_slanted(&s, a, error);
-    /* Each half learns, the other tests: sum[2] with the whole slants, sum[1]
-     * with half of them. */
+    /* The slants are learnt from each half of the pictures and tested on the
+     * other half. sum[2] is the error with the whole slants, sum[1] with half
+     * of them. */
     for (int half = 0; half < 2 && ok; half++) {
         ok = learn_half(&s, a, half, error) &&
              test_half(&sum[2], &s, a, half, error);

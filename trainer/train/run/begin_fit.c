@@ -126,8 +126,8 @@ bool saga_train_begin_fit(saga_train *t, saga_error *error)
         .given = t->file.encoder ? &t->file.networks : NULL
     };
 
-    /* A restored training comes here directly, with its lambda but not the
-     * policy. */
+    /* A training restored from a checkpoint already has lambda, but not the
+     * prices that follow from it. */
     saga_train_settle_price(t);
     o.price = t->policy.price;
     t->fitting = true;

@@ -207,7 +207,7 @@ static bool load_turn(saga_train *t, const saga_train_header *h,
         };
     t->explained = h->explained;
     t->changing = h->changing;
-    /* Lambda is what the rule or steering made of it. */
+    /* This is lambda as the rule or the steering of the size has set it. */
     t->lambda = h->chosen_lambda;
     t->n_finished = h->n_finished;
     return t->turn == 0 || read_finished(t, c, error);

@@ -148,7 +148,8 @@ bool saga_train_header_stage(const saga_train_header *h)
            (h->fitting != 0) == (h->stage > SAGA_TRAIN_WARM);
 }
 
-/* Tells whether first segment, turn and base's size are possible. */
+/* Tells whether the header's first segment, turn and size of the base are
+ * within their ranges. */
 static bool has_turns(const saga_train_header *h)
 {
     const uint64_t most = saga_caps[SAGA_N_PROFILES - 1].n_prim;
