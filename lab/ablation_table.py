@@ -100,7 +100,7 @@ def points(runs):
 
 
 def same_symbols(full, runs):
-    """Mean change of the rate, in per cent, regardless of PSNR."""
+    """Returns the mean change of the bytes, in per cent, at any PSNR."""
     change = [math.log(r.bytes / f.bytes) for f, r in zip(full, runs)]
     return 100 * (math.exp(sum(change) / len(change)) - 1)
 
@@ -173,8 +173,9 @@ def runtime(rates):
 
 
 def sources(run):
-    """The sources of each kind: coarse C, fine F, primitives P, each with
-    hyperprior h, parent p, groups g, memory bank m."""
+    """Returns the sources of each kind as text: coarse C, fine F, primitives P,
+    each followed by letters for hyperprior (h), parent (p), groups (g) and
+    memory bank (m)."""
     out = []
     for kind in "coarse", "fine", "primitives":
         bits = run.report["entropy_model"][kind]["sources"]
@@ -271,7 +272,7 @@ def order0(scenes):
 
 
 def shared_scenes(folder):
-    """The scenes' rows, a list of runs for each row."""
+    """Returns the rows of each scene; a row is a list of runs."""
     out = {}
     for name in sorted(os.listdir(folder)):
         if name.startswith("shared.") and name.endswith(".json"):
@@ -283,8 +284,8 @@ def shared_scenes(folder):
 
 
 def bd_of(rows, anchor, key, views="training"):
-    """The BD-rate, or None if PSNR falls as bytes grow: then chance has more
-    effect than the rate."""
+    """Returns the BD-rate, or None if PSNR falls as bytes grow: then chance has
+    more effect than the rate."""
     curves = [sorted((r["bytes"], r[views]) for r in rows[k])
               for k in (anchor, key)]
     falls = any(b[1] <= a[1] for c in curves for a, b in zip(c, c[1:]))
@@ -318,8 +319,8 @@ def shared(scenes):
 
 
 def beside(rates, scenes):
-    """The paper's ablation next to ours. Numbers measured on other pages are
-    quoted from them."""
+    """Returns a table that compares the paper's ablation with ours. Numbers
+    that were measured on other pages are quoted from them."""
     def ours(runs, against="full"):
         base = [r[against] for r in rates]
         there = all(r.there for r in base + runs)
@@ -410,7 +411,8 @@ def curves(rates, folder):
 
 
 def files(folder, n_rates):
-    """A sentence on the encoded files, from the trainings' reports."""
+    """Returns a sentence about the encoded files, from the trainings'
+    reports."""
     reports = [load(folder, f"r{i + 1}", "encode.json")
                for i in range(n_rates)]
     if None in reports:

@@ -26,8 +26,8 @@ def pchip_slopes(x, y):
 
 
 def integral(x, y, lo, hi):
-    """The area under the monotone cubic through (x, y), from lo to hi within
-    x."""
+    """Returns the area under the monotone cubic through (x, y), from lo to hi
+    within x."""
     d = pchip_slopes(x, y)
     total = 0.0
     for i in range(len(x) - 1):
@@ -46,8 +46,8 @@ def integral(x, y, lo, hi):
 
 
 def curve(points):
-    """The points (bytes, dB) as (dB, log bytes), or None if they are fewer than
-    two, or two have the same PSNR."""
+    """Returns the points (bytes, dB) as (dB, log bytes), or None if they are
+    fewer than two, or two have the same PSNR."""
     points = sorted((p, math.log(r)) for r, p in points)
     if len(points) < 2 or any(b[0] <= a[0] for a, b in
                               zip(points, points[1:])):
@@ -56,8 +56,8 @@ def curve(points):
 
 
 def common(anchor, test, within=None):
-    """The interval of PSNR that both curves and `within` have in common, or
-    None if it is empty."""
+    """Returns the interval of PSNR that both curves and `within` have in
+    common, or None if it is empty."""
     curves = [curve(anchor), curve(test)]
     if None in curves:
         return None
@@ -67,8 +67,8 @@ def common(anchor, test, within=None):
 
 
 def log_rate_at(points, psnr):
-    """The logarithm of the bytes at this PSNR, by the monotone cubic, or None
-    beyond the ends of the curve."""
+    """Returns the logarithm of the bytes at this PSNR, by the monotone cubic,
+    or None beyond the ends of the curve."""
     c = curve(points)
     if not c or not c[0][0] <= psnr <= c[0][-1]:
         return None
@@ -81,17 +81,18 @@ def log_rate_at(points, psnr):
 
 
 def saving(anchor, test, psnr):
-    """The change of the bytes at this PSNR, in per cent, or None if one of the
-    curves does not reach it."""
+    """Returns the change of the bytes at this PSNR, in per cent, or None if one
+    of the curves does not reach it."""
     rates = [log_rate_at(c, psnr) for c in (anchor, test)]
     return None if None in rates else 100 * (math.exp(rates[1] - rates[0]) - 1)
 
 
 def bd_rate(anchor, test, within=None, least=0.0):
-    """The mean change of the rate at equal PSNR, in per cent, from anchor (the
-    reference) to test; both are lists of two or more points (bytes, dB).
-    Returns None if the curves have less than `least` dB in common, within the
-    pair `within` if given, or if PSNR does not grow with the bytes."""
+    """Returns the mean change of the rate at equal PSNR, in per cent, from
+    anchor (the reference) to test; both are lists of two or more points
+    (bytes, dB). Returns None if the curves have less than `least` dB in
+    common, within the pair `within` if given, or if PSNR does not grow with
+    the bytes."""
     interval = common(anchor, test, within)
     if not interval or interval[1] - interval[0] < least:
         return None

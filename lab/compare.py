@@ -118,14 +118,14 @@ def measure_saga(capture, work, files):
 # --- The table ---------------------------------------------------------------
 
 def points_of(path):
-    """The points (bytes, dB) of all results in a file."""
+    """Returns the points (bytes, dB) of all results in a file."""
     with open(path) as f:
         results = [json.loads(line) for line in f]
     return [(r["nbytes"], quality(r)["psnr"]["all"]) for r in results]
 
 
 def anchors_of(capture):
-    """The curves that came with the capture, {name: points}."""
+    """Returns the curves that came with the capture, {name: points}."""
     path = os.path.join(capture, "anchors.json")
     if not os.path.exists(path):
         return {}
@@ -144,8 +144,8 @@ def percent(value):
 
 
 def table(anchors, ours):
-    """The lines that tell what saga saves against each of the anchors, which
-    are {name: points}."""
+    """Returns lines that state how many bytes saga saves against each of the
+    anchors, {name: points}."""
     head = "bytes of saga against"
     width = max(len(name) for name in [head, *anchors])
     lines = [head.ljust(width) + "   BD-rate" +

@@ -28,7 +28,8 @@ def run(*command, **options):
 
 
 def instructions(program, folder):
-    """{(operator, integer|float32|float64): instructions for a unit}"""
+    """Returns {(operator, integer|float32|float64): instructions for a
+    unit}."""
     os.makedirs(folder, exist_ok=True)
     for name in os.listdir(folder):
         os.unlink(os.path.join(folder, name))
@@ -54,7 +55,8 @@ def instructions(program, folder):
 
 
 def operators(build):
-    """The rows of both builds. The rows of float come from the first build."""
+    """Returns the rows of both builds. The rows of float come from the first
+    build."""
     rows = []
     for folder, name in (("numerics", VARIANTS[3]),
                          ("numerics-plain", VARIANTS[2])):
@@ -82,7 +84,8 @@ def verified(saga, path):
 # ---- numbers
 
 def bits(row):
-    """The number of correct bits of the operator's range, or None for all."""
+    """Returns the number of correct bits in the operator's range, or None if it
+    is exact."""
     if not row.get("rms"):
         return None
     return math.log2(row["peak"] / row["rms"])

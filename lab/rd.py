@@ -46,7 +46,7 @@ def say(text):
 # --- The code ----------------------------------------------------------------
 
 def code_of_tree():
-    """A name for the contents of the folders on which results depend."""
+    """Returns a hash of the contents of the folders on which results depend."""
     digest = hashlib.sha256()
     for top in "common", "decoder", "trainer":
         for folder, folders, files in sorted(os.walk(os.path.join(ROOT, top))):
@@ -59,7 +59,8 @@ def code_of_tree():
 
 
 def commit_of_tree():
-    """The commit, with a + if the tree has changes, or None without git."""
+    """Returns the commit, with a + if the tree has changes, or None without
+    git."""
     git = ["git", "-C", ROOT]
     try:
         commit = subprocess.check_output(
@@ -99,7 +100,8 @@ class Scene:
 
 
 def read_scenes(form, captures):
-    """All scenes of the short or long form; captures: {name: path}."""
+    """Returns all scenes of the short or the long form. captures: {name:
+    path}."""
     table = configparser.ConfigParser()
     with open(SCENES) as f:
         table.read_file(f)
@@ -209,7 +211,7 @@ def mean(values):
 
 
 def changing(views):
-    """The PSNR over all changing pixels of these views."""
+    """Returns the PSNR over all changing pixels of these views."""
     error = pixels = 0
     for v in views:
         n = v["changing_pixels"]
@@ -220,8 +222,8 @@ def changing(views):
 
 
 def quality(report):
-    """The PSNR by our protocol: from the squared error over all frames of a
-    camera, then averaged over cameras."""
+    """Returns the PSNR by our protocol: from the squared error over all frames
+    of a camera, then averaged over cameras."""
     views = report["views"]
     sets = {"all": views,
             "training": [v for v in views if not v["held_out"]],

@@ -36,7 +36,7 @@ def percent(x):
 
 
 def line(row):
-    """A row or point as a line for the terminal."""
+    """Returns a row or a point as a line for the terminal."""
     p, c = row["psnr"], row.get("changing", {})
     text = (f"{row['scene']:8} {kb(row['bytes']):>8} kB  held out "
             f"{db(p.get('held_out')):>5}  training {db(p.get('training')):>5}"
@@ -50,14 +50,14 @@ def line(row):
 # --- Curves ------------------------------------------------------------------
 
 def setting(row):
-    """A row's options without the seed."""
+    """Returns a row's options without the seed."""
     o = row["options"]
     at = o.index("--seed")
     return tuple(o[:at] + o[at + 2:])
 
 
 class Point:
-    """A rate: the means over its seeds."""
+    """The results at one rate: the means over its seeds."""
 
     def __init__(self, rows):
         self.rows = rows
@@ -75,16 +75,16 @@ def rates(rows):
 
 
 def curve(points, of):
-    """The points (bytes, dB) of rows or rates; empty if there are no views of
-    this set."""
+    """Returns the points (bytes, dB) of rows or rates; none if there are no
+    views of this set."""
     out = [(p.bytes, p.psnr(of)) if isinstance(p, Point) else
            (p["bytes"], p["psnr"].get(of)) for p in points]
     return [] if any(d is None for _, d in out) else out
 
 
 def of_scene(rows, scene):
-    """The rows of the scene as lab/rd.ini defines it now, by code, the oldest
-    first."""
+    """Returns the rows of the scene as lab/rd.ini defines it now, grouped by
+    code, the oldest code first."""
     wanted = {tuple(scene.encode_options(i, seed)) for i in
               range(len(scene.rates)) for seed in scene.seeds}
     states = {}
@@ -97,7 +97,7 @@ def of_scene(rows, scene):
 
 
 def anchors(points, scene):
-    """{codec: its points on the pictures of this scene}"""
+    """Returns {codec: its points on the pictures of this scene}."""
     out = {}
     for p in points:
         if p["scene"] == scene.name and p.get("source", scene.source()) == \
@@ -139,7 +139,7 @@ def scene_table(rows):
 
 
 def against(anchor, test, within):
-    """The BD-rate and its interval of PSNR, as two cells of a table."""
+    """Returns the BD-rate and its interval of PSNR, as two cells of a table."""
     if not anchor or not test:
         return ["-", ""]
     interval = common(anchor, test, within)
@@ -151,7 +151,8 @@ def against(anchor, test, within):
 
 
 def seeds_of(rows, anchor, of, within):
-    """The range of the BD-rates of single seeds, if there are several."""
+    """Returns the range of the BD-rates of single seeds, if there are
+    several."""
     own = {}
     for row in rows:
         own.setdefault(row["seed"], []).append(row)
@@ -267,7 +268,7 @@ def page(scenes, rows, points):
 # --- The plot ----------------------------------------------------------------
 
 def curves_of(scene, rows, points):
-    """(title, line type, curve) for everything measured on a scene."""
+    """Returns (title, line type, curve) for everything measured on a scene."""
     states, its = of_scene(rows, scene), anchors(points, scene)
     ours = rates(states[-1]) if states else []
     out = [("saga, all cameras", 1, curve(ours, "all")),

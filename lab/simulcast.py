@@ -63,8 +63,8 @@ def check(codec):
 
 
 def cameras(capture):
-    """(ffmpeg's input options, path in the capture) for each camera: a video or
-    a folder of pictures."""
+    """Returns (ffmpeg's input options, path in the capture) for each camera.
+    The path is a video or a folder of pictures."""
     out = []
     for path in sorted(glob.glob(os.path.join(capture, "cam*.mp4")) +
                        glob.glob(os.path.join(capture, "videos", "*.mp4"))):

@@ -95,8 +95,8 @@ class Builder:
         self.folder, self.ways = folder, ways
 
     def try_source(self, path, text):
-        """What check_vectors says if a file has another text: NOTICED, MISSED
-        or BROKEN, and what it printed."""
+        """Returns the verdict of check_vectors on a changed file, NOTICED,
+        MISSED or BROKEN, and its output."""
         source = f"{BUILD}/mutant/{os.path.basename(path)}"
         objects = f"{BUILD}/mutant/mutant.o"
         program = f"{BUILD}/mutant/check_vectors"
@@ -287,7 +287,7 @@ class UnitTests:
             raise SystemExit(f"FAIL tests fail without a change: {found}")
 
     def failing(self, path, text):
-        """The names of the tests that fail."""
+        """Returns the names of the tests that fail."""
         was = read(path)
         with open(f"{self.tree}/{path}", "w") as f:
             f.write(text)

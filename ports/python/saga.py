@@ -236,7 +236,7 @@ class Film:
 
     @property
     def names(self):
-        """The names of the cameras of the rig; empty if the file has none."""
+        """Names of the cameras of the rig; empty if the file has none."""
         return [self._naming(i).name.decode(errors="replace")
                 for i in range(self.info.n_cameras)]
 
@@ -248,7 +248,8 @@ class Film:
         return math.ldexp(naming.metre_mantissa, naming.metre_exponent)
 
     def camera(self, index):
-        """A copy of camera `index` of the rig; index may be its name."""
+        """Returns a copy of camera `index` of the rig; index may be its
+        name."""
         if isinstance(index, str):
             if index not in self.names:
                 raise Error(f"{self.info.name}: no camera {index!r} among "
@@ -288,8 +289,8 @@ class Film:
         return s.t
 
     def layers(self, frame=0):
-        """The number of complete layers in the segment of a time, which is
-        info.n_layers, or fewer if the file ends early."""
+        """Returns the number of complete layers in the segment of a time. This
+        is info.n_layers, or fewer if the file ends early."""
         report = _Report()
         self._seek(frame)
         _check(_lib().saga_tell(ctypes.byref(report), self._dec),
@@ -297,9 +298,9 @@ class Film:
         return report.n_layers
 
     def pixels(self, camera=0, frame=0):
-        """A picture as bytes: rows from the top, R, G, B with 8 bits. camera is
-        an index or a name of the rig, or a Camera; frame is a number, which may
-        be a Fraction."""
+        """Returns a picture as bytes: rows from the top, R, G, B with 8 bits.
+        camera is an index or a name of the rig, or a Camera; frame is a
+        number, which may be a Fraction."""
         c = camera if isinstance(camera, Camera) else self.camera(camera)
         t = self._seek(frame)
         _check(_lib().saga_view(self._dec, ctypes.byref(c), t),
@@ -323,16 +324,16 @@ class Film:
         return rgb.raw
 
     def picture(self, camera=0, frame=0):
-        """A picture as a numpy array (height, width, 3) of uint8."""
+        """Returns a picture as a numpy array (height, width, 3) of uint8."""
         import numpy
         c = camera if isinstance(camera, Camera) else self.camera(camera)
         return numpy.frombuffer(self.pixels(c, frame), numpy.uint8).reshape(
             c.height, c.width, 3)
 
     def primitives(self, frame=0):
-        """All primitives at a time as numpy arrays: "mean" (n, 3) in metres,
-        "quat" (n, 4) w, x, y, z with length 1, "scale" (n, 3) standard
-        deviations in metres, "opacity" (n,)."""
+        """Returns all primitives at a time as numpy arrays: "mean" (n, 3) in
+        metres, "quat" (n, 4) w, x, y, z with length 1, "scale" (n, 3)
+        standard deviations in metres, "opacity" (n,)."""
         import numpy
         t, report = self._seek(frame), _Report()
         _check(_lib().saga_tell(ctypes.byref(report), self._dec),
@@ -366,7 +367,7 @@ def open(file, seconds=None):  # noqa: A001 (that is what it does)
 
 
 def crc32c(data):
-    """The CRC-32C, with which pictures are compared."""
+    """Returns the CRC-32C of data, with which pictures are compared."""
     return _lib().saga_crc32c(0, bytes(data), len(data))
 
 

@@ -126,8 +126,9 @@ export function toClip(view, values, modelView, projection) {
 }
 
 export class EngineView extends Viewer {
-    // take is called with every picture's splats from SagaFile.splats, or with
-    // make = 'gaussians' from SagaFile.gaussians, and with the camera's values.
+    // take: a function that is called with the splats of every picture (from
+    // SagaFile.splats or, with make = 'gaussians', from SagaFile.gaussians) and
+    // with the values of its camera.
     constructor(take, { make = 'splats', ...options } = {}) {
         super(null, { ...options,
             screen: { takesSplats: true, make, showSplats: take } });

@@ -236,9 +236,9 @@ async function bytesAt(url) {
 // --- A file ----------------------------------------------------------------
 
 export class SagaFile {
-    // source: an address, a File or Blob, bytes, or an object like the sources
+    // source: a URL, a File or Blob, bytes, or an object like the sources
     // above. module: from loadModule, which is called if it is not given.
-    // seconds: limit for decoding the head, or a segment.
+    // seconds: limit for decoding the head or a segment.
     static async open(source, { module, seconds = SECONDS } = {}) {
         const compiled = module || await loadModule();
         const file = await SagaFile.make(compiled, sourceOf(source), seconds);

@@ -43,7 +43,7 @@ export class Sound extends EventTarget {
         this.audio.addEventListener('error', () => this.clear());
     }
 
-    // No sound, until a file with one is opened.
+    // Removes the sound, until a file with sound is opened.
     clear() {
         clearTimeout(this.still);
         this.exists = false;
@@ -119,7 +119,8 @@ export class Sound extends EventTarget {
         this.changed();
     }
 
-    // A gesture that mutes the sound arrives here after it has done so.
+    // Unblocks the sound after a gesture. A gesture that mutes the sound gets
+    // here after it has done so.
     allow() {
         const wasBlocked = this.isBlocked;
 

@@ -234,7 +234,7 @@ export class Viewer extends EventTarget {
         this.changed();
     }
 
-    // Whether pictures have the size of the window.
+    // Returns whether pictures have the size of the window.
     get fills() {
         return !this.exact && this.room !== null && !this.wanted;
     }

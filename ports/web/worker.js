@@ -42,8 +42,9 @@ class Next {
         };
     }
 
-    // Two segments are kept: when a segment begins to play, the next one may be
-    // asked for before the first picture of this one.
+    // Gives a segment to the worker ahead.js. Two segments are kept: when a
+    // segment begins to play, the next one may be asked for before the first
+    // picture of this one.
     prepare(number, bytes) {
         if (this.made.has(number))
             return;

@@ -118,7 +118,8 @@ def put(tab, **attributes):
 
 
 def settle(tab):
-    """A film that plays is never done with its pictures on a slow machine."""
+    """Waits until a picture has been drawn and, unless the film plays, no other
+    is needed. On a slow machine a film that plays always needs another one."""
     tab.wait("viewer.drawn && (viewer.playing || !viewer.busy && !viewer.stale)",
              """(({ info, drawn, busy, stale, playing, waiting, frame, asked }) =>
              JSON.stringify({ open: Boolean(info), drawn, busy, stale, playing,

@@ -156,7 +156,8 @@ def install(folder):
 
 
 def errors_of(folder, text):
-    """Lines of a program that TypeScript refuses, and its messages."""
+    """Returns the lines of a program that TypeScript refuses, and its
+    messages."""
     with open(os.path.join(folder, "program.ts"), "w") as f:
         f.write(text)
     # Types of the engines are not checked themselves: some have errors.

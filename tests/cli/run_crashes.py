@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""run_crashes.py [N [SEED]]: N trials (100) in which `saga encode`, its
+"""run_crashes.py [N [SEED]]: runs N trials (100) in which `saga encode`, its
 --sweep, `saga join` or `saga import` is killed at a random moment, has a full
 disk or too little memory, or finds a damaged checkpoint.
 
-Every trial must end in one of two ways: with the bytes of a run that nothing
-disturbed, if need be after --resume or once more; or with a message and
-status, and without a half-written file. The trial's number and the seed give
-the trial again, but for the moment of a kill.
+Every trial must end in one of two ways: with the bytes of an undisturbed run,
+if needed after --resume or a second run; or with a message and a status, and
+without an incomplete file. The trial's number and the seed repeat a trial,
+except for the moment at which it is killed.
 """
 import os
 import random
@@ -39,7 +39,8 @@ INPUTS = {"cap", "a.saga", "b.saga", "a.ply", "w.saga"}
 
 
 def contents(path):
-    """The bytes of a file, or of all in a folder but the times in a report."""
+    """Returns the bytes of a file, or of the saga files of a folder, because
+    reports have times."""
     if not os.path.isdir(path):
         return verdict.read(path)
     return {name: verdict.read(f"{path}/{name}")
@@ -84,7 +85,7 @@ class Trial:
         return os.path.exists(self.out) and contents(self.out) == self.whole
 
     def left(self):
-        """What should not be there: a result that is not whole, and files
+        """Returns what must not remain: a result that is incomplete, and files
         that are neither a result nor a checkpoint."""
         known = INPUTS | {self.out, self.out + ".ckpt"}
         left = set(os.listdir(".")) - known
@@ -140,8 +141,8 @@ class Trial:
             ["memory", "libraries"])
 
     def damage(self):
-        """A checkpoint that is not as it was written is refused, and a
-        training begins again without it."""
+        """Damages a checkpoint. It must be refused, and a training must start
+        again without it."""
         path = self.out + ".ckpt"
         program = start(KINDS["encode"])
         for _ in range(2000):

@@ -141,7 +141,7 @@ static void more_nodes(gen_stream *g)
 
 static void no_frames(gen_stream *g) { g->n_frames[0] = 0; }
 
-/* A stream in which every spoiler above finds what it changes. */
+/* Makes a stream in which each function above finds what it changes. */
 static void make_rich(gen_stream *g)
 {
     gen_options o = { .level = 1, .n_coarse = 24 };
@@ -373,8 +373,9 @@ TEST(encoder_should_refuse_networks_that_are_not_valid)
     NETS_REFUSED(net_finer_over);
 }
 
-/* A row of F_geo whose weights are 32767 2^k before its inputs' formats shift
- * them down, by `finer` bits: valid if none is left above 32767. */
+/* Makes a row of F_geo with weights of 32767 2^k, which the finer formats of
+ * its inputs shift right by `finer` bits. It is valid if no shifted weight
+ * exceeds 32767. */
 static void finer_to(gen_stream *g, int k, uint8_t finer)
 {
     saga_layer_symbols *const before = &g->nets.layer[SAGA_NET_GEO][0];

@@ -60,9 +60,10 @@ static saga_status status_of(int call, const uint8_t *bytes, size_t n)
     return s;
 }
 
-/* All lengths up to the header's end, then some: around the head's end, at the
- * file's, and beyond it. Once a status is not TRUNCATED it stays. At the end of
- * the head it is that of the file. */
+/* Cuts a file at all lengths up to the end of the header, and then at some:
+ * around the end of the head, at the end of the file and beyond it. From the
+ * first length with another status than TRUNCATED on, the status must stay the
+ * same. At the end of the head it must be that of the file. */
 static void check_lengths(const char *what, const uint8_t *bytes, size_t n,
                           size_t head)
 {

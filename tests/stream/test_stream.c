@@ -284,7 +284,8 @@ static void assert_covered(const coverage *c, uint32_t n)
         assert_all(c->together, 0, N_SOURCES - 1);
 }
 
-/* Mostly level 0 and 1: the others have larger networks, nothing else. */
+/* Returns the options of trial i. Most have level 0 or 1: the others differ
+ * only in having larger networks. */
 static gen_options options_of(uint64_t seed, uint32_t i)
 {
     gen_options o = { .seed = seed,

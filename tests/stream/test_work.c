@@ -14,9 +14,10 @@
 
 #include <time.h>
 
-/* The part of the slowest files' anchors that layers have here: levels 0 and 1
- * whole, of the others what takes less than a tenth of a second. Sanitizers,
- * which take twenty times as long, have a 32nd of that. */
+/* Returns by how much the number of anchors of the slowest files is divided
+ * here: not at all at levels 0 and 1, at the others so that a file takes less
+ * than a tenth of a second. Sanitizers take twenty times as long; with them it
+ * is divided by a further 32. */
 static uint32_t share_of(int level)
 {
     static const uint32_t share[SAGA_N_PROFILES] = { 1, 1, 48, 1536 };
@@ -128,7 +129,8 @@ TEST(slowest_should_decode)
 
 /* --- docs/bitstream.md, section 5 ---------------------------------------- */
 
-/* "262,144", "2^28" or text, which is 1; an empty cell is 0. */
+/* Reads a cell of the table: "262,144", "2^28", or text, which gives 1; an
+ * empty cell gives 0. */
 static uint64_t read_cell(const char **s)
 {
     uint64_t v = 0;
@@ -300,8 +302,9 @@ static uint32_t digest(const film *f)
     return crc;
 }
 
-/* Stopped when it is asked for the at-th time, the segment is gone and the
- * caller left alone; decoded again it is what it was. */
+/* Decoding that is stopped at the at-th call of the watch must leave no segment
+ * and must not call the watch again. When the segment is decoded again, it must
+ * be the same as before. */
 static void stop_decoding(film *f, uint32_t at, uint32_t expected)
 {
     patience p = { at, 0 };
