@@ -106,7 +106,7 @@ for ask in '--size 8k' '--size 0.008M' '--bitrate 384k'; do
     size=$(stat -c %s z.saga)
     [ "$size" -ge 7600 ] && [ "$size" -le 8400 ] ||
         complain "$ask: $size bytes"
-    grep -q '400 primitives: ' err || complain "why primitives: $(cat err)"
+    grep -q '400 primitives, chosen for the size' err || complain "why primitives: $(cat err)"
     [ ! -f z.first ] || cmp -s z.saga z.first || complain "$ask: another file"
     mv z.saga z.first
 done
@@ -477,8 +477,8 @@ assert json.load(open("curve/curve.json")) == hull, [at(r) for r in made]
 told 2 'curve is not empty; give --resume' cap -o curve "${curve[@]}"
 expect 2 cap -o curve "${curve[@]}" --resume --seed 2
 says 'curve/1.json was made with other options'
-told 2 'is no folder' cap -o whole.saga "${curve[@]}"
-told 2 'give one' cap -o curve/x "${curve[@]}" --size 20k
+told 2 'is not a folder' cap -o whole.saga "${curve[@]}"
+told 2 'give only one' cap -o curve/x "${curve[@]}" --size 20k
 told 2 '--sweep has several' cap -o curve/x "${curve[@]}" --log l.csv
 mv curve whole
 set -m

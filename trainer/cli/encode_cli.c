@@ -226,10 +226,11 @@ static const saga_cli_option option_list[] = {
       "without --primitives also fewer of them. Default: chosen\n"
       "from the error after the warm-up", saga_cli_real, AT(lambda), 0, 0 },
     { "--model", "auto|paper",
-      "parts of the model: those that pay on our scenes, or all\n"
-      "of the paper, for research: shared anchors, interpolation,\n"
-      "Fuse, residual hash, memory bank (default auto)", saga_cli_text,
-      AT(model), 0, 0 },
+      "which parts of the paper's model to use: those that save\n"
+      "bytes on small captures (auto, the default), or all of\n"
+      "them, for research (paper): shared anchors,\n"
+      "interpolation, fusing networks, residual hash, memory\n"
+      "bank", saga_cli_text, AT(model), 0, 0 },
     { "--level", "0|1|2|3",
       "limit on the memory of the decoder: 0 for 256 KiB, 1 for\n"
       "4 MiB, 2 for 32 MiB, 3 for 1 GiB (default 2)", saga_cli_int, AT(level),
@@ -244,9 +245,10 @@ static const saga_cli_option option_list[] = {
       "length in metres of one unit of the capture, stored in\n"
       "the file (default: what the capture says)", saga_cli_real, AT(metres),
       0, 0 },
-    { "--no-exposure", NULL, "leave out the exposures of the cameras, so that "
-      "all views\nof the file have one tone", saga_cli_flag,
-      AT(no_exposure), 0, 0 },
+    { "--no-exposure", NULL,
+      "do not store the exposures of the cameras, so that all\n"
+      "views of the file are equally bright", saga_cli_flag, AT(no_exposure),
+      0, 0 },
     { "--still", NULL, "treat the scene as still, whatever moves",
       saga_cli_flag, AT(still), 0, 0 },
     { "--moving", NULL,

@@ -423,7 +423,7 @@ static const saga_line text[] = {
       "{metric.centre_metres.2:%.6g}), in units of the capture\n" },
     { "metric.metres_in_capture_unit", NULL, "unit        of the capture: "
       "{metric.metres_in_capture_unit:%.6g} m\n" },
-    { "exposure", NULL, "exposure    of each camera, gains of "
+    { "exposure", NULL, "exposure    stored for each camera, gains from "
       "{exposure.least_gain:%.3f} to {exposure.most_gain:%.3f}\n" },
     { "sound", NULL, "sound       Opus, {sound.n_channels} "
       "channel{sound.n_channels+s}, {sound.seconds:%.3f} s from "

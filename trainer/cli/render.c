@@ -507,8 +507,9 @@ static const saga_cli_option option_list[] = {
       "a camera of the file, by name or by number (default 0);\n"
       "`saga info` lists them", saga_cli_text, offsetof(options, camera), 0,
       0 },
-    { "--no-exposure", NULL, "draw a camera's view in the tone of the file, "
-      "not in that\nin which the camera filmed", saga_cli_flag,
+    { "--no-exposure", NULL,
+      "draw with the brightness that all views of the file\n"
+      "share, not with that of the camera's own exposure", saga_cli_flag,
       offsetof(options, no_exposure), 0, 0 },
     { "--orbit", "K", "K pictures along a closed path within the angles from\n"
       "which the cameras filmed, over the whole time of the file",

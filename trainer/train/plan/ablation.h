@@ -68,11 +68,12 @@ typedef struct saga_ablation {
       "store each token in the bank in full,\n" \
       "               instead of only what is new in it") \
     X(no_interpolation, "nearest", "        ", 1, \
-      "features of neighbours (--model paper)") \
+      "with --model paper: interpolation between\n" \
+      "               the features of neighbours") \
     X(no_fuse, "no-fuse", "        ", 1, \
-      "the networks Fuse (--model paper)") \
+      "with --model paper: the fusing networks") \
     X(no_hash, "no-hash", "        ", 1, \
-      "the residual hash (--model paper)") \
+      "with --model paper: the residual hash") \
     X(raw_networks, "raw-networks", "   ", 1, \
       "store network weights in steps of 1/2048,\n" \
       "               at no price")

@@ -12,8 +12,8 @@ static bool pack_so_far(saga_train *t, saga_error *error)
     if (saga_train_in_base(t))
         return saga_fail(error, t->o.checkpoint, "try again when a segment is "
                          "in the rendering stage",
-                         "the training is busy with the base, "
-                         "which cannot be shown alone");
+                         "the training is busy with the base, from "
+                         "which alone no file can be made");
     /* The segment is rounded in its present state and packed after the finished
      * ones. */
     if (t->fitting) {
