@@ -18,9 +18,14 @@
 # SHARED, NAME:PRIMITIVES, with 14 short renderings after one warm-up and
 # pictures of 160x90. A scene takes about 4 minutes.
 #
+# Last it trains the paper's whole model (`saga encode --model paper`) and the
+# same without one part after the other on the first scene of SHARED, at three
+# rates: 24 trainings of 20 s.
+#
 # Environment: LAMBDAS (the rates, the lowest first), TRAIN (more options of
 # `saga encode`) and REFIT (of make_refit); for shared anchors SHARED_SYNTH
-# (options of `saga synth`) and SHARED_ITERATIONS (of each training).
+# (options of `saga synth`) and SHARED_ITERATIONS (of each training); for the
+# paper's model PAPER_LAMBDAS, the rates.
 set -euo pipefail
 saga=$1
 folder=$2
@@ -107,6 +112,33 @@ for scene in ${SHARED:-room:2000 ring:3000}; do
     [ -f "$at.json" ] || OMP_NUM_THREADS=1 into "$at.json" \
         "$bin/make_shared" "$at" "${scene#*:}" "${SHARED_ITERATIONS:-2400}"
 done
+
+# part NAME OPTIONS...: trains a model at each rate, on $at with $primitives.
+part() {
+    local name=$1 to
+    shift
+    for lambda in ${PAPER_LAMBDAS:-700 200 60}; do
+        to=$folder/paper/$name.$lambda
+        [ ! -f "$to.json" ] || continue
+        rm -f "$to.saga.ckpt"
+        OMP_NUM_THREADS=1 into "$to.json" "$saga" encode "$at" -o "$to.saga" \
+            --lambda "$lambda" --primitives "$primitives" \
+            --iterations "${SHARED_ITERATIONS:-2400}" --threads 1 --json "$@"
+    done
+}
+
+read -r scene _ <<<"${SHARED:-room:2000}"
+at=$folder/shared.${scene%%:*}
+primitives=${scene#*:}
+mkdir -p "$folder/paper"
+part full --model paper
+part flat
+part nearest --model paper --ablate nearest
+part no-hash --model paper --ablate no-hash
+part raw-networks --model paper --ablate raw-networks
+part plain-update --model paper --ablate plain-update
+part no-bank --model paper --ablate no-bank
+part no-fuse --model paper --ablate no-fuse
 
 reports=()
 for scene in "built-in=$folder/r$number/full.saga" "$@"; do

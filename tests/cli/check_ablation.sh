@@ -104,6 +104,7 @@ mkdir "$folder"
 ablate() {
     LAMBDAS='0.09 0.0009' TRAIN='--primitives 150 --iterations 150 --moving' \
         REFIT='--iterations 20' SHARED=ring:80 SHARED_ITERATIONS=60 \
+        PAPER_LAMBDAS='20 5' \
         SHARED_SYNTH='--size 48x27 --cameras 4 --frames 3' lab/ablation.sh "$saga" "$folder" \
         "$results" 1 "again=$folder/r2/in.saga" >"$tmp/out" 2>&1 ||
         complain "ablation: $(tail -n 3 "$tmp/out")"
@@ -138,6 +139,20 @@ for r in rows:
     own = r["row"] == "own"
     assert (r["coarse"] == r["primitives"]) == own, r
     assert (r["fine"] == r["primitives"]) == own, r
+HASH, BANK_TOOL, PLAIN = 1 << 8, 1 << 9, 1 << 10
+tools = {"full": HASH | BANK_TOOL, "flat": 0, "nearest": HASH | BANK_TOOL,
+         "no-hash": BANK_TOOL, "raw-networks": HASH | BANK_TOOL,
+         "plain-update": HASH | BANK_TOOL | PLAIN, "no-bank": HASH,
+         "no-fuse": HASH | BANK_TOOL}
+for name, has in tools.items():
+    for rate in "20", "5":
+        at = f"{sys.argv[1]}/paper/{name}.{rate}"
+        head = open(at + ".saga", "rb").read(76)
+        found = int.from_bytes(head[72:76], "little")
+        assert found & (HASH | BANK_TOOL | PLAIN) == has, (name, found)
+        r = json.load(open(at + ".json"))
+        own = name == "flat"
+        assert (r["n_fine"] == r["n_primitives"]) == own, (name, r["n_fine"])
 by_row = {n: [r["bytes"] for r in rows if r["row"] == n]
           for n in ("own", "shared", "nearest")}
 assert len({tuple(b) for b in by_row.values()}) == 3, by_row
@@ -148,6 +163,7 @@ for text in '## Bitstream by component' '## Decoding time' '| as trained ' \
     '| full model ' \
     '| constants by channel ' '| raw networks' '## Slots' '| again ' \
     '## Shared anchors' '| V1, no coarse' \
+    '## The paper.s whole model' '| residual hash | V3' \
     '| built-in | \*\*all\*\*' ; do
     grep -q "$text" "$results/ablation.md" || complain "no '$text'"
 done
