@@ -191,7 +191,8 @@ static const struct {
 } written[] = {
     { ".ply", FLOATS }, { ".spz", SPZ(16) }, { ".glb", FLOATS },
     { ".compressed.ply", PACKED },
-    { ".sog", SOG(0.5, 2.00001 / 255, 1.00001 / 255) }
+    { ".sog", SOG(0.5, 2.00001 / 255, 1.00001 / 255) },
+    { ".v4.spz", SPZ(16) }
 };
 
 TEST(splats_should_come_back_within_half_a_step)

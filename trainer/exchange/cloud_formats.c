@@ -4,12 +4,12 @@
 #include <string.h>
 
 extern const saga_cloud_format saga_packed_format, saga_ply_format,
-    saga_spz_format, saga_glb_format, saga_sog_format;
+    saga_spz4_format, saga_spz_format, saga_glb_format, saga_sog_format;
 
 /* The first matching format is taken. A format whose files look like another's
  * therefore comes before it, and so does a longer suffix. */
 static const saga_cloud_format *const formats[] = {
-    &saga_packed_format, &saga_ply_format, &saga_spz_format,
+    &saga_packed_format, &saga_ply_format, &saga_spz4_format, &saga_spz_format,
     &saga_glb_format, &saga_sog_format
 };
 

@@ -8,9 +8,13 @@
 #include <math.h>
 #include <stdlib.h>
 #include <zlib.h>
+#include <zstd.h>
 
 enum {
-    VERSION = 3,
+    GZIPPED_VERSION = 3,
+    OPEN_VERSION = 4,        /* its header is not compressed */
+    ZSTD_LEVEL = 19,         /* the highest one with a window of at most 8 MB */
+    N_FIXED = 5,             /* arrays before the harmonics */
     SPLAT_NBYTES = 9 + 1 + 3 + 3 + 4, /* coordinates get fraction bits up to
                                        * this number of bits in total */
     POSITION_BITS = 23,      /* least number of fraction bits, if there is room:
@@ -122,16 +126,42 @@ static size_t raw_nbytes(const saga_cloud *cloud)
            3 * (saga_n_harmonics(cloud->degree) - 1));
 }
 
-static void put_cloud(uint8_t *at, const saga_cloud *cloud, int bits)
+static void put_head(uint8_t **at, const saga_cloud *cloud, int bits,
+                     uint32_t version, uint32_t n_streams)
 {
-    saga_put_le(&at, SPZ_MAGIC, 4);
-    saga_put_le(&at, VERSION, 4);
-    saga_put_le(&at, (uint32_t)cloud->n, 4);
-    saga_put_le(&at, (uint32_t)cloud->degree, 1);
-    saga_put_le(&at, (uint32_t)bits, 1);
-    saga_put_le(&at, 0, 2); /* flags, reserved */
+    saga_put_le(at, SPZ_MAGIC, 4);
+    saga_put_le(at, version, 4);
+    saga_put_le(at, (uint32_t)cloud->n, 4);
+    saga_put_le(at, (uint32_t)cloud->degree, 1);
+    saga_put_le(at, (uint32_t)bits, 1);
+    saga_put_le(at, 0, 1); /* flags */
+    saga_put_le(at, n_streams, 1);
+}
+
+/* Returns the header of version 3 and all arrays. The caller frees them. */
+static uint8_t *raw_bytes(saga_cloud *cloud, int bits, const char *path,
+                          saga_error *error)
+{
+    uint8_t *const bytes = saga_alloc(raw_nbytes(cloud), 1, path, error);
+    uint8_t *at = bytes;
+
+    if (!bytes)
+        return NULL;
+    saga_cloud_turn(cloud, 0);
+    put_head(&at, cloud, bits, GZIPPED_VERSION, 0);
     put_positions(&at, cloud, bits);
     put_attributes(&at, cloud);
+    saga_cloud_turn(cloud, 0);
+    return bytes;
+}
+
+static bool write_all(const char *path, const uint8_t *bytes, size_t n,
+                      saga_error *error)
+{
+    saga_output out;
+
+    return saga_output_open(&out, path, error) &&
+           saga_output_close(&out, fwrite(bytes, 1, n, out.file) == n, error);
 }
 
 /* Writes bytes[0..n) gzipped; the same bytes always give the same file. */
@@ -139,7 +169,6 @@ static bool write_gzip(const char *path, uint8_t *bytes, size_t n,
                        saga_error *error)
 {
     z_stream z = { .next_in = bytes, .avail_in = (uInt)n };
-    saga_output out;
     uint8_t *packed;
     size_t room;
     bool ok;
@@ -155,17 +184,73 @@ static bool write_gzip(const char *path, uint8_t *bytes, size_t n,
     z.avail_out = (uInt)room;
     ok = packed && (deflate(&z, Z_FINISH) == Z_STREAM_END ||
                     saga_no_memory(room, path, error));
-    ok = ok && saga_output_open(&out, path, error) &&
-         saga_output_close(&out, fwrite(packed, 1, z.total_out, out.file) ==
-                           z.total_out, error);
+    ok = ok && write_all(path, packed, z.total_out, error);
     deflateEnd(&z);
     free(packed);
     return ok;
 }
 
-static bool write_spz(const char *path, saga_cloud *cloud, saga_error *error)
+static void put_length(uint8_t **at, uint64_t n)
 {
-    const size_t n = raw_nbytes(cloud);
+    saga_put_le(at, (uint32_t)n, 4);
+    saga_put_le(at, (uint32_t)(n >> 32), 4);
+}
+
+/* Packs one array to *to, moves *to behind it, and writes both lengths to the
+ * table. Returns false if memory is missing. */
+static bool put_stream(uint8_t **to, uint8_t **table, size_t room,
+                       const uint8_t *array, size_t n)
+{
+    const size_t packed = ZSTD_compress(*to, room, array, n, ZSTD_LEVEL);
+
+    if (ZSTD_isError(packed))
+        return false;
+    put_length(table, packed);
+    put_length(table, n);
+    *to += packed;
+    return true;
+}
+
+/* Writes an open header, a table of streams, and a stream for each array that
+ * is not empty; `bytes` are those of raw_bytes. */
+static bool write_streams(const char *path, const uint8_t *bytes,
+                          const saga_cloud *cloud, int bits, saga_error *error)
+{
+    const size_t each[] = {
+        9, 1, 3, 3, 4, 3 * (size_t)(saga_n_harmonics(cloud->degree) - 1)
+    };
+    const uint32_t n_streams = N_FIXED + (each[N_FIXED] > 0);
+    const size_t start = SPZ_OPEN_HEADER_NBYTES + 16 * n_streams;
+    size_t room = start;
+    uint8_t *packed, *table, *to;
+    bool ok = true;
+
+    for (uint32_t i = 0; i < n_streams; i++)
+        room += ZSTD_compressBound(each[i] * cloud->n);
+    table = packed = saga_alloc(room, 1, path, error);
+    if (!packed)
+        return false;
+    put_head(&table, cloud, bits, OPEN_VERSION, n_streams);
+    saga_put_le(&table, SPZ_OPEN_HEADER_NBYTES, 4); /* where the table begins */
+    saga_put_le(&table, 0, 4);                      /* 12 reserved bytes */
+    put_length(&table, 0);
+    to = packed + start;
+    bytes += SPZ_HEADER_NBYTES;
+    for (uint32_t i = 0; i < n_streams && ok; i++) {
+        const size_t n = each[i] * cloud->n;
+
+        ok = put_stream(&to, &table, room - (size_t)(to - packed), bytes, n) ||
+             saga_no_memory(n, path, error);
+        bytes += n;
+    }
+    ok = ok && write_all(path, packed, (size_t)(to - packed), error);
+    free(packed);
+    return ok;
+}
+
+static bool write_version(const char *path, saga_cloud *cloud, int version,
+                          saga_error *error)
+{
     const int bits = fraction_bits(cloud);
     uint8_t *bytes;
     bool ok;
@@ -173,19 +258,35 @@ static bool write_spz(const char *path, saga_cloud *cloud, saga_error *error)
     if (bits < 0)
         return saga_fail(error, path, "write PLY", "SPZ cannot hold positions "
                          "beyond 2^%d", POSITION_BITS);
-    bytes = saga_alloc(n, 1, path, error);
+    bytes = raw_bytes(cloud, bits, path, error);
     if (!bytes)
         return false;
-    saga_cloud_turn(cloud, 0);
-    put_cloud(bytes, cloud, bits);
-    saga_cloud_turn(cloud, 0);
-    ok = write_gzip(path, bytes, n, error);
+    ok = version == OPEN_VERSION
+        ? write_streams(path, bytes, cloud, bits, error)
+        : write_gzip(path, bytes, raw_nbytes(cloud), error);
     free(bytes);
     return ok;
+}
+
+static bool write_gzipped(const char *path, saga_cloud *cloud,
+                          saga_error *error)
+{
+    return write_version(path, cloud, GZIPPED_VERSION, error);
+}
+
+static bool write_open(const char *path, saga_cloud *cloud, saga_error *error)
+{
+    return write_version(path, cloud, OPEN_VERSION, error);
 }
 
 const saga_cloud_format saga_spz_format = {
     "SPZ", ".spz", "24-bit positions, 8-bit opacities, colours and scales, "
     "10-bit quaternions, gzipped; version 3 is written, 2 to 4 are read",
-    saga_is_spz, saga_spz_read, write_spz
+    saga_is_spz, saga_spz_read, write_gzipped
+};
+
+const saga_cloud_format saga_spz4_format = {
+    "SPZ version 4", ".v4.spz", "the numbers of SPZ, in a zstd stream for each "
+    "attribute; fewer programs read it",
+    saga_is_spz, saga_spz_read, write_open
 };

@@ -16,8 +16,9 @@
  *     harmonics  3 bytes for each but the constant one, c = (byte - 128) / 128
  *
  * Files of versions 2 and 3 are one gzip stream. In version 4 an uncompressed,
- * longer header is followed by a zstd stream for each array. Version 3 is
- * written, since more programs read it than read version 4.
+ * longer header is followed by a table of lengths and a zstd stream for each
+ * array. More programs read version 3 than version 4; the name of a file says
+ * which of both is written.
  */
 #ifndef SAGA_CLOUD_SPZ_H
 #define SAGA_CLOUD_SPZ_H
