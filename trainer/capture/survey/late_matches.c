@@ -5,8 +5,9 @@
  * moment and up to SAGA_MATCH_LATE frames before and after. A match counts 1 -
  * (e / within)^2, where e is its distance from the epipolar line. The shift
  * with the largest count is the lateness, if that count is clearly larger than
- * at other shifts and the shift is stable when an eighth of the data is left
- * out.
+ * at other shifts, if the shift is stable when an eighth of the data is left
+ * out, and if more than one other camera counts there: of two cameras that
+ * match only each other nobody knows which one is late.
  */
 #include "late_matches.h"
 
@@ -31,6 +32,8 @@ enum {
 #define ALIKE 0.75           /* least cosine of two descriptors, as for
                               * points */
 #define FEW 8.0              /* least sum of counts for a result */
+#define OTHERS 0.25          /* least part of the count that remains without the
+                              * camera that adds most to it */
 #define SURE 3.0             /* standard deviations; a count of n has sqrt(n) */
 /* The standard errors are those of eight groups, as in lateness.c. The parabola
  * through three counts is exact to a quarter of a frame, and a late neighbour
@@ -47,6 +50,8 @@ typedef struct finder {
     saga_pairs at[STRETCH];  /* corners of all views at these frames; the
                               * first one has the list of pairs for all */
     counts *counts;          /* (n_views) */
+    double (*of_pair)[N_SHIFTS]; /* (pairs) counts of each pair, as those of its
+                              * view b */
 } finder;
 
 /* ------------------------------------------------------------------ corners */
@@ -168,6 +173,7 @@ static void count_pair(finder *f, size_t i)
     for (int k = 0; k < MOMENTS; k++)
         for (int d = 0; d < N_SHIFTS; d++) {
             const size_t g = (MOMENTS * i + (size_t)k) % GROUPS;
+            f->of_pair[i][d] += found[k][d];
             f->counts[p->b].at[g][d] += found[k][d];
             f->counts[p->a].at[g][N_SHIFTS - 1 - d] += found[k][d];
         }
@@ -199,8 +205,24 @@ static double peak(const double sum[N_SHIFTS], int best)
     return best - MOST + (bend < 0.0 ? 0.5 * (l - r) / bend : 0.0);
 }
 
-static void judge(saga_lateness *late, const counts *c)
+/* Returns the largest count that one other camera adds to that of view v at a
+ * shift. */
+static double most_of_one(const finder *f, int v, int shift)
 {
+    double most = 0.0;
+    for (size_t i = 0; i < f->at[0].n; i++) {
+        const saga_pair *const p = &f->at[0].list[i];
+        if (p->b == v)
+            most = fmax(most, f->of_pair[i][shift]);
+        else if (p->a == v)
+            most = fmax(most, f->of_pair[i][N_SHIFTS - 1 - shift]);
+    }
+    return most;
+}
+
+static void judge(saga_lateness *late, const finder *f, int v)
+{
+    const counts *const c = &f->counts[v];
     double sum[N_SHIFTS], part[N_SHIFTS], x[GROUPS], second = 0.0;
     const int best = sum_groups(sum, c, -1);
     for (int d = 0; d < N_SHIFTS; d++)
@@ -208,7 +230,8 @@ static void judge(saga_lateness *late, const counts *c)
             second = fmax(second, sum[d]);
     /* At an end of the range the true maximum may lie outside. */
     if (best == 0 || best == N_SHIFTS - 1 || sum[best] < FEW ||
-        sum[best] - second < SURE * sqrt(sum[best] + second))
+        sum[best] - second < SURE * sqrt(sum[best] + second) ||
+        sum[best] - most_of_one(f, v, best) < OTHERS * sum[best])
         return;
     for (int g = 0; g < GROUPS; g++)
         x[g] = peak(part, sum_groups(part, c, g));
@@ -231,14 +254,20 @@ bool saga_late_matches_find(saga_lateness *late, const saga_capture *capture,
     /* Corners are found once, then matched for each pair and each shift. */
     f.first = find_stretch(capture);
     f.counts = saga_calloc(n_views, sizeof *f.counts, "the motion", error);
-    const bool ok = f.counts && find_corners(&f, error);
+    bool ok = f.counts && find_corners(&f, error);
+    if (ok) {
+        f.of_pair = saga_calloc(f.at[0].n, sizeof *f.of_pair, "the motion",
+                                error);
+        ok = f.of_pair != NULL;
+    }
     for (size_t i = 0; ok && i < f.at[0].n; i++)
         count_pair(&f, i);
     for (size_t v = 0; ok && v < n_views; v++)
-        judge(&late[v], &f.counts[v]);
+        judge(&late[v], &f, (int)v);
     for (int k = 0; k < STRETCH; k++)
         if (f.at[k].capture)
             saga_pairs_free(&f.at[k]);
     free(f.counts);
+    free(f.of_pair);
     return ok;
 }
