@@ -417,6 +417,17 @@ $(BUILD)/check_vectors: $(OBJ)/tests/stream/check_vectors.o \
 $(BUILD)/check_init: $(OBJ)/tests/stream/check_init.o $(LIB)
 	$(LINK) $^ -o $@
 
+# Fuzzers, for libFuzzer; tests/run_fuzz.sh builds them.
+FUZZ := $(addprefix $(BUILD)/,$(notdir $(patsubst %.c,%,$(wildcard \
+          tests/*/fuzz_*.c))))
+$(BUILD)/fuzz_decode: $(OBJ)/tests/stream/fuzz_decode.o
+$(BUILD)/fuzz_input: $(OBJ)/tests/capture/fuzz_input.o
+$(BUILD)/fuzz_path: $(OBJ)/tests/cli/fuzz_path.o $(addprefix \
+    $(OBJ)/trainer/cli/,render_path.o render_colmap.o)
+$(FUZZ): $(HELPERS) $(REFERENCE) $(TRAIN) $(LIB)
+	$(LINK) $(OMP) -fsanitize=fuzzer $(filter %.o,$^) $(filter %.a,$^) \
+	    $(HOST_LIBS) -o $@
+
 # ---------------------------------------------------------------- install
 
 # Manual pages and completions are made from the programs' --help.
@@ -488,8 +499,8 @@ $(BUILD)/log/%.log: $(BUILD)/% FORCE
 	    times >$(@:.log=.cpu)
 
 .PHONY: check test test-all setup sanitize lint symbols nofloat stack headers \
-        tree circles docs tables matrix init mutants coverage bench vectors \
-        clean
+        tree circles docs tables matrix init mutants coverage fuzz bench \
+        vectors clean
 setup:
 	@tests/setup.sh
 
@@ -554,6 +565,10 @@ mutants:
 	@tests/run_mutants.sh
 coverage:
 	@tests/check_coverage.py
+# Minutes for each fuzzer.
+MINUTES = 5
+fuzz:
+	@tests/run_fuzz.sh $(MINUTES) $(ARGS)
 
 # bench/before.json is an earlier result for comparison. ARGS selects parts, as
 # in bench/bench_table.c.
@@ -701,6 +716,7 @@ make matrix      the vectors with every compiler and emulated target
 make init        no output depends on uninitialised memory
 make mutants     planted mistakes are found by the tests
 make coverage    the vectors reach the extremes that vectors/README.md lists
+make fuzz        libFuzzer on the decoder, readers and paths, MINUTES=5 each
 
 Generate
 make vectors     writes vectors/ again

@@ -25,7 +25,8 @@ typedef struct saga_plan {
     uint32_t splats_at, keys_at, keys_tmp_at;
     uint32_t colour_stride;  /* pre-activations, or the colour itself */
     uint32_t work_nbytes;
-    uint64_t work;           /* of base and segment, with SAGA_RUN_WORK */
+    uint64_t work;           /* work for the base and a segment, with
+                              * SAGA_RUN_WORK */
 } saga_plan;
 
 /* Checks the values of a header and computes the layout of the block, which
@@ -51,11 +52,12 @@ uint32_t saga_plan_round_macs(const saga_model *m, const saga_nets *nets);
 uint64_t saga_plan_macs(const saga_model *m, const saga_nets *nets,
                         const saga_counts *n, uint32_t each);
 
-/* The largest value for a segment with the header's number of layers. */
+/* Returns the most multiply-accumulates for a segment with the header's number
+ * of layers. */
 uint64_t saga_plan_segment_macs(const saga_header *h, const saga_nets *nets,
                                 uint32_t each);
 
-/* The same for the base; 0 without a base. */
+/* Returns the multiply-accumulates for the base, or 0 without a base. */
 uint64_t saga_plan_base_macs(const saga_header *h, const saga_nets *nets,
                              uint32_t each);
 

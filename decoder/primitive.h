@@ -15,7 +15,8 @@ typedef struct saga_primitive {
     int32_t support[3];      /* l_f of the fine anchor, 1..2^23: unit of the
                               * motion */
     int16_t quat[4];         /* w, x, y, z; any length, zero included */
-    int16_t slope[4];        /* of the quaternion, per age (animate.h) */
+    int16_t slope[4];        /* change of the quaternion per unit of age
+                              * (animate.h) */
     int16_t motion[9];       /* order 1 x, y, z; order 2; order 3; in support
                               * per age^order */
     int16_t log2_scale_q10[3]; /* standard deviations, log2 of box units */
@@ -33,8 +34,8 @@ typedef struct saga_prim_format {
     uint8_t motion_order;    /* 0..3 */
     uint8_t has_slope;       /* linear rotation */
     uint8_t has_width;       /* temporal opacity */
-    uint32_t tools;          /* of the file, SAGA_TOOL_*; they select the
-                              * fall-off of splats */
+    uint32_t tools;          /* the file's SAGA_TOOL_*; they select the fall-off
+                              * of splats */
 } saga_prim_format;
 
 #endif

@@ -18,7 +18,7 @@ typedef struct saga_drawing {
                                   * splats[order[i].index] is drawn i-th */
     uint32_t n;
     saga_cpu cpu;                /* SIMD to use, which this machine has */
-    uint32_t tools;              /* of the file, SAGA_TOOL_* */
+    uint32_t tools;              /* the file's SAGA_TOOL_* */
 } saga_drawing;
 
 /* Prepares keys, sorted by (depth, index), for saga_raster: replaces the depth

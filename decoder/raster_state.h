@@ -63,16 +63,16 @@ typedef struct {
     const saga_key *order;
     uint32_t n;
     uint32_t budget;
-    uint32_t side, log2_side;       /* of a tile, pixels */
-    uint32_t box_shift;             /* of the keys' boxes */
+    uint32_t side, log2_side;       /* size of a tile, pixels */
+    uint32_t box_shift;             /* shift of the keys' boxes */
     int tiles_are_units;            /* 1: a tile is a whole number of units */
-    uint32_t cols, rows;            /* of the job, tiles */
-    uint32_t nx, ny;                /* of this band, tiles */
+    uint32_t cols, rows;            /* size of the job, tiles */
+    uint32_t nx, ny;                /* size of this band, tiles */
     raster_state *s;
     uint32_t *pixels;               /* planes of the band's first tile */
     raster_queue *queues;
     uint32_t *list;
-    uint32_t capacity;              /* of the list */
+    uint32_t capacity;              /* entries of the list */
     saga_key *kept;
     uint32_t kept_capacity;
     saga_cpu cpu;

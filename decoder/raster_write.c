@@ -14,9 +14,9 @@ static uint16_t finish16(uint32_t s)
     return (uint16_t)(((uint64_t)s * 65535 + (1u << 30)) >> 31);
 }
 
-/* The same for max = 255, in 32 bits. With s = a 2^23 + b, 255 s is
- * a 2^31 + 256 b - s. The term after a is halved to fit 32 bits, and shifted by
- * 30 instead of 31. */
+/* Returns the sum s as a sample of 0..255, like finish16, but in 32 bits. With
+ * s = a 2^23 + b, 255 s is a 2^31 + 256 b - s. The term after a is halved to
+ * fit 32 bits, and shifted by 30 instead of 31. */
 static uint8_t finish8(uint32_t s)
 {
     const int32_t rest = (int32_t)((s & 0x7fffff) << 7) + (1 << 29) -

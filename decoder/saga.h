@@ -165,16 +165,17 @@ typedef struct saga_info {
                               * base */
     uint32_t n_segments, n_frames;
     uint32_t fps_num, fps_den; /* frames per second */
-    uint32_t n_cameras;      /* of the rig */
-    uint32_t n_layers;       /* of each segment, 1..8 */
-    uint32_t max_coarse, max_fine; /* of any layer */
-    uint32_t max_primitives; /* of any segment, all layers together */
-    uint32_t base_coarse, base_fine, base_primitives; /* of the base; 0 without
-                              * one */
+    uint32_t n_cameras;      /* cameras of the rig */
+    uint32_t n_layers;       /* layers of each segment, 1..8 */
+    uint32_t max_coarse, max_fine; /* largest counts of any layer */
+    uint32_t max_primitives; /* largest count of any segment, all layers
+                              * together */
+    uint32_t base_coarse, base_fine, base_primitives; /* counts of the base; 0
+                                                       * without one */
     uint32_t base_nbytes;    /* coded size of the base, part of head_nbytes */
-    uint32_t n_weights;      /* of all networks */
+    uint32_t n_weights;      /* weights of all networks */
     uint32_t nets_nbytes;    /* coded size of the networks */
-    uint32_t tools;          /* as in the header, docs/bitstream.md */
+    uint32_t tools;          /* tools of the header, docs/bitstream.md */
     uint32_t motion_order;   /* 0..3 */
     uint32_t features;
     uint64_t decode_macs;    /* multiply-accumulates of networks and bank for a
@@ -281,7 +282,8 @@ saga_status saga_find_exposure(saga_exposure *exposure, const uint8_t *bytes,
                                size_t n, uint32_t index);
 
 typedef struct saga_sound {
-    uint64_t offset;         /* of its bytes, from the start of the file */
+    uint64_t offset;         /* offset of its bytes from the start of the
+                              * file */
     uint32_t nbytes;
     int32_t start;           /* time of the file at which it begins, in 1/48000
                               * of a second; negative if it began before */
@@ -358,12 +360,12 @@ uint32_t saga_crc32c(uint32_t crc, const uint8_t *p, size_t n);
 
 typedef struct saga_report {
     uint32_t n_layers;       /* number of decoded layers */
-    uint32_t n_coarse, n_fine; /* in all decoded layers together */
-    uint32_t n_primitives;   /* in base and layers. Those of the base are
-                              * numbered first, then layer by layer */
+    uint32_t n_coarse, n_fine; /* anchors of all decoded layers together */
+    uint32_t n_primitives;   /* primitives of base and layers. Those of the base
+                              * are numbered first, then layer by layer */
     uint32_t final_range[3]; /* range of the coder after each chunk of the last
                               * decoded layer */
-    uint32_t n_splats;       /* in the last view; 0 without a view */
+    uint32_t n_splats;       /* splats of the last view; 0 without a view */
     uint64_t box_pixels;     /* number of pixels in the boxes of all splats, a
                               * bound on the cost of a picture. It is that of
                               * the last requested view, even if it was refused

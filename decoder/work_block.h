@@ -16,11 +16,12 @@ struct saga_decoder {
     saga_plan plan;
     saga_header header;
     saga_prim_format format;
-    saga_counts n;               /* of the decoded layers together */
+    saga_counts n;               /* counts of the decoded layers together */
     uint32_t n_layers;           /* decoded */
-    saga_camera camera;          /* of the view */
+    saga_camera camera;          /* camera of the view */
     uint32_t final_range[3];
-    uint64_t box_pixels;         /* of the last requested view */
+    uint64_t box_pixels;         /* pixels of all boxes of the last requested
+                                  * view */
     uint32_t n_splats;
     uint32_t owner;              /* CRC of the head's last chunk, which the CRCs
                                   * of segments continue */

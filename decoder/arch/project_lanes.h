@@ -17,7 +17,7 @@ typedef struct {
     i64s mean_q8[2];
     i64s slope_q16[2];           /* less middle_slope() */
     i64s depth;
-    i64s minus_recip;            /* of z, see fx_lanes.h */
+    i64s minus_recip;            /* negated reciprocal of z, see fx_lanes.h */
     i64s recip_shift;
 } centres;
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Damaged files of every kind that a capture may have. The readers must accept
+ * Damaged files of every kind that gen_input.h has. Their readers must accept
  * them, or refuse them with a message, and never crash. SAGA_TEST_COUNT (300)
  * files of each kind are damaged, beginning with the number SAGA_TEST_SEED.
  * fuzz_input.c does the same with libFuzzer.

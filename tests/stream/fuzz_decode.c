@@ -13,6 +13,7 @@
  *     fuzz_decode --signed DIR FILE...
  * What it prints for the same files must be the same on every machine.
  */
+#include "fx.h"
 #include "gen_mutate.h"
 
 #include <stdio.h>
@@ -20,6 +21,10 @@
 #include <string.h>
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n);
+size_t LLVMFuzzerCustomMutator(uint8_t *data, size_t n, size_t most,
+                               unsigned seed);
+/* libFuzzer's own changes, which may change the length up to `most`. */
+size_t LLVMFuzzerMutate(uint8_t *data, size_t n, size_t most);
 
 static void *must(void *p)
 {
@@ -32,6 +37,16 @@ static void *must(void *p)
 
 /* The checksum of all pictures and statuses so far. */
 static uint32_t total;
+
+/* Number of inputs that were played, of those that entered a segment, and of
+ * those that drew a picture. */
+static unsigned long n_played, n_entered, n_drawn;
+
+static void tell(void)
+{
+    printf("fuzz_decode: %lu played, %lu entered a segment, %lu drew\n",
+           n_played, n_entered, n_drawn);
+}
 
 /* Returns a signed copy of an input, which the caller frees. */
 static uint8_t *signed_copy(const uint8_t *data, size_t n)
@@ -53,6 +68,10 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
 
     mutate_play(&result, copy, n, &r);
     free(copy);
+    if (n_played++ == 0)
+        atexit(tell);
+    n_entered += result.n_segments > 0 || result.stage > MUTATE_AT_SEGMENT;
+    n_drawn += result.stage == MUTATE_DRAWN;
     total = total * 31u + result.crc;
     if (result.broken) {
         fprintf(stderr, "fuzz_decode: not so: %s\n", result.broken);
@@ -61,7 +80,32 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
     return 0;
 }
 
-#ifdef SAGA_FUZZ_MAIN
+#ifndef SAGA_FUZZ_MAIN
+
+/* Most changes keep the length and are within 16 bytes behind the head's
+ * cameras, so that the file's structure remains and networks, trees and
+ * residuals change. */
+size_t LLVMFuzzerCustomMutator(uint8_t *data, size_t n, size_t most,
+                               unsigned seed)
+{
+    uint64_t r = seed;
+    uint8_t part[16];
+    size_t head, at, k;
+
+    if (n < 16 || seed % 4 == 0)
+        return LLVMFuzzerMutate(data, n, most);
+    head = fx_load32_le(data + 8);
+    if (head >= n)
+        return LLVMFuzzerMutate(data, n, most);
+    at = head + (size_t)(gen_random(&r) % (n - head));
+    k = n - at < sizeof part ? n - at : sizeof part;
+    memcpy(part, data + at, k);
+    k = LLVMFuzzerMutate(part, k, k);
+    memcpy(data + at, part, k);
+    return n;
+}
+
+#else
 
 static uint8_t *read_file(const char *path, size_t *n)
 {

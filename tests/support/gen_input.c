@@ -2,11 +2,15 @@
 #include "gen_input.h"
 
 #include "capture_load.h"
+#include "checkpoint.h"
+#include "cloud_files.h"
 #include "colmap.h"
+#include "gen_cloud.h"
 #include "npy.h"
 #include "picture.h"
 #include "ply.h"
 #include "toml.h"
+#include "train.h"
 
 #include <dirent.h>
 #include <stdio.h>
@@ -19,7 +23,8 @@
 
 const char *const input_kind_text[INPUT_N_KINDS] = {
     "PNG", "JPEG", "EXR", "EXR depth", "npy", "PLY", "PLY text", "JSON",
-    "Panoptic Sports", "TOML", "COLMAP", "COLMAP text"
+    "Panoptic Sports", "TOML", "COLMAP", "COLMAP text", "compressed PLY",
+    "PLY of splats", "SPZ", "GLB", "SOG", "checkpoint"
 };
 
 enum { W = 8, H = 6, MAX_PIXELS = 1 << 16, N_COLMAP = 3 };
@@ -334,6 +339,30 @@ static void seed_colmap_text(bytes *b)
     }
 }
 
+/* Writes five splats in a format, and 100 bytes as a checkpoint. */
+static uint8_t *seed_cloud(const saga_cloud_format *format, size_t *n)
+{
+    saga_error error = { "" };
+    saga_cloud cloud;
+
+    gen_cloud(&cloud, 5, 1);
+    check(format->write(path_of("seed"), &cloud, &error), error.message);
+    saga_cloud_free(&cloud);
+    return read_file("seed", n);
+}
+
+static uint8_t *seed_checkpoint(size_t *n)
+{
+    saga_error error = { "" };
+    saga_checkpoint c;
+    char data[100] = "state";
+
+    check(saga_checkpoint_create(&c, path_of("seed"), &error), error.message);
+    saga_checkpoint_walk(&c, data, sizeof data);
+    check(saga_checkpoint_close(&c, true, &error), error.message);
+    return read_file("seed", n);
+}
+
 uint8_t *input_seed(input_kind kind, size_t *n)
 {
     saga_error error = { "" };
@@ -342,6 +371,10 @@ uint8_t *input_seed(input_kind kind, size_t *n)
 
     for (int i = 0; i < W * H; i++)
         depth[i] = (float)i;
+    if (kind >= INPUT_CLOUD && kind < INPUT_CHECKPOINT)
+        return seed_cloud(saga_cloud_format_at((int)(kind - INPUT_CLOUD)), n);
+    if (kind == INPUT_CHECKPOINT)
+        return seed_checkpoint(n);
     if (kind == INPUT_PNG)
         return read_file("a.png", n);
     if (kind == INPUT_EXR)
@@ -560,6 +593,32 @@ static int play_toml(const char *path, saga_error *error)
     return tree != NULL;
 }
 
+/* Any program may read a checkpoint's digest; a training reads one of its own
+ * kind, which the seeds are not. */
+static int play_checkpoint(const char *path, saga_error *error)
+{
+    saga_error refusal = { "" };
+    saga_checkpoint c;
+    char data[100];
+
+    check(saga_train_stopped_in(path, &refusal) < 0 && saga_failed(&refusal),
+          "a checkpoint without a training is taken");
+    if (!saga_checkpoint_open(&c, path, error))
+        return 0;
+    saga_checkpoint_walk(&c, data, sizeof data);
+    return saga_checkpoint_close(&c, true, error);
+}
+
+static int play_cloud(const char *path, saga_error *error)
+{
+    saga_cloud cloud;
+
+    if (!saga_cloud_read(&cloud, path, error))
+        return 0;
+    saga_cloud_free(&cloud);
+    return 1;
+}
+
 static int play_file(input_kind kind, const char *path, saga_error *error)
 {
     saga_point *points = NULL;
@@ -567,6 +626,10 @@ static int play_file(input_kind kind, const char *path, saga_error *error)
     saga_npy npy;
     int ok;
 
+    if (kind >= INPUT_CLOUD && kind < INPUT_CHECKPOINT)
+        return play_cloud(path, error);
+    if (kind == INPUT_CHECKPOINT)
+        return play_checkpoint(path, error);
     if (kind == INPUT_NPY) {
         ok = saga_npy_read(&npy, path, error);
         if (ok)

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * Small valid files of each kind that a capture has; damage to them; and the
- * call of their reader, which may refuse any file but must never crash. Only
- * the readers that use ffmpeg (video, WebP, TIFF) are missing.
+ * Small valid files of each kind that a capture has, clouds of splats in each
+ * format that is imported, and checkpoints; damage to them; and the call of
+ * their reader, which may refuse any file but must never crash. Only the
+ * readers that use ffmpeg (video, WebP, TIFF) are missing.
  */
 #ifndef GEN_INPUT_H
 #define GEN_INPUT_H
@@ -23,6 +24,8 @@ typedef enum input_kind {
     INPUT_TOML,              /* calibration.toml, without videos */
     INPUT_COLMAP,            /* three files in one, each after its length */
     INPUT_COLMAP_TEXT,
+    INPUT_CLOUD,             /* and four more, of saga_cloud_format_at(0..4) */
+    INPUT_CHECKPOINT = INPUT_CLOUD + 5,
     INPUT_N_KINDS
 } input_kind;
 
