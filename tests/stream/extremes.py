@@ -101,6 +101,8 @@ PLACES = [
          (B, "a set of 8 bits", "n && bits == 8"),
          (B, "a set of 0 bits", "n && bits == 0"),
      ]),
+    ("common/syntax_segment.c", "+        n += (i >> k) & (mask >> (i ^ 1u << k)) "
+     "& 1u;", [(B, "a child touches four that exist", "n == 4")]),
     ("common/syntax_segment.c", "    a->depth_t = nd->depth_t;\n", [
         (B, "the tree is one leaf", "nd->depth_x == 0 && nd->depth_t == 0"),
         (B, "a leaf of depth 16 in space", "nd->depth_x == 16"),

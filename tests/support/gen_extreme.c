@@ -271,9 +271,33 @@ static void largest_sums(gen_stream *g)
     g->header.fps_den = 1001;
 }
 
+/* A tree of 16 leaves below a split of space and time, the last of which
+ * touches four others. */
+static void all_children(gen_stream *g)
+{
+    saga_symbols *const s = &g->segment[0];
+
+    if (s->n.coarse < 16 || s->n_nodes < 17) {
+        fprintf(stderr, "gen_extreme: too few anchors\n");
+        exit(2);
+    }
+    s->n_nodes = 17;
+    memset(s->split, 0, 17);
+    memset(s->occupancy, 0, 17 * sizeof *s->occupancy);
+    s->split[0] = 3;
+    s->occupancy[0] = 0xffff;
+    s->n.coarse = 16;
+    s->n.fine = s->n.prim = 0;
+    for (uint32_t i = 0; i < 16; i++)
+        s->n.fine += s->n_fine[i];
+    for (uint32_t i = 0; i < s->n.fine; i++)
+        s->n.prim += s->n_prim[i];
+}
+
 /* Interpolations of 16 members, in the widest window. */
 static void most_neighbours(gen_stream *g)
 {
+    all_children(g);
     for (int i = 0; i < 2; i++) {
         saga_tier *const tier = &g->header.model.tier[i];
 
@@ -495,7 +519,7 @@ static const struct {
         largest_weights },
     { "largest_sums", { .seed = 67, .level = 1, .n_coarse = 6, .features = 63,
         DRAWN(0) }, largest_sums },
-    { "most_neighbours", { .seed = 68, .level = 1, .n_coarse = 40,
+    { "most_neighbours", { .seed = 126, .level = 1, .n_coarse = 24,
         .features = 64, DRAWN(0) }, most_neighbours },
     { "bank_no_write", { .seed = 223, .level = 0, .n_coarse = 3,
         .features = 5, DRAWN(0),
