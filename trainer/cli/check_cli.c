@@ -137,11 +137,12 @@ static const saga_line text[] = {
     { "/is_late", "views", "+-{late_tolerance_frames:%.1f}{n_missing:%8d}\n" },
     { "!/is_late", "views", "{n_missing:%13d}\n" },
     { "", NULL, "  * held out. angle: degrees to the nearest camera; shared: "
-      "% of what it sees that\n  another camera sees too; seen: % of all "
-      "places; off: COLMAP's features from its\n  points; fit: matches with "
-      "other cameras from where the poses say, a dash where too\n  few match; "
-      "stops: exposure against the others; colour: median difference after\n"
-      "  that, of 255; late: frames, where the motion tells them\n" },
+      "% of its view that another\n  camera sees too; seen: % of all places "
+      "that it sees; off: pixels from COLMAP's\n  features to its points; fit: "
+      "pixels from matches with other cameras to where poses\n  and lenses put "
+      "them; stops: exposure against the others; colour: median\n  difference "
+      "after that, of 255; late: frames behind the others, from motion. A\n  "
+      "dash: too little is seen to know\n" },
     { "to_mind", NULL, "\nneeds attention:\n" },
     { "!to_mind", NULL, "\nnothing needs attention\n" },
     { "", "to_mind", "  - {}\n" },
