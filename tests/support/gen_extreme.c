@@ -219,8 +219,8 @@ static void largest_weights(gen_stream *g)
     l->step_shift = 0;
     for (uint32_t row = 0; row < 3; row++) {
         l->weight[row * n_in] = row & 1 ? -32767 : 32767;
-        /* The sum of a row is so large that only half a unit of its shift fits
-         * in addition. */
+        /* A row's sum may be so large that after adding half a unit of its
+         * shift, for rounding, it is just below 2^31. */
         l->weight[row * n_in + 1] = 32500;
         l->shift[row] = row == 2 ? 24 : 14;
     }

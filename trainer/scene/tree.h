@@ -75,9 +75,10 @@ typedef struct saga_tree {
     uint32_t *leaf;                  /* (n_leaves) leaves by rank */
 } saga_tree;
 
-/* Allocates n candidates, all zero, and sets their order and the limits from o.
- * o and error are kept and must outlive the tree. Returns false with *error set
- * if memory is short. */
+/* Allocates a tree of n candidates, all zero, and sets `order` to their
+ * indices. Takes the limits on depths and children from o. The tree keeps o and
+ * error, which must outlive it. Returns false with *error set if memory is
+ * short. */
 bool saga_tree_init(saga_tree *t, uint32_t n, const saga_hierarchy_options *o,
                     saga_error *error);
 void saga_tree_free(saga_tree *t);

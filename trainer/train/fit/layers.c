@@ -34,8 +34,9 @@ static bool add_light(real *light, saga_splat_params *d, saga_canvas *c,
            saga_splat_backward(d, &stats, c, &t->flat, error);
 }
 
-/* Sets light (n) of the warm-up's primitives, summed over a sample of the
- * training pictures. */
+/* Sets light[i] to what primitive i of the warm-up (the stage that fits free
+ * Gaussians) adds to the training pictures (add_light), summed over a sample of
+ * them. */
 static bool measure_light(real *light, const saga_layers_terms *t,
                           saga_error *error)
 {
