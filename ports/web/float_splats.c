@@ -52,7 +52,7 @@ typedef struct {
 typedef struct {
     float w[9];
     float focal[2], principal[2], half[2], lo[2], hi[2];
-    float near_plane;
+    float near_plane;            /* the smallest depth that rounds to it */
     const saga_camera *camera;
 } lens;
 
@@ -142,7 +142,7 @@ static void look_through(lens *l, const saga_camera *c)
         l->lo[i] = -BORDER * side - l->principal[i];
         l->hi[i] = (1 + BORDER) * side - l->principal[i];
     }
-    l->near_plane = (float)c->near_plane;
+    l->near_plane = (float)c->near_plane - 0.5f;
     l->camera = c;
 }
 
@@ -158,7 +158,9 @@ static inline void project_centres(projected *p, const batch *b, const lens *l)
                   l->w[3 * i + 2] * d[2];
     p->out = p->v[2] < l->near_plane;
     for (i = 0; i < 2; i++) {
-        p->out |= size_of(p->v[i]) >= 8.0f * p->v[2];
+        /* The bound itself is outside, but what is just below it may be rounded
+         * to it. */
+        p->out |= size_of(p->v[i]) > 8.0f * p->v[2];
         ratio = l->focal[i] * (p->v[i] / p->v[2]);
         p->mean[i] = l->principal[i] + ratio;
         p->out |= size_of(p->mean[i] - l->half[i]) > FARTHEST;

@@ -27,10 +27,17 @@ export const SHAPE_GLSL = `
 vec2 saga_corner(vec3 f, float q0, bool is_steep, vec2 corner) {
     float rest = 11.0 - q0;
     // s + s^2 / 2 = rest
-    float reach = is_steep ? sqrt(1.0 + 2.0 * rest) - 1.0 : rest;
-    vec2 vw = sqrt(reach) * corner;
-    // v = g dx - n dy, w = h dy; g and h of 0 are less than half a unit, Q28
+    float reach = sqrt(is_steep ? sqrt(1.0 + 2.0 * rest) - 1.0 : rest);
+    // g and h of 0 are less than half a unit, Q28
     vec2 gh = max(f.xz, vec2(exp2(-29.0)));
+    vec2 box = reach / gh.y * vec2(length(vec2(f.y, gh.y)) / gh.x, 1.0);
+    // A processor cannot draw corners that are millions of pixels away. The box
+    // is cut off where no picture can be: means are within 2^15 pixels of its
+    // middle.
+    if (max(box.x, box.y) > 65536.0)
+        return corner * min(box, 65536.0);
+    // v = g dx - n dy, w = h dy
+    vec2 vw = reach * corner;
     float dy = vw.y / gh.y;
     return vec2((vw.x + f.y * dy) / gh.x, dy);
 }
