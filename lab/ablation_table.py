@@ -496,9 +496,12 @@ def main(folder, scenes):
         sys.exit(f"ablation_table: {folder} has no finished runs")
     curves(rates, folder)
     print("# Ablation of the entropy model: `make ablation`\n")
-    prose("What is each part of the entropy model worth? Each rate is one "
+    prose("What is each part of the entropy model worth? The model predicts "
+          "the residuals of a file by small networks, whose inputs "
+          "(*sources*) are the hyperprior, the parent, earlier groups and the "
+          "memory bank ([concepts.md](../concepts.md)). Each rate is one "
           "training of the room. For each variant the entropy networks are "
-          "fitted anew (a refit) to the symbols of that file "
+          "fitted anew (a *refit*) to the symbols of that file "
           "(lab/gen_refit.h), so bytes compare on the same symbols. "
           "[lab/sources.md](../lab/sources.md) explains what disagrees with "
           "the paper.")
