@@ -118,9 +118,9 @@ static double place_of(const saga_shot *s)
     return centre[0];
 }
 
-/* Makes red brighter by up to two thirds the farther to one side a camera is,
- * in the upper half of its pictures, and darker in the lower: no exposure of
- * the camera's. */
+/* Changes red by the place of a camera: the farther to one side it stands, the
+ * brighter is the upper half of its pictures, by up to two thirds, and the
+ * darker the lower half. So no exposure of the camera explains the change. */
 static void shine(saga_capture *c)
 {
     double lo = INFINITY, hi = -INFINITY;

@@ -10,8 +10,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Nanoseconds for a block and a slot that it reads, and for a slot in a
- * round. */
+/* Estimates of time, by which work is divided among threads: nanoseconds for
+ * one block to read one slot, and for a round to update one slot. */
 enum { READ_NS = 20, SLOT_NS = 200 };
 
 /* --- Memory -------------------------------------------------------------- */

@@ -93,8 +93,9 @@ typedef struct saga_rate_list {
 
 /* Allocates memory for scenes with the counts of s whose entropy networks have
  * at most the inputs of those of s. Later calls need no memory, except
- * saga_rate_context_refresh. All sources are kept. Returns false with *error
- * set, and nothing to free, if memory is short. */
+ * saga_rate_context_refresh. At first every source of the model is in use
+ * (`keep`). Returns false with *error set, and nothing to free, if memory is
+ * short. */
 bool saga_rate_context_init(saga_rate_context *c, const saga_scene *s,
                             saga_error *error);
 void saga_rate_context_free(saga_rate_context *c);

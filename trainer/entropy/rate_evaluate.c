@@ -205,8 +205,8 @@ static void forward_chunk(void *user, size_t chunk)
     real *in = j->k->net.in;
     uint32_t source;
 
-    /* Supports of fine anchors are outputs of F_fine and change with every
-     * iteration. */
+    /* The side information of primitives contains the supports of their fine
+     * anchors, which F_fine computes anew in every iteration. */
     if (j->kind == SAGA_KIND_PRIM)
         saga_rate_place_prims(j->k, j->s, j->x->twin, j->list.block + of.begin,
                     of.end - of.begin);

@@ -18,7 +18,8 @@ enum { PART = 256, TURN_NS = 5, SETTLE_NS = 40 };
  * octaves. */
 #define MOST_STEP R(2)
 
-/* most is above 1 / sqrt(1 - beta2), so that it limits no gradient: a new
+/* beta1, beta2, eps, and `most`, the limit of a gradient in root mean squares.
+ * most is above 1 / sqrt(1 - beta2), so that it limits no gradient: a new
  * primitive starts without moments, and at first its gradients are far above
  * their root mean square. */
 static const saga_adam adam = { R(0.9), R(0.995), R(1e-15), R(16) };

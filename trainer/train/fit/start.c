@@ -140,9 +140,10 @@ static double output_of(double *unit, double v, int attr, size_t k,
     }
 }
 
-/* Chooses one support for all fine anchors, relative to their cells: the mean
- * of those that hold their primitives within |o| < 0.8, each at least an eighth
- * of the cell, to give primitives room to move. */
+/* Chooses one support for all fine anchors, relative to their cells. For each
+ * anchor, the least support is found with which its primitives are within 0.8
+ * supports, so that they have room to move, and which is at least an eighth of
+ * the cell. The support of all is the mean of these. */
 static void choose_supports(saga_start *x, const saga_scene *s)
 {
     for (uint32_t i = 0; i < s->n.fine; i++) {
@@ -323,9 +324,10 @@ static bool descend(saga_fit *f, int turn, saga_error *error)
     return saga_adam_update(&adam, &t, 1, (uint64_t)turn + 1, error);
 }
 
-/* Finds the features for given networks. Colours are compared as seen from
- * training cameras. It borrows the moments of the fit's optimiser, which is not
- * in use yet. */
+/* Finds, by gradient descent, the features from which given networks compute
+ * the warm-up's primitives. Colours are compared as seen from training cameras.
+ * The descent uses the memory for the moments of the fit's optimiser, which is
+ * not in use yet. */
 static bool find_features(const saga_start *x, saga_fit *f, saga_error *error)
 {
     const saga_rng r = saga_rng_stream(f->o.seed, STREAM_SIGNS);

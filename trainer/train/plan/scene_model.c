@@ -186,8 +186,8 @@ void saga_plan_model(saga_model *m, const saga_model_terms *terms,
     m->step_q16[SAGA_STEP_PRIM] = (uint32_t)(p->prim_step * 16384) << 16;
     m->out_q[SAGA_OUT_COARSE] = 10;
     set_networks(m, terms);
-    /* The decoder starts an empty bank in each layer, but the float twin does
-     * not. */
+    /* Scenes with layers have no memory bank: the decoder starts an empty one
+     * in each layer, but the float twin does not. */
     saga_plan_entropy_model(m, terms->ablation, p, o->n_layers > 1
                             ? 0 : saga_caps[o->level].n_slots);
 }
