@@ -372,10 +372,10 @@ def whole(runs):
     prose(f"Networks take {min(nets):.0f} to {max(nets):.0f} % of the files of "
           "the first row, and 12 % of the paper's files of megabytes. A part "
           "that adds a network therefore has more to win back here. We "
-          "believe that V1 differs because each of our primitives has "
-          "features of its own, which start with the warm-up's pictures "
-          "([lab/start.md](../lab/start.md)), while primitives of a shared "
-          "anchor start with its mean.")
+          "believe that V1 differs from the paper because of how training "
+          "starts: a primitive with features of its own starts as the "
+          "warm-up made it ([lab/start.md](../lab/start.md)), primitives that "
+          "share an anchor start as their mean.")
 
 
 def beside(rates, scenes):

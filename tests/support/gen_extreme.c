@@ -536,7 +536,8 @@ static const struct {
     { "steep_cameras", { CORNERED(0) }, steep_cameras },
 };
 
-/* Streams with pictures beside those at time 0 and 40000. */
+/* Streams of which more pictures are drawn than those at times 0 and 40000:
+ * pairs of a time and a camera. */
 static const gen_extreme_plan plans[] = {
     { "largest_sums", { { 1, 0 }, { 65535, 2 } }, 2 },
     { "corner", { { 0, 1 }, { 0, 2 }, { 65535, 1 } }, 3 },

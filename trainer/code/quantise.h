@@ -107,9 +107,10 @@ typedef struct saga_quantise_report {
 
 /* Sets the symbols s of a segment, with the networks of e. On entry the counts,
  * tree, n_fine, fine_suffix (ascending within a parent) and n_prim are set, and
- * all arrays are allocated; the function sets the rest. With targets->value,
- * decoded may be NULL, and its order is not set. Returns false with *error set
- * if the symbols cannot be coded or memory is short. */
+ * all arrays are allocated; the function sets the rest. It writes the values
+ * that a decoder will have to the arrays of *decoded. With targets->value,
+ * decoded may be NULL, and its `order` is not written. Returns false with
+ * *error set if the symbols cannot be coded or memory is short. */
 bool saga_quantise_segment(saga_symbols *s, saga_quantise_report *report,
                            const saga_encoder *e, const saga_targets *targets,
                            const saga_decoded *decoded, saga_error *error);
