@@ -43,7 +43,7 @@ typedef struct {
     const char *out, *cameras;
     saga_cli_pair size;
     int primitives, iterations, level, seed, threads;
-    double lambda, fps;
+    double lambda, fps;      /* fps: NaN if it is not given */
     bool quiet;
 } options;
 
@@ -51,8 +51,10 @@ typedef struct {
     const options *o;
     const char *splats;      /* a file, or a folder of a sequence */
     char **path;             /* (n_files) */
-    int n_files;
-    saga_cloud first;        /* splats of the first file */
+    int n_files, n_frames;
+    saga_bytes bytes;        /* of the film */
+    saga_splat4d *film;      /* all frames, or NULL: each frame is a file */
+    saga_cloud first;        /* splats of the first frame */
     saga_shot *shot;
     int n_shots;
     saga_capture capture;
@@ -135,6 +137,38 @@ static bool list_files(session *s)
     if (ok)
         qsort(s->path, (size_t)s->n_files, sizeof *s->path, by_name);
     return ok;
+}
+
+static bool is_film(const char *path)
+{
+    uint8_t first[SAGA_SPLAT4D_HEAD_NBYTES];
+    saga_bytes bytes = { first, 0 };
+    FILE *const f = fopen(path, "rb");
+
+    if (f) {
+        bytes.nbytes = fread(first, 1, sizeof first, f);
+        fclose(f);
+    }
+    return saga_is_splat4d(&bytes);
+}
+
+/* Opens a film of several frames, if the only file is one. */
+static bool open_film(session *s)
+{
+    s->n_frames = s->n_files;
+    if (s->n_files > 1 || !is_film(s->path[0]))
+        return true;
+    if (!saga_read_file(&s->bytes, s->path[0], &s->error))
+        return false;
+    s->film = saga_splat4d_open(&s->bytes, s->path[0], &s->error);
+    s->n_frames = s->film ? saga_splat4d_n_frames(s->film) : 0;
+    return s->film != NULL;
+}
+
+static bool read_first(session *s)
+{
+    return s->film ? saga_splat4d_read(&s->first, s->film, 0, &s->error)
+                   : saga_cloud_read(&s->first, s->path[0], &s->error);
 }
 
 /* --- Cameras ------------------------------------------------------------- */
@@ -294,7 +328,7 @@ static double pixels_of(const saga_capture *c)
 static bool set_options(saga_train_options *o, session *s)
 {
     const options *const from = s->o;
-    const bool still = s->n_files == 1;
+    const bool still = s->n_frames == 1;
     const int n = from->iterations;
 
     *o = saga_train_defaults();
@@ -338,7 +372,9 @@ static bool train(session *s)
 static bool draw(session *s)
 {
     const saga_cloud_source source = {
-        .path = s->path, .n_frames = s->n_files, .fps = s->o->fps,
+        .path = s->path, .film = s->film, .n_frames = s->n_frames,
+        .fps = !isnan(s->o->fps) ? s->o->fps
+             : s->film ? saga_splat4d_fps(s->film) : 30.0,
         .shot = s->shot, .n_shots = s->n_shots,
         .progress = saga_meter_progress, .progress_user = &s->meter
     };
@@ -362,7 +398,7 @@ static void tell(const session *s)
 
     printf("%s: %zu bytes, level %" PRIu32 "; %d frame%s, %" PRIu32
            " primitives, lambda %.4g\n", s->o->out, r->sizes.total,
-           r->info.level, s->n_files, s->n_files == 1 ? "" : "s", r->n.prim,
+           r->info.level, s->n_frames, s->n_frames == 1 ? "" : "s", r->n.prim,
            r->lambda);
     printf("%.2f dB against pictures of the original splats (%d pictures)\n",
            r->coded.training, r->coded.n_training);
@@ -374,6 +410,8 @@ static void end(session *s)
     saga_params_free(&s->given);
     saga_capture_free(&s->capture);
     saga_cloud_free(&s->first);
+    saga_splat4d_free(s->film);
+    saga_bytes_free(&s->bytes);
     free(s->shot);
     for (int i = 0; i < s->n_files; i++)
         free(s->path[i]);
@@ -389,8 +427,7 @@ static int import(session *s)
      * reported early. */
     if (saga_output_open_alone(&s->out, s->o->out, &s->error)) {
         status = SAGA_EXIT_DATA;
-        ok = list_files(s) &&
-             saga_cloud_read(&s->first, s->path[0], &s->error) &&
+        ok = list_files(s) && open_film(s) && read_first(s) &&
              find_cameras(s) && draw(s) && train(s);
         saga_meter_end(&s->meter);
         if (!ok)
@@ -418,7 +455,7 @@ static bool cannot_read(const char *path)
 
 static int run(int argc, char **argv)
 {
-    options o = { .level = 2, .seed = 1, .fps = 30.0 };
+    options o = { .level = 2, .seed = 1, .fps = NAN };
     session s = { .o = &o };
     const int status = saga_cli_parse(&saga_command_import, &o, &s.splats,
                                       argc, argv);
@@ -430,7 +467,7 @@ static int run(int argc, char **argv)
                               "see `saga help import`");
     if (cannot_read(s.splats) || (o.cameras && cannot_read(o.cameras)))
         return SAGA_EXIT_USAGE;
-    if (!(o.fps > 0.0))
+    if (o.fps <= 0.0)
         return saga_cli_error(SAGA_EXIT_USAGE, "import: --fps takes a number "
                               "above 0");
     if (saga_cli_threads("import", o.threads))
@@ -461,7 +498,9 @@ static const saga_cli_option option_list[] = {
     { "--level", "0|1|2|3",
       "limit on the memory of the decoder, as for `saga encode`\n"
       "(default 2)", saga_cli_int, offsetof(options, level), 0, 3 },
-    { "--fps", "F", "frames per second of a sequence (default 30)",
+    { "--fps", "F",
+      "frames per second of a sequence (default 30, or that of\n"
+      "the .splat4d file)",
       saga_cli_real, offsetof(options, fps), 0, 0 },
     { "--seed", "N", "seed of all random numbers (default 1)", saga_cli_int,
       offsetof(options, seed), 0, INT32_MAX },
@@ -476,10 +515,11 @@ const saga_command saga_command_import = {
     "makes a file of splats from any trainer (PLY, ...)",
     "Codes splats that another program trained; no pictures are needed.\n"
     "SPLATS is a file, or a folder with a file for each frame in the order of\n"
-    "the names, in one of the formats that `saga help export` lists. A single\n"
-    "file keeps its splats: networks are fitted to them and then improved. A\n"
-    "sequence is trained anew, as one segment, because its files do not say\n"
-    "which splats of two frames belong together.\n"
+    "the names, in one of the formats that `saga help export` lists, or a\n"
+    "sequence in a file NAME.splat4d of version 1. A single file of splats\n"
+    "keeps them: networks are fitted to them and then improved. A sequence is\n"
+    "trained anew, as one segment, because most files do not say which splats\n"
+    "of two frames belong together.\n"
     "\n"
     "The training compares pictures that are drawn from the splats, for\n"
     "cameras all round the scene. What none of these cameras sees comes out\n"

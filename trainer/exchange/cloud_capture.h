@@ -9,12 +9,13 @@
 
 #include "capture.h"
 #include "cloud.h"
+#include "cloud_splat4d.h"
 #include "splat.h"
 
-/* The files of splats, one for each frame, and the cameras for which they are
- * drawn. */
+/* The splats, and the cameras for which they are drawn. */
 typedef struct saga_cloud_source {
-    char **path;             /* (n_frames) */
+    char **path;             /* (n_frames), or the path of the film */
+    saga_splat4d *film;      /* or NULL: each frame is a file */
     int n_frames;
     double fps;
     const saga_shot *shot;   /* (n_shots) name, size, lens, place */
@@ -23,7 +24,7 @@ typedef struct saga_cloud_source {
     void *progress_user;
 } saga_cloud_source;
 
-/* Reads the files one after another and draws every frame for every shot, on a
+/* Reads the frames one after another and draws every frame for every shot, on a
  * black background. A part of the splats' means become the points of the
  * capture. The caller frees it with saga_capture_free. */
 bool saga_cloud_capture(saga_capture *capture, const saga_cloud_source *source,
