@@ -9,7 +9,7 @@ CAPS = (
     (262144, 512, 512, 1024, 48000, 32, 0, 32, 5120, 2**28),
     (4194304, 16000, 16000, 16000, 128000, 64, 99, 64, 160000, 2**32),
     (33554432, 160000, 160000, 160000, 128000, 64, 99, 128, 1600000, 2**35),
-    (1073741824, 4194304, 4194304, 4194304, 1000000, 128, 99, 512, 8388608,
+    (1073741824, 4194304, 4194304, 4194304, 524288, 128, 99, 512, 8388608,
      2**39),
 )
 NETS = ("hyper", "e_coarse", "e_fine", "e_prim", "fuse_c", "fuse_f", "fine",
@@ -264,6 +264,10 @@ def trials(level, h):
         everything = wide(h, width)
         for kind in ("coarse", "fine", "prim"):
             everything[f"sources_{kind}"] |= BANK
+        if level == 3 and h["tools"] & HAS_HASH:
+            everything.update(hash_levels=8, hash_log2_entries=6)
+            for net in (*BANK_NETS, "res"):
+                everything[f"net_{net}.width"] = width
         for net in ("query", "agg", "slot", "write", "e_prim"):
             everything["bank_slots"] = CAPS[level][7]
             everything["bank_width"] = 64
