@@ -169,9 +169,10 @@ def runtime(rates):
     rows += [[name + " *"] + [f"{r.eval['decode_ms'][key]:.2f}" for r in runs]
              for key, name in PICTURE]
     table(["component"] + [label(i) for i in range(len(runs))], rows)
-    prose("One thread, CPU time, best of several; * mean over all pictures, by "
-          "the clock, with "
-          f"{runs[0].eval['decode_ms']['threads']} thread(s).")
+    n = runs[0].eval["decode_ms"]["threads"]
+    prose("Times are CPU time of one thread, the best of several runs. Those "
+          "with an asterisk are means over all pictures, wall time with "
+          f"{n} thread{'s' if n > 1 else ''}.")
 
 
 def sources(run):
@@ -242,9 +243,10 @@ def slots(rate, folder):
         print("## Slots of the bank\n")
         table(["slots", "rate", "file, kB", "symbols", "entropy networks",
                "ms to decode a segment"], rows)
-        prose("Measured at the last rate. \"Rate\" is the change on the same "
-              "symbols against all sources except the bank. The bank is kept "
-              "here even where it does not pay.")
+        prose("The file of the last rate is coded with memory banks of "
+              "different sizes, which are kept even where they do not pay. "
+              "\"Rate\" is the change of the bytes, on the same symbols, "
+              "against all sources except the bank.")
 
 
 def order0(scenes):
