@@ -11,7 +11,7 @@
 // depth of each splat, and it hides them.
 
 import * as pc from 'playcanvas';
-import { EngineView, FLOATS, FRAGMENT_GLSL, VERTEX_GLSL, floatsOf, isSteep }
+import { EngineView, FLOATS, FRAGMENT_GLSL, VERTEX_GLSL, floatsOf }
     from 'saga-web/engine.js';
 
 const VERTEX = `${VERTEX_GLSL}
@@ -113,7 +113,7 @@ export class SagaEntity {
         instance.setInstancing(this.buffer);
         instance.instancingCount = splats.nSplats;
         instance.setParameter('saga_size', [splats.width, splats.height]);
-        instance.setParameter('saga_steep', Number(isSteep(splats)));
+        instance.setParameter('saga_tools', splats.tools);
     }
 
     // Called before a camera is drawn.

@@ -11,7 +11,7 @@
 // depth of each splat, and it hides them.
 
 import * as THREE from 'three';
-import { EngineView, FLOATS, FRAGMENT_GLSL, VERTEX_GLSL, floatsOf, isSteep }
+import { EngineView, FLOATS, FRAGMENT_GLSL, VERTEX_GLSL, floatsOf }
     from 'saga-web/engine.js';
 
 const VERTEX = `${VERTEX_GLSL}
@@ -33,7 +33,7 @@ void main() {
 function makeMaterial() {
     const uniforms = { saga_to_clip: new THREE.Matrix4(),
         saga_size: new THREE.Vector2(1, 1),
-        saga_viewport: new THREE.Vector4(), saga_steep: 0 };
+        saga_viewport: new THREE.Vector4(), saga_tools: 0 };
 
     return new THREE.ShaderMaterial({
         glslVersion: THREE.GLSL3, vertexShader: VERTEX, fragmentShader: FRAGMENT,
@@ -101,7 +101,7 @@ export class SagaMesh extends THREE.Mesh {
         this.geometry.dispose();
         this.geometry = makeGeometry(floatsOf(splats), splats.nSplats);
         uniforms.saga_size.value.set(splats.width, splats.height);
-        uniforms.saga_steep.value = Number(isSteep(splats));
+        uniforms.saga_tools.value = splats.tools;
         this.values = splats.values;
     }
 

@@ -7,7 +7,6 @@ export const FLOATS: number;
 /** Returns the splats from back to front. Each has: mean (2, pixels), depth
  * (box units), q0; the conic's factor g, n, h; colour (3). */
 export function floatsOf(splats: SagaSplats): Float32Array;
-export function isSteep(splats: SagaSplats): boolean;
 /** Vertex shader functions in GLSL ES 3, among them saga_place; the fragment
  * shader has saga_mixed. */
 export const VERTEX_GLSL: string;

@@ -9,13 +9,11 @@
 // engine's present camera, so that they stay among the engine's own objects.
 
 import * as cam from './camera.js';
-import { SHAPE_GLSL, STEEP } from './gpu.js';
+import { SHAPE_GLSL } from './gpu.js';
 import { Viewer } from './viewer.js';
 
 const SPLAT_INTS = 11;     // 32-bit integers of a saga_splat of saga.h
 export const FLOATS = 10;  // floats of a splat that `floatsOf` returns
-
-export const isSteep = ({ tools }) => (tools & STEEP) !== 0;
 
 // Returns the splats from back to front, because engines blend in this order.
 // Each has its mean in pixels, its depth in box units, q0; the conic's factor
@@ -42,18 +40,19 @@ export function floatsOf({ bytes, nSplats }) {
 }
 
 // An engine's vertex shader calls saga_place, its fragment shader saga_mixed;
-// the viewport is the rectangle in which the engine draws, in pixels.
+// the viewport is the rectangle in which the engine draws, in pixels; the tools
+// are those of the splats.
 export const VERTEX_GLSL = `
 uniform mat4 saga_to_clip;
 uniform vec2 saga_size;
 uniform vec4 saga_viewport;
-uniform float saga_steep;
+uniform highp int saga_tools;
 flat out vec4 saga_mean;  // framebuffer pixels; splat pixels for one of these
 flat out vec3 saga_chol;
 flat out vec4 saga_splat;
 ${SHAPE_GLSL}
 vec4 saga_place(vec2 corner, vec4 place, vec3 chol, vec3 colour) {
-    vec2 d = saga_corner(chol, place.w, saga_steep > 0.5, corner);
+    vec2 d = saga_corner(chol, place.w, saga_tools, corner);
     vec4 clip = saga_to_clip * vec4(place.xy * place.z, place.z, 1.0);
     saga_mean = vec4((clip.xy / clip.w * 0.5 + 0.5) * saga_viewport.zw +
         saga_viewport.xy, saga_size / saga_viewport.zw);
@@ -65,14 +64,14 @@ vec4 saga_place(vec2 corner, vec4 place, vec3 chol, vec3 colour) {
 `;
 
 export const FRAGMENT_GLSL = `
-uniform float saga_steep;
+uniform highp int saga_tools;
 flat in vec4 saga_mean;
 flat in vec3 saga_chol;
 flat in vec4 saga_splat;
 ${SHAPE_GLSL}
 vec4 saga_mixed() {
     vec2 d = (gl_FragCoord.xy - saga_mean.xy) * saga_mean.zw * vec2(1.0, -1.0);
-    float alpha = saga_alpha(saga_chol, saga_splat.a, saga_steep > 0.5, d);
+    float alpha = saga_alpha(saga_chol, saga_splat.a, saga_tools, d);
     if (alpha == 0.0)
         discard;
     return vec4(alpha * saga_splat.rgb, alpha);

@@ -22,12 +22,16 @@ export const STEEP = 64;
 
 // The shape of a splat, for all shaders here and in engine.js. f: the factor g,
 // n, h of the splat's conic. q0: the peak of its opacity is exp2(3 - q0). d:
-// the offset from its mean in pixels, y down.
+// the offset from its mean in pixels, y down. tools: those of the film.
 export const SHAPE_GLSL = `
-vec2 saga_corner(vec3 f, float q0, bool is_steep, vec2 corner) {
+bool saga_is_steep(int tools) {
+    return (tools & ${STEEP}) != 0;
+}
+
+vec2 saga_corner(vec3 f, float q0, int tools, vec2 corner) {
     float rest = 11.0 - q0;
     // s + s^2 / 2 = rest
-    float reach = sqrt(is_steep ? sqrt(1.0 + 2.0 * rest) - 1.0 : rest);
+    float reach = sqrt(saga_is_steep(tools) ? sqrt(1.0 + 2.0 * rest) - 1.0 : rest);
     // g and h of 0 are less than half a unit, Q28
     vec2 gh = max(f.xz, vec2(exp2(-29.0)));
     vec2 box = reach / gh.y * vec2(length(vec2(f.y, gh.y)) / gh.x, 1.0);
@@ -42,10 +46,10 @@ vec2 saga_corner(vec3 f, float q0, bool is_steep, vec2 corner) {
     return vec2((vw.x + f.y * dy) / gh.x, dy);
 }
 
-float saga_alpha(vec3 f, float q0, bool is_steep, vec2 d) {
+float saga_alpha(vec3 f, float q0, int tools, vec2 d) {
     vec2 vw = vec2(f.x * d.x - f.y * d.y, f.z * d.y);
     float s = dot(vw, vw);
-    float q = q0 + s + (is_steep ? 0.5 * s * s : 0.0);
+    float q = q0 + s + (saga_is_steep(tools) ? 0.5 * s * s : 0.0);
     return q >= 11.0 ? 0.0 : min(exp2(3.0 - q), 64880.0 / 65536.0);
 }
 `;
@@ -58,7 +62,7 @@ layout(location = 1) in ivec3 chol_q28;
 layout(location = 2) in int q0_q20;
 layout(location = 3) in uvec3 colour_q15;
 uniform vec2 size;
-uniform bool is_steep;
+uniform highp int tools;
 flat out vec2 mean;
 flat out vec3 chol;
 flat out vec4 splat;
@@ -69,14 +73,14 @@ void main() {
     mean = vec2(mean_q8) / 256.0;
     chol = vec3(chol_q28) * exp2(-28.0);
     splat = vec4(vec3(colour_q15) / 32768.0, q0);
-    vec2 d = saga_corner(chol, q0, is_steep,
+    vec2 d = saga_corner(chol, q0, tools,
         vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0);
     gl_Position = vec4((mean + d) / size * 2.0 - 1.0, 0.0, 1.0);
 }`;
 
 const SPLAT_FRAGMENT = `#version 300 es
 precision highp float;
-uniform bool is_steep;
+uniform highp int tools;
 flat in vec2 mean;
 flat in vec3 chol;
 flat in vec4 splat;
@@ -85,7 +89,7 @@ out vec4 mixed;
 ${SHAPE_GLSL}
 void main() {
     // The first row is the picture's top one.
-    float alpha = saga_alpha(chol, splat.a, is_steep, gl_FragCoord.xy - mean);
+    float alpha = saga_alpha(chol, splat.a, tools, gl_FragCoord.xy - mean);
     if (alpha == 0.0)
         discard;
     mixed = vec4(alpha * splat.rgb, alpha);
@@ -144,7 +148,7 @@ export class SplatPainter {
         this.gl = gl;
         this.n = 0;
         this.splats = link(gl, SPLAT_VERTEX, SPLAT_FRAGMENT,
-            ['size', 'is_steep']);
+            ['size', 'tools']);
         this.array = gl.createVertexArray();
         this.buffer = gl.createBuffer();
         gl.bindVertexArray(this.array);
@@ -176,7 +180,7 @@ export class SplatPainter {
 
         gl.useProgram(splats.program);
         gl.uniform2f(splats.size, this.width, this.height);
-        gl.uniform1i(splats.is_steep, this.tools & STEEP);
+        gl.uniform1i(splats.tools, this.tools);
         gl.bindVertexArray(this.array);
         gl.enable(gl.BLEND);
         gl.blendFuncSeparate(gl.DST_ALPHA, gl.ONE, gl.ZERO,

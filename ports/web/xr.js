@@ -6,7 +6,7 @@
 // the capture is a metre. The user starts upright at the viewer's camera.
 
 import * as cam from './camera.js';
-import { FLOATS, FRAGMENT_GLSL, VERTEX_GLSL, floatsOf, isSteep, product, toClip,
+import { FLOATS, FRAGMENT_GLSL, VERTEX_GLSL, floatsOf, product, toClip,
     valuesFrom } from './engine.js';
 import { link } from './gpu.js';
 import { onPage } from './viewer.js';
@@ -50,7 +50,7 @@ class EyeScreen {
         this.takesSplats = true;
         this.made = null;
         this.program = link(gl, VERTEX, FRAGMENT, ['saga_to_clip', 'saga_size',
-            'saga_viewport', 'saga_steep']);
+            'saga_viewport', 'saga_tools']);
         this.array = gl.createVertexArray();
         this.buffer = gl.createBuffer();
         gl.bindVertexArray(this.array);
@@ -65,9 +65,9 @@ class EyeScreen {
 
     showSplats(splats) {
         const { gl } = this;
-        const { values, nSplats, background } = splats;
+        const { values, nSplats, background, tools } = splats;
 
-        this.made = { values, nSplats, background, steep: isSteep(splats) };
+        this.made = { values, nSplats, background, tools };
         gl.bindBuffer(gl.ARRAY_BUFFER, this.buffer);
         gl.bufferData(gl.ARRAY_BUFFER, floatsOf(splats), gl.STREAM_DRAW);
     }
@@ -91,7 +91,7 @@ class EyeScreen {
         gl.uniform2f(program.saga_size, 2 * fx / 65536 / projection[0],
             2 * fy / 65536 / projection[5]);
         gl.uniform4f(program.saga_viewport, x, y, width, height);
-        gl.uniform1f(program.saga_steep, Number(made.steep));
+        gl.uniform1i(program.saga_tools, made.tools);
         gl.bindVertexArray(this.array);
         gl.enable(gl.BLEND);
         gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
