@@ -28,6 +28,9 @@ enum {
     SAGA_BANK_NBYTES = 15,       /* the bank's networks in the header */
     SAGA_HASH_NBYTES = 3,        /* the hash's network in the header */
     SAGA_BASE_NBYTES = 16,       /* the base's sizes in the header */
+    SAGA_HEADER_MAX_NBYTES = SAGA_HEADER_NBYTES + SAGA_BANK_NBYTES +
+                             SAGA_HASH_NBYTES + SAGA_BASE_NBYTES, /* with all
+                                  * of these */
     SAGA_CHUNK_NBYTES = 12,      /* chunk header: type, length, CRC-32C */
     SAGA_INDEX_ENTRY_NBYTES = 16,
     SAGA_SEGMENT_NBYTES = 24,    /* payload of SEGM with one layer */

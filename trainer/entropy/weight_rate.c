@@ -5,6 +5,7 @@
 #include "prob.h"
 #include "quantise.h"
 #include "rng.h"
+#include "scene.h"
 #include "threads.h"
 
 #include <math.h>
@@ -23,10 +24,9 @@ void saga_weights_list(saga_weights *w, const saga_net net[SAGA_N_NETS],
     int i, k;
 
     memset(w, 0, sizeof *w);
-    /* The entropy model's networks are left out. */
-    for (i = SAGA_NET_FUSE_C; i < SAGA_N_NETS; i++)
-        for (k = 0; (i < SAGA_NET_QUERY || i == SAGA_NET_RES) &&
-                    k < net[i].n_layers && net[i].dim[0] > 0; k++) {
+    for (i = 0; i < SAGA_N_NETS; i++)
+        for (k = 0; !saga_is_entropy_net(i) && k < net[i].n_layers &&
+                    net[i].dim[0] > 0; k++) {
             const size_t rows = (size_t)net[i].dim[k + 1];
 
             add_tensor(w, (saga_weight_tensor){

@@ -157,14 +157,9 @@ static span sound_of(const piece *p, int n_pieces)
                    whole ? chunk_nbytes(p->layout.sound_nbytes) : 0 };
 }
 
-enum {
-    MODEL_NBYTES = SAGA_HEADER_NBYTES + SAGA_BANK_NBYTES + SAGA_HASH_NBYTES +
-                   SAGA_BASE_NBYTES
-};
-
 /* Writes the fields of a header that must agree for two files to have the same
  * model. All other fields are 0. */
-static void model_bytes(uint8_t bytes[MODEL_NBYTES],
+static void model_bytes(uint8_t bytes[SAGA_HEADER_MAX_NBYTES],
                         const saga_header *from)
 {
     saga_io io = { NULL, bytes, 0 };
@@ -173,14 +168,14 @@ static void model_bytes(uint8_t bytes[MODEL_NBYTES],
 
     /* Bytes that neither call below writes are 0, so that they compare
      * equal. */
-    memset(bytes, 0, MODEL_NBYTES);
+    memset(bytes, 0, SAGA_HEADER_MAX_NBYTES);
     saga_header_io(&io, &h);
     saga_tools_io(&io, &h);
 }
 
 static bool same_model(const saga_header *a, const saga_header *b)
 {
-    uint8_t of_a[MODEL_NBYTES];
+    uint8_t of_a[SAGA_HEADER_MAX_NBYTES];
     uint8_t of_b[sizeof of_a];
 
     model_bytes(of_a, a);
