@@ -45,7 +45,7 @@ static void blend_line(uint32_t *t, uint32_t plane, const span *s,
 
     t += s->lo;
     for (i = s->lo; i < s->hi; i++, v += (uint32_t)p->g, t++) {
-        /* s = w^2 + v^2, v rounded to Q13 by the 2^14 it began with. */
+        /* s = w^2 + v^2. v has 2^14 more, so that the shift to Q13 rounds. */
         const uint32_t v13 = (uint32_t)((int32_t)v >> 15);
         const uint32_t q = q_of((uint32_t)s->s_line + ((v13 * v13 + 32) >> 6),
                                 p);
@@ -158,8 +158,9 @@ static int find_span(span *s, const line *l, const saga_patch *p)
     return s->lo < s->hi;
 }
 
-/* Blends a patch whose v or w may exceed 32 bits outside the spans. From line
- * to line dy grows by 256, so that the steps are exact. */
+/* Blends a patch whose v or w may exceed 32 bits at pixels that the splat does
+ * not reach. From line to line dy grows by 256 (a pixel), so that v and w
+ * change by exactly n and h. */
 static void blend_wild(uint32_t *t, uint32_t side, const saga_patch *p)
 {
     line l = { p->v, p->w, 0, 0 };

@@ -31,9 +31,10 @@ static void begin(saga_decoder *dec)
     dec->cpu = saga_cpu_best();
 }
 
-/* Sets the watch that may stop the following work, or none if watch is NULL. It
- * is called at the beginning of the work first. Returns whether the previous
- * watch had stopped its work. */
+/* Sets the watch, a function of the caller that may stop the following work, or
+ * none if watch is NULL. The work calls the watch when it begins, then after
+ * every SAGA_TALLY_EVERY units. Returns whether the previous watch had stopped
+ * its work. */
 static int set_watch(saga_decoder *dec, const saga_watch *watch)
 {
     const saga_watch nobody = { NULL, NULL };

@@ -20,7 +20,7 @@ typedef struct saga_primitive {
     int16_t motion[9];       /* order 1 x, y, z; order 2; order 3; in support
                               * per age^order */
     int16_t log2_scale_q10[3]; /* standard deviations, log2 of box units */
-    int16_t opacity;         /* logit in log2 units: alpha = 1/(1+2^-o) */
+    int16_t opacity;         /* o: the opacity is 8 / (1 + 2^(3 - o)) */
     int16_t log2_width_q10;  /* temporal width, log2 of 1/65536 segment */
 } saga_primitive;
 

@@ -327,7 +327,8 @@ TEST(refit_should_take_any_stream)
     }
 }
 
-/* A kind without blocks has no mean input to decide with. */
+/* If a scene has no fine anchors, there is no residual of theirs from which the
+ * choice of sources could take a mean input. It must do without. */
 TEST(refit_should_take_a_scene_of_coarse_anchors_alone)
 {
     for (int bank = 0; bank < 3; bank++) {

@@ -177,9 +177,10 @@ static double kind_bits(search *f, int kind)
                                 kind ? f->feature : f->scratch };
     double bits[SAGA_N_STEPS] = { 0 };
 
-    /* Coding replaces features by decoded ones. Coarse anchors are always coded
-     * from the trained features. The other kinds always read those that
-     * begin_search decoded, so that trials do not depend on each other. */
+    /* saga_rate_code replaces the features that it codes by decoded ones. So
+     * coarse anchors are coded from a copy of the trained features, anew in
+     * each trial, and the other kinds read the features that begin_search
+     * decoded: trials do not depend on each other. */
     memcpy(f->scratch, f->s->coarse_feature, n * sizeof *f->scratch);
     saga_rate_code(bits, f->r, &y, kind);
     return bits[0] + bits[1] + bits[2] + bits[3];

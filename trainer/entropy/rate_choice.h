@@ -37,8 +37,9 @@ typedef struct saga_rate_choice {
     double bits[SAGA_N_STEPS];   /* estimated code lengths of the residuals */
 } saga_rate_choice;
 
-/* Makes the choice by the decision of r, which must outlive it. Returns false
- * with *error set, and nothing to free, if memory is short. */
+/* Makes c from the scene of x and the decision of r (saga_rate_decide), without
+ * the sources that were not kept. r must outlive c. Returns false with *error
+ * set, and nothing to free, if memory is short. */
 bool saga_rate_choice_init(saga_rate_choice *c, saga_rate *r,
                            const saga_rate_input *x, saga_error *error);
 void saga_rate_choice_free(saga_rate_choice *c);

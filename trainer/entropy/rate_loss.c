@@ -406,8 +406,8 @@ void saga_rate_all(saga_rate *r, const saga_rate_input *x, int kind)
     const size_t n = r->context.kind[kind].runs.n;
     const saga_rate_features features = features_of(x, r->decoded);
 
-    /* Everything is decoded, so all states are written first, and then all runs
-     * read. */
+    /* All values are known here, so that the order of the decoder does not
+     * matter: first every run writes its state, then all runs read theirs. */
     saga_rate_context_write(&r->context, x->scene, kind, 0, n, &features);
     saga_rate_context_read(&r->context, x->scene, kind, 0, n, &features);
     predict(r, x, kind, every_one(r, kind, 0, 1), r->decoded);

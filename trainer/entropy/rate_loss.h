@@ -37,7 +37,8 @@ enum {
                                   * fewer iterations */
     SAGA_RAW_STEP = 11,          /* raw networks (ablation.h) have a step of
                                   * 2^-11 */
-    SAGA_RAW_BITS = 16           /* bits that count for one of their weights */
+    SAGA_RAW_BITS = 16           /* bits that a weight of a raw network counts
+                                  * as */
 };
 
 /* Bits of a kind's residuals and network when its sources were chosen, without

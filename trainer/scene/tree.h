@@ -14,7 +14,8 @@ enum {
     SAGA_TREE_LOG2_X = SAGA_LOG2_HALF_X + 1, /* bits of a candidate's u in space
                                               * and, below, in time */
     SAGA_TREE_LOG2_T = SAGA_LOG2_HALF_T + 1,
-    SAGA_PHI_T = 3, SAGA_PHI_H = 4,  /* phi is x, y, z, tau, descriptor h */
+    SAGA_PHI_T = 3, SAGA_PHI_H = 4,  /* phi has place, time tau (at 3) and a
+                                      * descriptor of the look, h (from 4) */
     SAGA_N_PHI = 14
 };
 

@@ -31,7 +31,7 @@ enum {
  * the typical error to it; the noise of corners does not shrink that far. */
 #define EXPLAINED 0.6
 /* Limit for a view's error, relative to the best third of the pairs, which is
- * 0.3 to 0.5 pixels in right captures. */
+ * 0.3 to 0.5 pixels in captures without mistakes. */
 #define ODD 3.0
 /* A pair fits only if this fraction of its matches lies in front of both
  * cameras. */
