@@ -170,17 +170,85 @@ TEST(adjustment_should_find_what_was_disturbed)
     }
 }
 
+/* --- Tracks --------------------------------------------------------------- */
+
+/* Three cameras stand in a row, so that epipolar lines are rows of pixels. A
+ * sight that is moved along its row remains on the lines of both others, but
+ * their rays tell where it belongs. */
+TEST(third_sight_should_tell_what_pairs_cannot)
+{
+    static const double place[3] = { 0.4, 0.3, 6 }, origin[2];
+    static const double far[3] = { 0.4, 0.3, 600 };
+    saga_pinhole c[3];
+    saga_sight s[3], distant[3];
+    double j[2][SAGA_BUNDLE_N], q[2][3];
+    bool front;
+
+    for (int v = 0; v < 3; v++) {
+        c[v] = (saga_pinhole){ { 1, 0, 0, 0, 1, 0, 0, 0, 1 }, { -v, 0, 0 },
+                               { 300, 300, 160, 90 } };
+        s[v] = distant[v] = (saga_sight){ .camera = v };
+        assert_true(saga_bundle_differ(s[v].at, j, q, &c[v], place, origin) &&
+                    saga_bundle_differ(distant[v].at, j, q, &c[v], far,
+                                       origin));
+    }
+    for (size_t k = 0; k < 3; k++) {
+        assert_true(saga_transfer_off(c, s, 3, k) < 1e-9);
+        assert_true(isinf(saga_transfer_off(c, distant, 3, k)));
+    }
+    s[1].at[0] += 7;
+    for (int v = 0; v < 3; v += 2) {
+        const saga_match m = { .a = { s[v].at[0], s[v].at[1] },
+                               .b = { s[1].at[0], s[1].at[1] } };
+        const saga_epipolar e = saga_epipolar_between(&c[v], &c[1]);
+
+        assert_true(saga_epipolar_off(&c[v], &c[1], &e, &m, 1, &front) < 1e-9);
+    }
+    assert_true(fabs(saga_transfer_off(c, s, 3, 1) - 7) < 1e-9);
+}
+
+/* Features of three views are linked by the matches of two pairs. A fourth
+ * match gives the second place two features of one view, so that it is left
+ * out. */
+TEST(tracks_should_link_matches_of_pairs)
+{
+    saga_feature f[3][3] = { { { .x = 0 } } };
+    saga_features features[3] = { { f[0], 3 }, { f[1], 3 }, { f[2], 3 } };
+    saga_match ab[2] = { { .of_a = 1, .of_b = 2 }, { .of_a = 0, .of_b = 0 } };
+    saga_match bc[3] = { { .of_a = 2, .of_b = 0 }, { .of_a = 0, .of_b = 1 },
+                         { .of_a = 1, .of_b = 1 } };
+    saga_pair list[2] = { { 0, 1, 2, ab }, { 1, 2, 3, bc } };
+    const saga_capture c = { .n_views = 3 };
+    const saga_pairs pairs = { .capture = &c, .features = features,
+                               .list = list, .n = 2 };
+    FREED_BY(saga_tracks_free) saga_tracks t;
+
+    for (int v = 0; v < 3; v++)
+        for (int i = 0; i < 3; i++)
+            f[v][i].x = 10 * v + i;
+    assert_done(saga_tracks_make(&t, &pairs, &error));
+    assert_int_equal(t.n_places, 1);
+    assert_int_equal(t.n_sights, 3);
+    assert_int_equal(saga_tracks_length(&t, 0), 3);
+    for (int v = 0; v < 3; v++)
+        assert_int_equal(t.sights[v].camera, v);
+    assert_true(t.sights[0].at[0] == 1 && t.sights[1].at[0] == 12 &&
+                t.sights[2].at[0] == 20);
+}
+
 /* --- A capture ------------------------------------------------------------ */
 
 static saga_refinement refine(const saga_capture *c)
 {
     saga_refinement r;
     FREED_BY(saga_pairs_free) saga_pairs pairs;
+    FREED_BY(saga_tracks_free) saga_tracks tracks;
 
     assert_done(saga_pairs_look(&pairs, c, 0, &error) &&
                 saga_pairs_list(&pairs, &error) &&
                 saga_pairs_match(&pairs, saga_pair_agree, &error));
-    assert_done(saga_refine(&r, &pairs, &error));
+    assert_done(saga_tracks_make(&tracks, &pairs, &error) &&
+                saga_refine(&r, &pairs, &tracks, &error));
     return r;
 }
 
@@ -211,6 +279,6 @@ TEST(refinement_should_help_disturbed_cameras_only)
     /* Refinement must remove nine tenths of the error that the disturbance
      * added. */
     assert_true(r.after - right.before < 0.1 * (r.before - right.before));
-    free(right.cameras);
-    free(r.cameras);
+    saga_refinement_free(&right);
+    saga_refinement_free(&r);
 }

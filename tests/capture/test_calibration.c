@@ -261,7 +261,8 @@ TEST(wrong_matrices_should_be_named)
 TEST(wrong_lenses_should_be_named)
 {
     static const struct { double focal, centre; } wrong[] = {
-        { 2, 1 }, { 0.5, 1 }, { 2, 2 }, { 0.5, 0.5 }, { 1 / 3.0, 1 / 3.0 }
+        { 2, 1 }, { 0.5, 1 }, { 2, 2 }, { 0.5, 0.5 }, { 1 / 3.0, 1 / 3.0 },
+        { 4 / 3.0, 1 }
     };
     const saga_capture *const c = *state;
 
@@ -327,6 +328,42 @@ static bool says(const saga_survey *s, const char *what)
         if (strstr(s->note[i], what))
             return true;
     return false;
+}
+
+/* Half a degree about the vertical moves a picture along the epipolar lines of
+ * its neighbours, so that only places seen by three cameras tell. */
+TEST(slightly_turned_camera_should_be_named)
+{
+    saga_capture c = *(saga_capture *)*state;
+    FREED saga_shot *const views = copy_views(&c);
+    char name[80];
+    saga_survey s;
+
+    turn(&views[2], 0.5);
+    c.views = views;
+    c.n_points = 0;
+    assert_done(saga_survey_make(&s, &c, &error));
+    snprintf(name, sizeof name, "%s changes most", views[2].name);
+    assert_true(says(&s, name));
+    assert_true(s.calibration.refinement.helps);
+    saga_survey_free(&s);
+}
+
+/* Camera 3 has the pose of camera 2, and its own picture, in which much of the
+ * same is seen elsewhere. */
+TEST(pose_of_another_camera_should_be_named)
+{
+    saga_capture c = *(saga_capture *)*state;
+    FREED saga_shot *const views = copy_views(&c);
+    saga_survey s;
+
+    views[3] = views[2];
+    views[3].rgb = ((saga_capture *)*state)->views[3].rgb;
+    c.views = views;
+    c.n_points = 0;
+    assert_done(saga_survey_make(&s, &c, &error));
+    assert_true(says(&s, "have the same pose, but see different things"));
+    saga_survey_free(&s);
 }
 
 TEST(survey_should_say_so_in_words)

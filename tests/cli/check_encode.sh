@@ -18,6 +18,9 @@
 #               pictures each row is compared; a camera's view has the tone
 #               of its pictures, in encode, eval and render; with --no-exposure
 #               it has that of the file, and segments keep their bytes
+#   refined     cameras that are slightly wrong are refined, which is reported,
+#               and `saga eval` compares the file with the capture as it is;
+#               with --no-refine they are used as they are, as are right ones
 #   alone       two runs cannot write the same file at a time; the temporary
 #               files of a killed run are removed
 #   segments    --segment makes a file of several segments, which eval, info,
@@ -289,6 +292,50 @@ rm -rf dim x.saga y.saga info info_y eval eval_y y.png tone.png \
     tone--no-exposure.png
 leaves
 verdict exposure
+
+# ---- refined
+"$saga" synth poses --size 240x136 --cameras 7 --hold-out 0 --frames 1 \
+    --depth-every 0 --points 400 >out 2>err || complain "synth: $(cat err)"
+python3 - <<'PYTHON' 2>>bad
+import json
+
+with open("poses/transforms.json") as f:
+    j = json.load(f)
+for i, f in enumerate(j["frames"]):
+    f["fl_x"] = f["fl_y"] = j["fl_x"] * (1.01, 0.99, 1.005)[i % 3]
+    # Turn the camera by 0.3 degrees about its x or y axis.
+    for row in f["transform_matrix"][:3]:
+        row[i % 2] += (0.0052, -0.0052)[i // 2 % 2] * row[2]
+with open("poses/moved.json", "w") as f:
+    json.dump(j, f)
+PYTHON
+few=(--primitives 200 --iterations 90 --ablate no-teachers --json)
+for way in "poses/moved.json" "poses/moved.json --no-refine" "poses"; do
+    # shellcheck disable=SC2086
+    expect 0 $way -o x.saga "${few[@]}"
+    python3 -c '
+import json, sys
+r = json.load(open("out"))["refinement"]
+assert (r is not None) == (sys.argv[1] == "poses/moved.json"), (sys.argv, r)
+assert r is None or r["after_px"] < 0.8 * r["before_px"], r
+told = "poses and lenses are refined" in open("err").read()
+assert told == (r is not None)
+' "$way" 2>>bad || complain "$way: $(cat err)"
+    psnr=$(python3 -c '
+import json
+print(json.load(open("out"))["psnr"]["training"])')
+    "$saga" eval x.saga "${way% *}" --json >eval 2>err ||
+        complain "eval of $way: $(cat err)"
+    # The picture is compared with the camera that the file has.
+    python3 -c '
+import json, sys
+got = json.load(open("eval"))["training"]["psnr"]
+assert abs(got - float(sys.argv[1])) < 0.01, (got, sys.argv)
+' "$psnr" 2>>bad || complain "$way: another PSNR"
+done
+rm -rf poses x.saga eval
+leaves
+verdict refined
 
 # ---- segments
 expect 0 cap -o seg.saga "${small[@]}" --segment 2

@@ -59,6 +59,16 @@ static json_t *view_of(const saga_survey *s, const saga_capture *c, int v)
     return o;
 }
 
+static json_t *refinement_of(const saga_refinement *r)
+{
+    json_t *const o = json_object();
+
+    saga_put_flag(o, "helps", r->helps);
+    saga_put_real(o, "before_px", r->cameras ? r->before : (double)NAN);
+    saga_put_real(o, "after_px", r->cameras ? r->after : (double)NAN);
+    return o;
+}
+
 static json_t *forecast_of(const saga_forecast *f)
 {
     json_t *const o = json_object();
@@ -111,6 +121,7 @@ static json_t *report_of(const saga_survey *s, const saga_capture *c,
     saga_put_int(o, "n_points", (json_int_t)c->n_points);
     saga_put_real(o, "typical_angle_degrees", s->typical_angle);
     saga_put_flag(o, "free_views", s->free_views);
+    saga_put(o, "refinement", refinement_of(&s->calibration.refinement));
     saga_put(o, "views", views);
     saga_put(o, "notes", lines_of(c->notes));
     saga_put(o, "to_mind", mind);

@@ -51,6 +51,7 @@ static void end(saga_encode_session *s)
     free(s->shutter);
     free(s->rows);
     free(s->checkpoint);
+    free(s->refined);
 }
 
 static int encode(saga_encode_session *s)
@@ -245,6 +246,10 @@ static const saga_cli_option option_list[] = {
       "length in metres of one unit of the capture, stored in\n"
       "the file (default: what the capture says)", saga_cli_real, AT(metres),
       0, 0 },
+    { "--no-refine", NULL,
+      "do not refine poses and lenses before the training. By\n"
+      "default they are refined if that also improves matches\n"
+      "that were kept from it", saga_cli_flag, AT(no_refine), 0, 0 },
     { "--no-exposure", NULL,
       "do not store the exposures of the cameras, so that all\n"
       "views of the file are equally bright", saga_cli_flag, AT(no_exposure),

@@ -296,6 +296,8 @@ int saga_encode_open(saga_encode_session *s)
     if (!status)
         status = look_at_capture(s);
     if (!status)
+        status = saga_encode_refine(s);
+    if (!status)
         status = open_training(s);
     if (!status)
         status = open_log(s);

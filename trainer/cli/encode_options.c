@@ -154,6 +154,7 @@ json_t *saga_encode_options_json(const saga_encode_options *o)
     saga_put_real(list, "lambda", o->lambda);
     saga_put_real(list, "size", o->size);
     saga_put_real(list, "bitrate", o->bitrate);
+    saga_put_flag(list, "no_refine", o->no_refine);
     saga_put_flag(list, "no_exposure", o->no_exposure);
     saga_put_flag(list, "still", o->still);
     saga_put_flag(list, "moving", o->moving);

@@ -69,6 +69,14 @@ static json_t *exposure_of(const saga_encode_session *s)
     return o;
 }
 
+/* Reports the refinement of the cameras, or null if there was none. */
+static json_t *refinement_of(const saga_encode_session *s)
+{
+    return s->refined ? json_pack("{sfsf}", "before_px", s->fit_before,
+                                  "after_px", s->fit_after)
+                      : json_null();
+}
+
 static json_t *tools_of(const saga_train_report *r)
 {
     json_t *const all = json_object();
@@ -255,6 +263,7 @@ static void put_capture(json_t *o, const saga_encode_session *s)
     saga_put_int(o, "n_frames", s->whole.n_frames);
     saga_put_int(o, "scale", s->capture.scale);
     saga_put_int(o, "/chosen_scale", s->scale);
+    saga_put(o, "refinement", refinement_of(s));
     saga_put(o, "exposure", exposure_of(s));
     saga_put_real(o, "/exposure", saga_encode_exposure(s));
     saga_put_flag(o, "temporal", r->dynamic);
@@ -369,6 +378,9 @@ static const saga_line file_text[] = {
       "{cost:%6.0f}: " },
     { "kept", "tools", "kept\n" },
     { "!kept", "tools", "off\n" },
+    { "refinement", NULL, "  poses and lenses refined: the error of matches "
+      "that were kept from it fell from\n  {refinement.before_px:%.2f} to "
+      "{refinement.after_px:%.2f} pixels\n" },
     { "/exposure", NULL, "  exposures of the cameras differ by up to "
       "{/exposure*100:%.0f} %; training evens this out\n" },
     { "/exposure&!options.no_exposure", NULL, "  the file stores the "

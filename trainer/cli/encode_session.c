@@ -117,6 +117,7 @@ static int open_segment(saga_encode_session *s, int segment)
     s->meter = (saga_meter){ .quiet = s->o->quiet };
     if (saga_capture_load(&s->capture, s->capture_name, &c, &s->error)) {
         saga_meter_end(&s->meter);
+        saga_encode_use_refined(s, &s->capture);
         return SAGA_EXIT_OK;
     }
     saga_meter_end(&s->meter);

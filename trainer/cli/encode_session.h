@@ -32,6 +32,15 @@ typedef struct saga_encode_cut {
     saga_quality quality;
 } saga_encode_cut;
 
+/* How the refinement changes a camera. The lens is relative, because it does
+ * not depend on the size at which pictures are loaded. */
+typedef struct saga_encode_camera {
+    double rotation[9], translation[3]; /* world to camera */
+    double focal[2];             /* factors of fx and fy */
+    double centre[2];            /* shifts of cx and cy, in focal lengths before
+                                  * the refinement */
+} saga_encode_camera;
+
 /* A session holds everything that is open, and the results. */
 typedef struct saga_encode_session {
     const saga_encode_options *o;
@@ -46,6 +55,9 @@ typedef struct saga_encode_session {
     saga_capture whole;          /* the capture's listing, without pictures */
     int n_segments;
     int scale; /* pictures are loaded at 1/scale of their size */
+    saga_encode_camera *refined; /* (views) NULL: cameras are not refined */
+    double fit_before, fit_after; /* error of the test matches in pixels, if
+                                  * they are */
     saga_capture capture;        /* the segment in memory */
     saga_train *train;
     saga_quality decoded;  /* quality of the written file, by the integer
@@ -83,6 +95,16 @@ bool saga_encode_has_base(const saga_encode_session *s);
 
 /* Loads the pictures for training a segment, or the base. */
 int saga_encode_load(saga_encode_session *s, int segment);
+
+/* --- Poses --------------------------------------------------------------- */
+
+/* Refines poses and lenses if that helps, and reports it. Nothing is loaded or
+ * changed if --no-refine is given. */
+int saga_encode_refine(saga_encode_session *s);
+
+/* Gives the views of a capture their refined cameras, if there are any. */
+void saga_encode_use_refined(const saga_encode_session *s,
+                             saga_capture *capture);
 
 /* --- Progress ------------------------------------------------------------ */
 

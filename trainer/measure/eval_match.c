@@ -14,10 +14,18 @@
 #include <string.h>
 
 /* Tolerances between a view and the rig's camera that it is taken for. */
-static const double max_distance = 1e-4; /* as a fraction of the cube's width */
-static const double max_degrees = 0.1;
-static const double max_focal = 0.01;    /* relative; scaling a picture may crop
-                              * odd sides */
+typedef struct tolerance {
+    double distance;         /* as a fraction of the cube's width */
+    double degrees;
+    double focal;            /* relative; scaling a picture may crop odd
+                              * sides */
+} tolerance;
+
+static const tolerance unchanged = { 1e-4, 0.1, 0.01 };
+/* A camera with the view's name may have been refined by `saga encode`, which
+ * prefers rotations below 1.1 degrees, shifts below 2 % of the depth and focal
+ * lengths that change by less than 3 %. */
+static const tolerance refined = { 0.05, 3.0, 0.1 };
 
 void saga_eval_free(saga_eval *eval)
 {
@@ -85,29 +93,39 @@ typedef struct {
     double distance, degrees, focal; /* metres, degrees, relative */
 } match;
 
+/* Compares a view with camera `index` of the rig. If the file has no such
+ * camera, the result's rig is -1. */
+static match compare(const saga_film *film, const saga_shot *shot,
+                     uint32_t index)
+{
+    saga_shot r = { .name = "" };
+    saga_camera c;
+    match m = { .rig = (int)index };
+
+    if (saga_rig(&c, &m.number, film->bytes, film->nbytes, index))
+        return (match){ .rig = -1 };
+    saga_shot_of_camera(&r, &film->metric, &c);
+    m.distance = distance_between(&r, shot);
+    m.degrees = turn_between(&r, shot);
+    /* Focal lengths are relative to the picture's width, so that a scaled
+     * capture still has the same cameras. */
+    m.focal = fabs(shot->fx / shot->width * r.width / r.fx - 1.0);
+    return m;
+}
+
 static match nearest(const saga_film *film, const saga_shot *shot)
 {
     match best = { -1, 0, 0.0, 0.0, 0.0 };
     double least = (double)INFINITY;
 
     for (uint32_t i = 0; i < film->info.n_cameras; i++) {
-        saga_shot r = { .name = "" };
-        saga_camera c;
-        match m = { .rig = (int)i };
-        double far;
-
-        if (saga_rig(&c, &m.number, film->bytes, film->nbytes, i))
-            continue;
-        saga_shot_of_camera(&r, &film->metric, &c);
-        m.distance = distance_between(&r, shot);
-        m.degrees = turn_between(&r, shot);
-        /* Focal lengths are relative to the picture's width, so that a scaled
-         * capture still has the same cameras. */
-        m.focal = fabs(shot->fx / shot->width * r.width / r.fx - 1.0);
+        const match m = compare(film, shot, i);
         /* One distance for place and angle: a cube's width equals a quarter
          * turn. */
-        far = m.distance / saga_metric_width(&film->metric) + m.degrees / 90.0;
-        if (far < least) {
+        const double far = m.distance / saga_metric_width(&film->metric) +
+                           m.degrees / 90.0;
+
+        if (m.rig >= 0 && far < least) {
             least = far;
             best = m;
         }
@@ -115,11 +133,28 @@ static match nearest(const saga_film *film, const saga_shot *shot)
     return best;
 }
 
-static bool is_same(const saga_film *film, const match *m)
+static bool is_same(const saga_film *film, const match *m,
+                    const tolerance *within)
 {
-    return m->rig >= 0 && m->degrees <= max_degrees &&
-           m->distance <= max_distance * saga_metric_width(&film->metric) &&
-           m->focal <= max_focal;
+    return m->rig >= 0 && m->degrees <= within->degrees &&
+           m->distance <= within->distance * saga_metric_width(&film->metric) &&
+           m->focal <= within->focal;
+}
+
+/* Finds the rig's camera that has the view's name and could be the view's,
+ * refined. The result's rig is -1 if there is none. */
+static match namesake(const saga_film *film, const saga_shot *shot)
+{
+    for (uint32_t i = 0; shot->name[0] && i < film->info.n_cameras; i++) {
+        const match m = compare(film, shot, i);
+        saga_naming naming;
+
+        if (is_same(film, &m, &refined) &&
+            saga_name_camera(&naming, film->bytes, film->nbytes, m.number) ==
+                SAGA_OK && strcmp(naming.name, shot->name) == 0)
+            return m;
+    }
+    return (match){ .rig = -1 };
 }
 
 static bool refuse_view(const saga_film *film, const saga_shot *shot,
@@ -174,21 +209,51 @@ static void begin(saga_eval *eval, bool *ok, const char *name,
     }
 }
 
+/* Gives a view the pose and lens of its camera in the rig, for the size at
+ * which its pictures are loaded. The rig's pictures are n times as large, or
+ * the loaded ones are. */
+static void use_rig(saga_shot *shot, const saga_film *film, int rig)
+{
+    saga_shot r = { .name = "" };
+    saga_camera c;
+    uint32_t number;
+    double size;
+
+    if (saga_rig(&c, &number, film->bytes, film->nbytes, (uint32_t)rig))
+        return;
+    saga_shot_of_camera(&r, &film->metric, &c);
+    size = r.width >= shot->width
+        ? 1.0 / rint((double)r.width / shot->width)
+        : rint((double)shot->width / r.width);
+    memcpy(shot->rotation, r.rotation, sizeof shot->rotation);
+    memcpy(shot->translation, r.translation, sizeof shot->translation);
+    shot->fx = size * r.fx;
+    shot->fy = size * r.fy;
+    shot->cx = size * r.cx;
+    shot->cy = size * r.cy;
+}
+
 static bool match_view(saga_eval_view *v, const saga_film *film,
                        const saga_shot *shot, saga_error *error)
 {
-    const match m = nearest(film, shot);
+    saga_shot as_trained = *shot;
+    match m = namesake(film, shot);
+    const bool named = m.rig >= 0;
     double near_metres;
 
+    if (named)
+        use_rig(&as_trained, film, m.rig);
+    else
+        m = nearest(film, shot);
     /* A held-out view need not be in the rig. A training view must be:
      * otherwise the capture is another one, and its PSNR is meaningless. */
-    if (is_same(film, &m))
+    if (named || is_same(film, &m, &unchanged))
         v->rig = m.rig;
     else if (!shot->held_out && film->info.n_cameras)
         return refuse_view(film, shot, &m, error);
     borrow(v, &near_metres, film, v->rig < 0 ? 0 : v->rig);
-    return saga_camera_of_shot(&v->camera, &film->metric, shot, near_metres,
-                               error);
+    return saga_camera_of_shot(&v->camera, &film->metric, &as_trained,
+                               near_metres, error);
 }
 
 bool saga_eval_match(saga_eval *eval, const saga_film *film,

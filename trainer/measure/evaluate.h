@@ -65,12 +65,14 @@ saga_eval_draw_fn saga_eval_draw_pictures;
  * from, and sets all of *eval except the scores. If first_frame is -1, the
  * capture must have all frames of the film; otherwise its frames are those of
  * the film from first_frame on. Training views must be in the file's rig (if it
- * has one), with tolerances of 10^-4 of the cube's width, 0.1 degrees and 1 %
- * of the focal length; held-out views need not be in it. A view in the rig uses
- * the rig's background and near plane, and other views use those of the rig's
- * first camera. Without a rig the background is black and the near plane 2^-10
- * of the cube's width. If it returns false, *error says what does not fit and
- * *eval is empty. */
+ * has one): under their names, which allows for cameras that `saga encode`
+ * refined, or with tolerances of 10^-4 of the cube's width, 0.1 degrees and 1 %
+ * of the focal length. Held-out views need not be in it. A view that the rig
+ * has under its name is drawn with the rig's pose and lens. A view in the rig
+ * uses the rig's background and near plane, and other views use those of the
+ * rig's first camera. Without a rig the background is black and the near plane
+ * 2^-10 of the cube's width. If it returns false, *error says what does not fit
+ * and *eval is empty. */
 bool saga_eval_match(saga_eval *eval, const saga_film *film,
                      const saga_capture *capture, int first_frame,
                      saga_error *error);

@@ -7,6 +7,7 @@
 #include "order.h"
 #include "pairs.h"
 #include "pose.h"
+#include "tracks.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -16,6 +17,8 @@ enum {
     FEW_PAIRS = 3,           /* with fewer pairs there is no verdict on all
                               * cameras, because many a mistake makes one pair
                               * fit */
+    FEW_CARRIED = 30,        /* with fewer places that three cameras see, only
+                              * pairs are judged */
     FEW_PLACES = 10,         /* least number of matched places for an
                               * exposure */
     PATCH = 2,               /* a patch has this number of pixels on each side
@@ -33,6 +36,9 @@ enum {
 /* Limit for a view's error, relative to the best third of the pairs, which is
  * 0.3 to 0.5 pixels in captures without mistakes. */
 #define ODD 3.0
+/* Bundle adjustment finds errors of a view up to this, relative to the
+ * tolerance of a fit. */
+#define FAR_OFF 2.0
 /* A pair fits only if this fraction of its matches lies in front of both
  * cameras. */
 #define IN_FRONT 0.5
@@ -40,7 +46,9 @@ enum {
 typedef struct search {
     const saga_capture *c;
     saga_pairs pairs;
+    saga_tracks tracks;
     double *scratch;         /* (SAGA_FEATURES_MOST + 2 x number of pairs) */
+    double *carried;         /* (n_places of the tracks) */
 } search;
 
 /* ----------------------------------------------------------------- mistakes */
@@ -124,13 +132,35 @@ static void off_pairs(double *off, const search *s,
     }
 }
 
-/* The number of pairs that fit, and the median error of all pairs. */
-typedef struct score { int n_fit; double typical; } score;
+/* Returns the median error over places that three cameras see: the distance of
+ * one sight from where two others see the place. Infinite if there are too few,
+ * or if most rays do not meet. */
+static double carry(const search *s, const saga_pinhole *cameras)
+{
+    const saga_tracks *const t = &s->tracks;
+    size_t n = 0;
+    for (size_t i = 0, of_place; i < t->n_sights; i += of_place) {
+        of_place = saga_tracks_length(t, i);
+        if (of_place < 3)
+            continue;
+        /* The views in the middle of the list and at its ends are likely to
+         * stand apart. */
+        const saga_sight three[3] = {t->sights[i],
+                                     t->sights[i + of_place / 2],
+                                     t->sights[i + of_place - 1]};
+        s->carried[n++] = saga_transfer_off(cameras, three, 3, 1);
+    }
+    return n < FEW_CARRIED ? (double)INFINITY : saga_median(s->carried, n);
+}
+
+/* The number of pairs that fit, the median error of all pairs, and that of
+ * places that three cameras see. */
+typedef struct score { int n_fit; double typical, carried; } score;
 
 /* Scores cameras. off (n_pairs) is scratch memory and ends sorted. */
 static score score_of(const search *s, const saga_pinhole *cameras, double *off)
 {
-    score found = {0, (double)NAN};
+    score found = {0, (double)NAN, carry(s, cameras)};
     off_pairs(off, s, cameras);
     for (size_t i = 0; i < s->pairs.n; i++)
         found.n_fit += off[i] <= s->pairs.within;
@@ -140,8 +170,9 @@ static score score_of(const search *s, const saga_pinhole *cameras, double *off)
 
 static bool is_better(const score *a, const score *b)
 {
-    return a->n_fit > b->n_fit ||
-           (a->n_fit == b->n_fit && a->typical < b->typical);
+    const bool nearer = isinf(a->carried) && isinf(b->carried)
+        ? a->typical < b->typical : a->carried < b->carried;
+    return a->n_fit > b->n_fit || (a->n_fit == b->n_fit && nearer);
 }
 
 typedef struct best { saga_mistake mistake; score score; } best;
@@ -166,16 +197,21 @@ static void try_mistake(best *to, const search *s, const saga_mistake *m,
 }
 
 /* Tells whether undoing a mistake explains the pictures. Most pairs must fit
- * with the mistake undone. In addition, either most of the pairs that did not
- * fit before must be among them, or the typical error must be clearly smaller.
- * The latter is how a wrong focal length mostly shows in rigs along an arc. */
-static bool explains(const score *then, const score *now, int n_pairs)
+ * with the mistake undone. In addition, a mistake that all cameras share must
+ * have moved most of the places that three cameras see; if there are none, or
+ * if pictures are exchanged, either most of the pairs that did not fit before
+ * must fit then, or the error of pairs must be clearly smaller. */
+static bool explains(const best *to, const score *now, int n_pairs)
 {
+    const score *const then = &to->score;
     const int gain = then->n_fit - now->n_fit, bad = n_pairs - now->n_fit;
-    return then->n_fit >= MOST_FIT * n_pairs &&
-           ((gain >= FEW_PAIRS && gain >= EXPLAINED * bad) ||
-            (gain >= 0 && n_pairs >= 2 * FEW_PAIRS &&
-             then->typical < EXPLAINED * now->typical));
+    if (gain < 0 || then->n_fit < MOST_FIT * n_pairs)
+        return false;
+    if (to->mistake.swapped[0] < 0 && !isinf(then->carried))
+        return then->carried < EXPLAINED * now->carried;
+    return (gain >= FEW_PAIRS && gain >= EXPLAINED * bad) ||
+           (n_pairs >= 2 * FEW_PAIRS &&
+            then->typical < EXPLAINED * now->typical);
 }
 
 /* Tries all focal lengths for one form of poses. A focal length other than the
@@ -184,7 +220,7 @@ static void try_lenses(best *to, const search *s, saga_mistake m,
                        saga_pinhole *cameras)
 {
     const int most = FOCAL_STEPS * FOCAL_OCTAVES;
-    best as_is = {.score = {-1, 0.0}}, other = {.score = {-1, 0.0}};
+    best as_is = {.score = {.n_fit = -1}}, other = as_is;
     try_mistake(&as_is, s, &m, cameras);
     for (int k = -most; k <= most; k++)
         for (int centre = 0; centre < 2 && k != 0; centre++) {
@@ -192,7 +228,7 @@ static void try_lenses(best *to, const search *s, saga_mistake m,
             m.centre = centre;
             try_mistake(&other, s, &m, cameras);
         }
-    if (explains(&other.score, &as_is.score, (int)s->pairs.n))
+    if (explains(&other, &as_is.score, (int)s->pairs.n))
         as_is = other;
     if (is_better(&as_is.score, &to->score))
         *to = as_is;
@@ -228,10 +264,10 @@ static void try_forms(best *to, const search *s, saga_pinhole *cameras)
 
 /* ------------------------------------------------------------------ verdict */
 
-/* Returns the error of a view, which is the median over its pairs with views
- * that are not odd. */
-static double off_view(const saga_calibration *cal, const search *s, int v,
-                       const double *off)
+/* Gathers, in s->scratch, the errors of a view's pairs with views that are not
+ * odd. Returns their number. */
+static size_t gather(const saga_calibration *cal, const search *s, int v,
+                     const double *off)
 {
     size_t n = 0;
     for (size_t i = 0; i < s->pairs.n && n < SAGA_FEATURES_MOST; i++) {
@@ -239,7 +275,18 @@ static double off_view(const saga_calibration *cal, const search *s, int v,
         if ((p->a == v && !cal->odd[p->b]) || (p->b == v && !cal->odd[p->a]))
             s->scratch[n++] = off[i];
     }
-    return saga_median(s->scratch, n);
+    return n;
+}
+
+/* Returns an error that more than half of a view's pairs with views that are
+ * not odd exceed or have. It is 0 for a single pair, because that pair may be
+ * the wrong one. */
+static double off_most(const saga_calibration *cal, const search *s, int v,
+                       const double *off)
+{
+    const size_t n = gather(cal, s, v, off);
+    qsort(s->scratch, n, sizeof *s->scratch, saga_by_value);
+    return n > 1 ? s->scratch[(n - 1) / 2] : 0.0;
 }
 
 /* Marks odd views, one after the other: each is the view with the largest error
@@ -260,7 +307,7 @@ static void find_odd(saga_calibration *cal, const search *s, const double *off)
         int worst = 0;
         double most = limit;
         for (int v = 0; v < n_views; v++) {
-            const double one = cal->odd[v] ? 0.0 : off_view(cal, s, v, off);
+            const double one = cal->odd[v] ? 0.0 : off_most(cal, s, v, off);
             worst = one > most ? v : worst;
             most = one > most ? one : most;
         }
@@ -284,7 +331,7 @@ static void judge(saga_calibration *cal, const search *s, saga_pinhole *cameras)
         cameras[v] = saga_pinhole_of(&s->c->views[v]);
     off_pairs(off, s, cameras);
     for (int v = 0; v < n_views; v++)
-        cal->off[v] = off_view(cal, s, v, off);
+        cal->off[v] = saga_median(s->scratch, gather(cal, s, v, off));
     best found = {.score = score_of(s, cameras, s->scratch +
                                                 SAGA_FEATURES_MOST)};
     cal->n_pairs = n_pairs;
@@ -298,12 +345,21 @@ static void judge(saga_calibration *cal, const search *s, saga_pinhole *cameras)
     if (n_views <= SAGA_ALL_PAIRS)
         try_swaps(&found, s, cameras);
     try_forms(&found, s, cameras);
-    cal->found = explains(&found.score, &now, n_pairs);
+    cal->found = explains(&found, &now, n_pairs);
     cal->mistake = found.mistake;
     cal->n_fit_then = found.score.n_fit;
     cal->bad = now.n_fit < MOST_FIT * n_pairs;
     if (!cal->found)
         find_odd(cal, s, off);
+}
+
+/* Clears odd views that are off by little, if their cameras were refined in
+ * vain: of a few pairs with repeated objects the median may be wrong. */
+static void pardon(saga_calibration *cal, int n_views)
+{
+    const saga_refinement *const r = &cal->refinement;
+    for (int v = 0; v < n_views && !isnan(r->before) && !r->helps; v++)
+        cal->odd[v] = cal->odd[v] && cal->off[v] > FAR_OFF * cal->within;
 }
 
 /* ----------------------------------------------------------------- exposure */
@@ -393,13 +449,16 @@ static bool reserve(saga_calibration *cal, size_t n, saga_error *error)
     cal->odd = saga_calloc(n, sizeof *cal->odd, "the views", error);
     cal->stops = saga_alloc(n, sizeof *cal->stops, "the views", error);
     cal->shared = saga_alloc(n * n, sizeof *cal->shared, "the views", error);
+    cal->turned = saga_alloc(n * n, sizeof *cal->turned, "the views", error);
     cal->n_features = saga_calloc(n, sizeof *cal->n_features, "the views",
                                   error);
     if (!cal->off || !cal->odd || !cal->stops || !cal->shared ||
-        !cal->n_features)
+        !cal->turned || !cal->n_features)
         return false;
-    for (size_t i = 0; i < n * n; i++)
+    for (size_t i = 0; i < n * n; i++) {
         cal->shared[i] = -1;
+        cal->turned[i] = (double)NAN;
+    }
     for (size_t v = 0; v < n; v++)
         cal->off[v] = cal->stops[v] = (double)NAN;
     return true;
@@ -416,6 +475,22 @@ static void count_shared(int *shared, const saga_pairs *pairs)
     }
 }
 
+/* Sets, for each pair of views, how far its matches are from where they would
+ * be if the cameras stood at one place. */
+static void find_turned(double *turned, const search *s)
+{
+    const int n = s->c->n_views;
+    for (size_t i = 0; i < s->pairs.n; i++) {
+        const saga_pair *const p = &s->pairs.list[i];
+        const saga_pinhole a = saga_pinhole_of(&s->c->views[p->a]);
+        const saga_pinhole b = saga_pinhole_of(&s->c->views[p->b]);
+        for (size_t k = 0; k < p->n; k++)
+            s->scratch[k] = saga_epipolar_turned(&a, &b, &p->matches[k]);
+        turned[p->a * n + p->b] = turned[p->b * n + p->a] =
+            saga_median(s->scratch, p->n);
+    }
+}
+
 static bool compare(saga_calibration *cal, search *s, saga_error *error)
 {
     if (!saga_pairs_look(&s->pairs, s->c, 0, error) ||
@@ -428,9 +503,16 @@ static bool compare(saga_calibration *cal, search *s, saga_error *error)
     cal->within = s->pairs.within;
     for (int v = 0; v < s->c->n_views; v++)
         cal->n_features[v] = (int)s->pairs.features[v].n;
+    if (!saga_tracks_make(&s->tracks, &s->pairs, error))
+        return false;
     s->scratch = saga_alloc(SAGA_FEATURES_MOST + 2 * s->pairs.n,
                             sizeof *s->scratch, "the matches", error);
-    return s->scratch != NULL;
+    s->carried = saga_alloc(s->tracks.n_places + 1, sizeof *s->carried,
+                            "the matches", error);
+    if (!s->scratch || !s->carried)
+        return false;
+    find_turned(cal->turned, s);
+    return true;
 }
 
 bool saga_calibration_find(saga_calibration *calibration,
@@ -445,10 +527,15 @@ bool saga_calibration_find(saga_calibration *calibration,
     if (ok)
         judge(calibration, &s, cameras);
     if (ok && !calibration->found)
-        ok = saga_refine(&calibration->refinement, &s.pairs, error);
+        ok = saga_refine(&calibration->refinement, &s.pairs, &s.tracks,
+                         error);
+    if (ok && !calibration->found)
+        pardon(calibration, capture->n_views);
     ok = ok && find_exposures(calibration, &s, error);
+    saga_tracks_free(&s.tracks);
     saga_pairs_free(&s.pairs);
     free(s.scratch);
+    free(s.carried);
     free(cameras);
     return ok;
 }
@@ -459,7 +546,8 @@ void saga_calibration_free(saga_calibration *calibration)
     free(calibration->odd);
     free(calibration->stops);
     free(calibration->shared);
+    free(calibration->turned);
     free(calibration->n_features);
-    free(calibration->refinement.cameras);
+    saga_refinement_free(&calibration->refinement);
     *calibration = (saga_calibration){.off = NULL};
 }

@@ -48,6 +48,10 @@ typedef struct saga_calibration {
                                   * as log2 of light; NaN: too few matches */
     int *shared;                 /* (n_views, n_views) number of matches that
                                   * agree; -1: not compared */
+    double *turned;              /* (n_views, n_views) median distance in pixels
+                                  * of these matches from where the second
+                                  * camera would see what is far away; NaN: no
+                                  * matches */
     int *n_features;             /* (n_views) number of corners in the
                                   * picture */
     double typical;              /* median error of all pairs; NaN: too few

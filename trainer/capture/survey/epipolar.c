@@ -85,3 +85,16 @@ double saga_epipolar_off(const saga_pinhole *a, const saga_pinhole *b,
         *front = false; /* parallel rays in opposite directions */
     return fmax(off_line(normal, b, rb), off_line(back, a, ra));
 }
+
+double saga_epipolar_turned(const saga_pinhole *a, const saga_pinhole *b,
+                            const saga_match *m)
+{
+    const saga_epipolar s = saga_epipolar_between(a, b);
+    double ray[3], x[3];
+    ray_of(ray, a, m->a);
+    apply(x, s.r, ray);
+    return x[2] > 0.0
+        ? hypot(b->lens[0] * x[0] / x[2] + b->lens[2] - m->b[0],
+                b->lens[1] * x[1] / x[2] + b->lens[3] - m->b[1])
+        : (double)INFINITY;
+}

@@ -30,4 +30,10 @@ double saga_epipolar_off(const saga_pinhole *a, const saga_pinhole *b,
                          const saga_epipolar *between, const saga_match *match,
                          double within, bool *front);
 
+/* Returns the distance in pixels of a match's point in b from where b would see
+ * the other point if that were far away, or if both cameras stood at one place;
+ * infinity if it would be behind b. */
+double saga_epipolar_turned(const saga_pinhole *a, const saga_pinhole *b,
+                            const saga_match *match);
+
 #endif

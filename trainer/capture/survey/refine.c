@@ -10,7 +10,10 @@
 
 enum {
     APART = 5,               /* one place in five is kept for the test */
-    FEW_PLACES = 60,         /* with fewer places nothing is refined */
+    FEW_PLACES = 60,         /* with fewer places nothing is refined, */
+    FEW_SHARED = 30,         /* nor with fewer that three cameras see: cameras
+                              * that hang together by pairs alone can be moved
+                              * to fit wrong matches */
     MOST_VIEWS = 100         /* above this number of views nothing is refined;
                               * their equations take 6.5 MB */
 };
@@ -18,116 +21,8 @@ enum {
 /* Refinement must reduce the error to this part to count as a help, since right
  * cameras also gain a few hundredths of a pixel from fitting noise. */
 static const double clearly = 0.8;
-
-/* Features of all views are numbered, view after view. The parents form trees,
- * whose root is the first feature of the place that all features of the tree
- * show. */
-typedef struct tracks {
-    const saga_pairs *pairs;
-    size_t *first;           /* (n_views + 1) number of a view's first
-                              * feature */
-    size_t *parent;          /* (n) */
-    size_t n;
-    saga_sight *sights;      /* (n) sorted by place */
-    size_t n_sights, n_places;
-    double *off;             /* (n_off) scratch for distances */
-} tracks;
-
-/* ------------------------------------------------------------------- tracks */
-
-static size_t root_of(const tracks *t, size_t i)
-{
-    while (t->parent[i] != i)
-        i = t->parent[i] = t->parent[t->parent[i]];
-    return i;
-}
-
-static void link_matches(tracks *t)
-{
-    for (size_t i = 0; i < t->pairs->n; i++) {
-        const saga_pair *const p = &t->pairs->list[i];
-        for (size_t k = 0; k < p->n; k++) {
-            const size_t a = root_of(t, t->first[p->a] +
-                                        (size_t)p->matches[k].of_a);
-            const size_t b = root_of(t, t->first[p->b] +
-                                        (size_t)p->matches[k].of_b);
-            /* The lowest number becomes the root, whatever the order of the
-             * pairs. */
-            t->parent[a > b ? a : b] = a > b ? b : a;
-        }
-    }
-}
-
-static int by_place(const void *a, const void *b)
-{
-    const saga_sight *const x = a, *const y = b;
-    if (x->place != y->place)
-        return x->place < y->place ? -1 : 1;
-    return x->camera - y->camera;
-}
-
-/* Tells whether the sights of a place, sorted by camera, come from at least two
- * cameras and only once from each. Two sights of one camera show that a match
- * is wrong. */
-static bool is_sound(const saga_sight *s, size_t n)
-{
-    for (size_t k = 1; k < n; k++)
-        if (s[k].camera == s[k - 1].camera)
-            return false;
-    return n > 1;
-}
-
-/* Keeps the sights of sound tracks and numbers their places. */
-static void collect(tracks *t)
-{
-    const int n_views = t->pairs->capture->n_views;
-    size_t kept = 0;
-    for (int v = 0; v < n_views; v++)
-        for (size_t i = t->first[v]; i < t->first[v + 1]; i++) {
-            const saga_feature *const f =
-                &t->pairs->features[v].list[i - t->first[v]];
-            t->sights[i] = (saga_sight){.camera = v, .place = root_of(t, i),
-                                        .at = {f->x, f->y}};
-        }
-    qsort(t->sights, t->n, sizeof *t->sights, by_place);
-    for (size_t i = 0, n; i < t->n; i += n) {
-        for (n = 1; i + n < t->n &&
-                    t->sights[i + n].place == t->sights[i].place; n++)
-            ;
-        if (!is_sound(t->sights + i, n))
-            continue;
-        /* Since kept <= i, no sight is overwritten before it has moved. */
-        for (size_t k = 0; k < n; k++) {
-            t->sights[kept] = t->sights[i + k];
-            t->sights[kept++].place = t->n_places;
-        }
-        t->n_places++;
-    }
-    t->n_sights = kept;
-}
-
-static bool make_tracks(tracks *t, saga_error *error)
-{
-    static const char what[] = "the matches";
-    const int n_views = t->pairs->capture->n_views;
-    t->first = saga_alloc((size_t)n_views + 1, sizeof *t->first, what, error);
-    if (!t->first)
-        return false;
-    for (int v = 0; v < n_views; v++) {
-        t->first[v] = t->n;
-        t->n += t->pairs->features[v].n;
-    }
-    t->first[n_views] = t->n;
-    t->parent = saga_alloc(t->n, sizeof *t->parent, what, error);
-    t->sights = saga_alloc(t->n, sizeof *t->sights, what, error);
-    if (!t->parent || !t->sights)
-        return false;
-    for (size_t i = 0; i < t->n; i++)
-        t->parent[i] = i;
-    link_matches(t);
-    collect(t);
-    return true;
-}
+static const double by_half = 0.5;
+#define HALF_PIXEL 0.5
 
 /* ------------------------------------------------------------------ judging */
 
@@ -145,28 +40,71 @@ static double off_of(const saga_pinhole *cameras, const saga_sight *a,
     return saga_epipolar_off(ca, cb, &between, &m, 1.0, &front);
 }
 
-/* Returns the median error over the test places, comparing every sight with the
- * next one; NaN if they are too few. */
-static double judge(const tracks *t, const saga_pinhole *cameras)
+/* Appends the errors of the sights of one place: how far each is from where the
+ * others see the place, or from the epipolar line of the next one if there are
+ * only two or if their rays are nearly parallel. Returns their number. */
+static size_t judge_place(double *off, const saga_pinhole *cameras,
+                          const saga_sight *s, size_t n)
 {
-    size_t n = 0;
-    for (size_t i = 0; i + 1 < t->n_sights; i++)
-        if (t->sights[i].place == t->sights[i + 1].place &&
-            t->sights[i].place % APART == 0)
-            t->off[n++] = off_of(cameras, &t->sights[i], &t->sights[i + 1]);
-    return n < FEW_PLACES / APART ? (double)NAN : saga_median(t->off, n);
+    if (n > SAGA_TRANSFER_MOST)
+        n = SAGA_TRANSFER_MOST;
+    for (size_t k = 0; k < n; k++) {
+        off[k] = n > 2 ? saga_transfer_off(cameras, s, n, k)
+                       : (double)INFINITY;
+        if (isinf(off[k]))
+            off[k] = off_of(cameras, &s[k], &s[(k + 1) % n]);
+    }
+    return n;
+}
+
+/* Returns the median error over the sights of the test places, of one view or,
+ * if view < 0, of all; NaN if they are too few. off (n_sights) is scratch
+ * memory. */
+static double judge(double *off, const saga_tracks *t,
+                    const saga_pinhole *cameras, int view)
+{
+    size_t n = 0, n_places = 0;
+    for (size_t i = 0, of_place; i < t->n_sights; i += of_place) {
+        of_place = saga_tracks_length(t, i);
+        if (t->sights[i].place % APART != 0)
+            continue;
+        const size_t end = n + judge_place(off + n, cameras, t->sights + i,
+                                           of_place);
+        size_t kept = n;
+        for (size_t k = n; k < end; k++)
+            if (view < 0 || t->sights[i + k - n].camera == view)
+                off[kept++] = off[k];
+        n_places += kept > n;
+        n = kept;
+    }
+    return n_places < FEW_PLACES / APART ? (double)NAN : saga_median(off, n);
+}
+
+/* Tells whether the error of some view's test matches has fallen to half, and
+ * by half a pixel. A single wrong camera of many hardly changes the median over
+ * all views. */
+static bool helps_one(double *off, const saga_refinement *r,
+                      const saga_capture *c, const saga_tracks *t,
+                      const saga_pinhole *before)
+{
+    bool helps = false;
+    for (int v = 0; v < c->n_views; v++) {
+        const double was = judge(off, t, before, v);
+        const double is = judge(off, t, r->cameras, v);
+        helps = helps || (is < by_half * was && is < was - HALF_PIXEL);
+    }
+    return helps && r->after <= r->before;
 }
 
 /* -------------------------------------------------------------- adjustment */
 
 /* Fills the bundle with the places that are not kept for the test and whose
  * rays meet. */
-static void fill(saga_bundle *b, const tracks *t)
+static void fill(saga_bundle *b, const saga_tracks *t)
 {
     for (size_t i = 0, n; i < t->n_sights; i += n) {
         const saga_sight *const s = &t->sights[i];
-        for (n = 1; i + n < t->n_sights && s[n].place == s->place; n++)
-            ;
+        n = saga_tracks_length(t, i);
         if (s->place % APART == 0 ||
             !saga_bundle_meet(b->places[b->n_places], b->cameras, s, n))
             continue;
@@ -178,12 +116,13 @@ static void fill(saga_bundle *b, const tracks *t)
     }
 }
 
-static bool adjust(saga_refinement *r, const tracks *t, saga_error *error)
+static bool adjust(saga_refinement *r, const saga_pairs *pairs,
+                   const saga_tracks *t, saga_error *error)
 {
     static const char what[] = "the matches";
     saga_bundle b = {.cameras = r->cameras,
-                     .n_cameras = t->pairs->capture->n_views,
-                     .within = t->pairs->within / 2.0};
+                     .n_cameras = pairs->capture->n_views,
+                     .within = pairs->within / 2.0};
     b.places = saga_alloc(t->n_places, sizeof *b.places, what, error);
     b.sights = saga_alloc(t->n_sights, sizeof *b.sights, what, error);
     bool ok = b.places && b.sights;
@@ -196,36 +135,84 @@ static bool adjust(saga_refinement *r, const tracks *t, saga_error *error)
     return ok;
 }
 
+/* Tells whether there are enough places, of which enough are seen by three
+ * cameras or more. */
+static bool is_enough(const saga_tracks *t)
+{
+    size_t n_shared = 0;
+    for (size_t i = 0, of_place; i < t->n_sights; i += of_place) {
+        of_place = saga_tracks_length(t, i);
+        n_shared += of_place > 2;
+    }
+    return t->n_places >= FEW_PLACES && n_shared >= FEW_SHARED;
+}
+
+/* Projects a place to a pixel. Returns false if it is behind the camera. */
+static bool see(double at[2], const saga_pinhole *camera,
+                const double place[3])
+{
+    const double origin[2] = {0.0, 0.0};
+    double by_camera[2][SAGA_BUNDLE_N], by_place[2][3];
+    return saga_bundle_differ(at, by_camera, by_place, camera, place, origin);
+}
+
+/* Returns by how far view v sees the places of its tracks elsewhere than
+ * before. off (n_sights) is scratch memory. */
+static double find_moved(double *off, const saga_refinement *r,
+                         const saga_pinhole *before, int v,
+                         const saga_tracks *t)
+{
+    size_t n = 0;
+    for (size_t i = 0, of_place; i < t->n_sights; i += of_place) {
+        double place[3], a[2], b[2];
+        bool own = false;
+        of_place = saga_tracks_length(t, i);
+        for (size_t k = 0; k < of_place; k++)
+            own = own || t->sights[i + k].camera == v;
+        if (own && saga_bundle_meet(place, r->cameras, t->sights + i,
+                                    of_place) &&
+            see(a, before, place) && see(b, &r->cameras[v], place))
+            off[n++] = hypot(a[0] - b[0], a[1] - b[1]);
+    }
+    return n < FEW_PLACES / APART ? (double)NAN : saga_median(off, n);
+}
+
 bool saga_refine(saga_refinement *refinement, const saga_pairs *pairs,
-                 saga_error *error)
+                 const saga_tracks *tracks, saga_error *error)
 {
     const saga_capture *const c = pairs->capture;
-    tracks t = {.pairs = pairs};
-    *refinement = (saga_refinement){.before = (double)NAN,
-                                    .after = (double)NAN};
-    if (c->moves || c->n_views < 3 || c->n_views > MOST_VIEWS)
+    saga_refinement *const r = refinement;
+    const size_t n_views = (size_t)c->n_views;
+    *r = (saga_refinement){.before = (double)NAN, .after = (double)NAN};
+    if (c->moves || n_views < 3 || n_views > MOST_VIEWS)
         return true;
-    refinement->cameras = saga_alloc((size_t)c->n_views,
-                                     sizeof *refinement->cameras,
-                                     "the cameras", error);
-    /* Matches between pairs of views are joined to tracks, whose places are
-     * adjusted together with the cameras. */
-    bool ok = refinement->cameras && make_tracks(&t, error);
-    t.off = ok ? saga_alloc(t.n_sights + 1, sizeof *t.off, "the matches",
-                            error) : NULL;
-    ok = ok && t.off;
+    r->cameras = saga_alloc(n_views, sizeof *r->cameras, "the cameras", error);
+    r->moved = saga_calloc(n_views, sizeof *r->moved, "the cameras", error);
+    saga_pinhole *const before = saga_alloc(n_views, sizeof *before,
+                                            "the cameras", error);
+    double *const off = saga_alloc(tracks->n_sights + 1, sizeof *off,
+                                   "the matches", error);
+    bool ok = r->cameras && r->moved && before && off;
     for (int v = 0; ok && v < c->n_views; v++)
-        refinement->cameras[v] = saga_pinhole_of(&c->views[v]);
-    if (ok && t.n_places >= FEW_PLACES) {
+        before[v] = r->cameras[v] = saga_pinhole_of(&c->views[v]);
+    if (ok && is_enough(tracks)) {
         /* The same matches judge both states of the cameras. */
-        refinement->before = judge(&t, refinement->cameras);
-        ok = adjust(refinement, &t, error);
-        refinement->after = judge(&t, refinement->cameras);
-        refinement->helps = refinement->after < clearly * refinement->before;
+        ok = adjust(r, pairs, tracks, error);
+        r->before = judge(off, tracks, before, -1);
+        r->after = judge(off, tracks, r->cameras, -1);
+        r->helps = r->after < clearly * r->before ||
+                   helps_one(off, r, c, tracks, before);
     }
-    free(t.first);
-    free(t.parent);
-    free(t.sights);
-    free(t.off);
+    for (int v = 0; ok && r->helps && v < c->n_views; v++)
+        r->moved[v] = find_moved(off, r, &before[v], v, tracks);
+    free(before);
+    free(off);
     return ok;
+}
+
+void saga_refinement_free(saga_refinement *refinement)
+{
+    free(refinement->cameras);
+    free(refinement->moved);
+    *refinement = (saga_refinement){.helps = false};
 }

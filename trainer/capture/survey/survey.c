@@ -33,9 +33,18 @@ enum {
 #define LITTLE_OVERLAP 0.25
 #define OFF_PIXELS 2.0
 #define OFF_STOPS 0.2
+/* The refinement changes one camera most if it moves what this one sees by this
+ * factor more than what any other sees, and than LEAST_CHANGE pixels. A single
+ * wrong camera of four appears as 3/4 of its error, and each other as 1/4. */
+#define CHANGES 1.5
+#define LEAST_CHANGE 0.5
+#define FOCAL_CHANGE 0.03  /* mean change of the logarithm of focal lengths */
 /* In degrees between cameras at the same place, which should see the same.
  * Cameras are not placed that close on purpose. */
 #define ONE_PLACE 0.5
+#define APART_PIXELS 5.0   /* matches of such cameras are at one place within
+                            * this number of times the tolerance of a fit, since
+                            * half a degree is 2 to 4 of 480 pixels */
 #define ONE_WAY 0.98       /* cosine of the angle between their axes, 10
                             * degrees */
 
@@ -434,15 +443,44 @@ static void judge_calibration(saga_survey *s, const saga_capture *c)
                  c->views[v].name, fit->off[v]);
 }
 
-/* Notes by how much refinement can reduce small errors of poses and lenses. */
-static void judge_refinement(saga_survey *s)
+/* Returns the view that the refinement changes most; -1 if none stands out. */
+static int find_changed(const saga_refinement *r, const saga_capture *c)
+{
+    int most = -1;
+    double second = 0.0;
+    for (int v = 0; v < c->n_views; v++)
+        if (most < 0 || r->moved[v] > r->moved[most])
+            most = isnan(r->moved[v]) ? most : v;
+    for (int v = 0; v < c->n_views; v++)
+        if (v != most && r->moved[v] > second)
+            second = r->moved[v];
+    return most >= 0 && r->moved[most] > CHANGES * fmax(second, LEAST_CHANGE)
+        ? most : -1;
+}
+
+/* Notes by how much refinement can reduce small errors of poses and lenses, and
+ * which camera or what of all has most of them. */
+static void judge_refinement(saga_survey *s, const saga_capture *c)
 {
     const saga_refinement *const r = &s->calibration.refinement;
-    if (r->helps)
-        note(s, "Poses and lenses can be refined: if all cameras are adjusted "
-             "to a part of the matches, the error of the other matches falls "
-             "from %.2f to %.2f pixels. --fix FILE writes the refined "
-             "cameras.", r->before, r->after);
+    char camera[120] = "", focal[80] = "";
+    double sum = 0.0;
+    if (!r->helps)
+        return;
+    const int most = find_changed(r, c);
+    if (most >= 0)
+        (void)snprintf(camera, sizeof camera, " %.60s changes most, by %.1f "
+                       "pixels.", c->views[most].name, r->moved[most]);
+    for (int v = 0; v < c->n_views; v++)
+        sum += log(r->cameras[v].lens[0] / c->views[v].fx) / c->n_views;
+    if (fabs(sum) > FOCAL_CHANGE)
+        (void)snprintf(focal, sizeof focal, " Focal lengths are %.0f %% too "
+                       "%s.", 100.0 * fabs(expm1(-sum)),
+                       sum < 0.0 ? "long" : "short");
+    note(s, "Poses and lenses can be refined: if all cameras are adjusted to a "
+         "part of the matches, the error of the other matches falls from %.2f "
+         "to %.2f pixels.%s%s `saga encode` does this; --fix FILE writes the "
+         "refined cameras.", r->before, r->after, camera, focal);
 }
 
 /* Notes if two cameras at one place with the same direction do not see the
@@ -452,13 +490,16 @@ static void judge_twin(saga_survey *s, const saga_capture *c, int v)
     const saga_survey_view *const one = &s->views[v];
     const saga_calibration *const fit = &s->calibration;
     const int w = one->nearest;
-    if (w < v || !(one->angle < ONE_PLACE) ||
-        fit->shared[v * c->n_views + w] != 0)
+    if (w < v || !(one->angle < ONE_PLACE))
         return;
     const double *const a = c->views[v].rotation + 6;
     const double *const b = c->views[w].rotation + 6;
-    if (dot3(a, b) > ONE_WAY && fit->n_features[v] >= FEW_FEATURES &&
-        fit->n_features[w] >= FEW_FEATURES)
+    const bool apart = fit->turned[v * c->n_views + w] >
+                       APART_PIXELS * fit->within;
+    if (dot3(a, b) > ONE_WAY &&
+        (apart || (fit->shared[v * c->n_views + w] == 0 &&
+                   fit->n_features[v] >= FEW_FEATURES &&
+                   fit->n_features[w] >= FEW_FEATURES)))
         note(s, "%s and %s have the same pose, but see different things: one "
              "of the poses or files belongs to another camera.",
              c->views[v].name, c->views[w].name);
@@ -560,7 +601,7 @@ bool saga_survey_make(saga_survey *survey, const saga_capture *capture,
             survey->views[v].stops = survey->calibration.stops[v];
     /* Judgements come last and only add notes. */
     judge_calibration(survey, capture);
-    judge_refinement(survey);
+    judge_refinement(survey, capture);
     judge_rig(survey, capture);
     for (int v = 0; v < capture->n_views; v++)
         judge_view(survey, capture, v);

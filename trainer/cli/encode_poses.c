@@ -1,0 +1,112 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Before the training, saga encode refines poses and lenses by the matches of
+ * the first frame, if that also improves matches that were kept from it. All
+ * segments are trained with the refined cameras, and the file stores them.
+ */
+#include "encode_session.h"
+
+#include "alloc.h"
+#include "calibration.h"
+
+#include <string.h>
+
+/* Chooses the options for loading the first frame: at its full size if that
+ * fits in half of the memory, otherwise at the size of the training. */
+static bool choose_first(saga_capture_options *to, saga_encode_session *s)
+{
+    saga_capture look;
+
+    *to = saga_encode_capture_options(s);
+    to->first_frame = s->whole.first_frame;
+    to->end_frame = s->whole.first_frame + 1;
+    to->scale = 1;
+    if (!saga_capture_look(&look, s->capture_name, to, &s->error))
+        return false;
+    if (look.n_fitting < 1)
+        to->scale = s->whole.scale;
+    return true;
+}
+
+/* Remembers how the cameras change, whatever the size of their pictures. */
+static bool keep(saga_encode_session *s, const saga_capture *first,
+                 const saga_refinement *found)
+{
+    s->refined = saga_alloc((size_t)first->n_views, sizeof *s->refined,
+                            s->capture_name, &s->error);
+    for (int v = 0; s->refined && v < first->n_views; v++) {
+        const saga_pinhole was = saga_pinhole_of(&first->views[v]);
+        const saga_pinhole *const now = &found->cameras[v];
+        saga_encode_camera *const to = &s->refined[v];
+
+        memcpy(to->rotation, now->rotation, sizeof to->rotation);
+        memcpy(to->translation, now->translation, sizeof to->translation);
+        for (int k = 0; k < 2; k++) {
+            to->focal[k] = now->lens[k] / was.lens[k];
+            to->centre[k] = (now->lens[2 + k] - was.lens[2 + k]) /
+                            was.lens[k];
+        }
+    }
+    return s->refined != NULL;
+}
+
+static void tell(const saga_encode_session *s, const saga_calibration *fit)
+{
+    if (s->refined)
+        saga_cli_error(0, "encode: poses and lenses are refined: the error of "
+                       "matches that were not used for it falls from %.2f to "
+                       "%.2f pixels; --no-refine leaves them as they are",
+                       fit->refinement.before, fit->refinement.after);
+    /* Refined cameras may still be wrong. */
+    if (s->refined ? fit->refinement.after > fit->within
+                   : fit->found || fit->bad)
+        saga_cli_error(0, "encode: the cameras do not fit the pictures: of %d "
+                       "pairs of cameras with matches, %d fit; `saga check` "
+                       "says more", fit->n_pairs, fit->n_fit);
+}
+
+static bool refine(saga_encode_session *s)
+{
+    saga_capture first = { .n_views = 0 };
+    saga_calibration fit = { .off = NULL };
+    saga_capture_options from;
+    bool ok = choose_first(&from, s) &&
+              saga_capture_load(&first, s->capture_name, &from, &s->error) &&
+              saga_calibration_find(&fit, &first, &s->error);
+
+    saga_meter_end(&s->meter);
+    if (ok && fit.refinement.helps) {
+        s->fit_before = fit.refinement.before;
+        s->fit_after = fit.refinement.after;
+        ok = keep(s, &first, &fit.refinement);
+    }
+    if (ok)
+        tell(s, &fit);
+    saga_calibration_free(&fit);
+    saga_capture_free(&first);
+    return ok;
+}
+
+int saga_encode_refine(saga_encode_session *s)
+{
+    s->meter = (saga_meter){ .quiet = s->o->quiet };
+    /* A single moving camera has no second picture of a moment. */
+    return s->o->no_refine || s->whole.moves || refine(s) ? SAGA_EXIT_OK
+        : saga_cli_error(SAGA_EXIT_DATA, "encode: %s", s->error.message);
+}
+
+void saga_encode_use_refined(const saga_encode_session *s,
+                             saga_capture *capture)
+{
+    for (int v = 0; s->refined && v < capture->n_views; v++) {
+        const saga_encode_camera *const from = &s->refined[v];
+        saga_shot *const to = &capture->views[v];
+
+        memcpy(to->rotation, from->rotation, sizeof to->rotation);
+        memcpy(to->translation, from->translation, sizeof to->translation);
+        to->cx += from->centre[0] * to->fx;
+        to->cy += from->centre[1] * to->fy;
+        to->fx *= from->focal[0];
+        to->fy *= from->focal[1];
+    }
+}
