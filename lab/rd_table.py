@@ -214,43 +214,51 @@ def point_table(scenes, points):
 
 PROTOCOL = """Each row is a file of `saga encode`, decoded by the integer
 decoder from the closed and reopened file. PSNR is computed from the squared
-error over all frames of a camera and over R, G and B; the table has the mean
-over the cameras. Changing pixels differ by more than 8/255 from the temporal
-median of their view. Held-out cameras are those that training never saw.
-"Rule" in the column lambda is the price of a bit that `saga encode` chooses by
-itself. The column warm-up has the PSNR of the free Gaussians before anything
-is coded. A row with several seeds is their mean. CPU minutes are those of
-`saga encode`, all threads together, on a shared machine."""
+error over all frames of a camera and over R, G and B; the tables have the mean
+over the cameras, in dB. Held-out cameras are those that training never saw.
+Changing pixels differ by more than 8/255 from the temporal median of their
+view."""
+
+COLUMNS = """In the tables of the scenes, "rule" in the column lambda is the
+price of a bit that `saga encode` chooses by itself. The column warm-up has the
+PSNR before anything is coded, when free Gaussians are fitted to the pictures.
+A row with several seeds is their mean. CPU minutes are those of `saga encode`,
+all threads together, on a shared machine."""
 
 OTHERS = """x265 and VVenC code every camera as a stream of its own, the
-held-out ones too. Their bytes are those of all raw streams, compared with our
-whole file. x265 runs with preset medium, --tune psnr, no wavefronts and no
-text in the stream (lab/simulcast.py); its decoded videos are read by the same
-loader and measured in the same way (`saga eval` of a folder). VVenC's points
-came with the capture: version 1.15, preset medium, all cameras together. "For
-PSNR" is VVenC without its perceptual quantisation. "In series" is one stream
-of all cameras one after another, every second one backwards in time: the best
-plain video coding that was found."""
+held-out ones too. Their bytes are those of all raw streams together, compared
+with our whole file. x265 runs with preset medium, --tune psnr, no wavefronts
+and no text in the stream (lab/simulcast.py); its decoded videos are read by
+the same loader and measured in the same way (`saga eval` of a folder)."""
+
+VVENC = """VVenC's points came with the capture: version 1.15, preset medium,
+all cameras together. "For PSNR" is VVenC without its perceptual quantisation.
+"In series" is one stream of all cameras one after another, every second one
+backwards in time: the best plain video coding that was found."""
 
 BD = """BD-rate is the mean change of bytes at equal PSNR; a negative one means
 that our files are smaller. It is computed by monotone cubics of log-rate over
 the interval that both curves cover; if they share less than 1 dB, there is
-none. "The version before" is the program that measured its files before those
-of the tables below. "By seeds" is the lowest and the highest BD-rate of single
-seeds. For held-out cameras, our PSNR of views that training never saw is
-compared with the other codec's PSNR of the same cameras, which it coded; bytes
-are always those of all cameras."""
+none. "By seeds" is the lowest and the highest BD-rate of single seeds. "The
+version before" is an earlier version of saga, whose files were measured in the
+same way."""
 
-SAVINGS = """A cell is the change of our bytes against the other codec at one
-PSNR of all cameras, if both curves reach it. It shows what the BD-rate, an
-average over an interval, hides."""
+HELD_OUT = """For held-out cameras, our PSNR of views that training never saw
+is compared with the other codec's PSNR of the same cameras, which it coded.
+Bytes are always those of all cameras."""
+
+SAVINGS = """A cell is the change of bytes if our file is taken instead of the
+other codec's at the same PSNR of all cameras. It is a dash if one of the curves
+does not reach that PSNR. The table shows what the BD-rate, an average over an
+interval, hides."""
 
 
 def page(scenes, rows, points):
     out = "# Rate and distortion: `make rd`\n\n"
-    out += prose(PROTOCOL)
+    out += prose(PROTOCOL) + prose(COLUMNS)
     out += "![rate and distortion](rd.svg)\n\n"
-    out += "## BD-rate\n\n" + bd_table(scenes, rows, points) + prose(BD)
+    out += "## BD-rate\n\n" + bd_table(scenes, rows, points)
+    out += prose(BD) + prose(HELD_OUT)
     out += "## Savings by PSNR\n\n" + saving_table(scenes, rows, points)
     out += prose(SAVINGS)
     for scene in scenes:
@@ -261,7 +269,8 @@ def page(scenes, rows, points):
         o = " ".join(scene.options + ["--iterations", scene.iterations])
         out += prose(f"Capture: {scene.source()}; options: {o}.")
         out += scene_table(states[-1])
-    out += "## Other codecs\n\n" + point_table(scenes, points) + prose(OTHERS)
+    out += "## Other codecs\n\n" + point_table(scenes, points)
+    out += prose(OTHERS) + prose(VVENC)
     return out.rstrip("\n") + "\n"
 
 
