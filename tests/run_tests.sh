@@ -194,6 +194,7 @@ vectors() {
 tree() {
     check tree tests/check_tree.sh
     check docs tests/check_docs.sh
+    check paper python3 tests/check_paper.py
     check places python3 tests/check_coverage.py places
 }
 
