@@ -417,7 +417,8 @@ static inline int hash_is_consistent(const uint8_t *p)
     const int64_t levels = get(HEADER, p, "hash_levels", 0);
     const int64_t bits = get(HEADER, p, "hash_log2_entries", 0);
 
-    return has_hash(p) ? levels && bits && levels << bits <= 512
+    /* A shift by more than 9 is above 512 for every number of levels. */
+    return has_hash(p) ? levels && bits && bits <= 9 && levels << bits <= 512
                        : !levels && !bits;
 }
 
