@@ -308,17 +308,18 @@ def shared(scenes):
                [f"{r['bytes']:,}; {db(r['training'])} / {db(r['held_out'])}"
                 for r in rows[key]] + [""] * (len(factors) - len(rows[key]))
                for key, name in SHARING])
-    prose("1:2:2 means one coarse anchor with two fine anchors and two "
-          "primitives; \"by place\", that a coarse anchor starts with the "
-          "mean of its primitives' features; K is the number of fine anchors "
-          "that a primitive interpolates. A cell has bytes and PSNR in dB of "
-          "training / held-out views, from the decoded file on the sampled "
-          "pictures. "
-          "Pictures have 160x90 pixels; 2,400 iterations, seed 1; all rows of "
-          "a scene continue from one warm-up; the columns multiply the lambda "
-          "that `saga encode` chooses by itself. Each row is one rendering, "
-          "so less than 2 % proves nothing. A dash: the curves share no PSNR, "
-          "or PSNR falls as bytes grow. [lab/anchors.md](../lab/anchors.md) "
+    prose("\"1:2:2\" means one coarse anchor with two fine anchors and two "
+          "primitives. \"By place\" means that a coarse anchor starts with the "
+          "mean of its primitives' features, and that these are told apart by "
+          "their places in it. K is the number of fine anchors that a "
+          "primitive interpolates. The columns multiply the lambda that `saga "
+          "encode` chooses by itself. A cell has bytes and PSNR in dB of "
+          "training / held-out views, from the decoded file on sampled "
+          "pictures. A dash: the curves share no PSNR, or PSNR falls as bytes "
+          "grow.")
+    prose("Pictures have 160x90 pixels; 2,400 iterations, seed 1; all rows of "
+          "a scene continue from one warm-up. Each row is one rendering, so "
+          "less than 2 % proves nothing. [lab/anchors.md](../lab/anchors.md) "
           "has longer renderings.")
 
 

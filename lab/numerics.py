@@ -213,9 +213,8 @@ later ones in float64, and everything before in integers. The first rows have
 the RMS difference to the decoder's picture before it is rounded to 8 bits, in
 levels of 255. Errors of independent stages add up as squares, so the error of
 one stage alone is the root of the square of its row minus the square of the
-next row. The last rows compare the 8-bit picture with float64 rounded to 8
-bits, as PSNR. The files were made on the day of the measurement:
-
+next row. The last rows compare the 8-bit picture with float64
+rounded to 8 bits, as PSNR. The files, made on the day of the measurement, are
 {sizes}.
 
 | stage | {names} |
@@ -263,8 +262,9 @@ FORMATS_TEXT = """
 - Every bit of the activations halves the error. "By unit" is a format in which
   each input of a layer has an exponent of its own, so that small inputs use all
   their 16 bits; the formats of the outputs are unchanged.
-- Rounding a trained file's weights to 8 bits costs as much as 10 bits of
-  activations. 8-bit weights are for files that are trained with them (level 0).
+- Rounding the weights of a trained file to 8 bits gives the error of
+  activations of 10 bits. Weights of 8 bits are for files that are trained with
+  them (level 0).
 - A larger smallest alpha, below which a splat is not drawn, would save time:
   1/128 blends {saved} fewer pixels, at an error of {saved_rms} levels. It is
   not an option of the decoder.
