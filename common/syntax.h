@@ -31,4 +31,7 @@ int saga_syntax_fine(const saga_scaffold *sc, saga_coder *c);
 /* PRIM: primitives' suffixes and offsets. */
 int saga_syntax_prim(const saga_scaffold *sc, saga_coder *c);
 
+/* The one of these three that has the number `part`, 0..2. */
+int saga_syntax_part(const saga_scaffold *sc, int part, saga_coder *c);
+
 #endif

@@ -516,3 +516,9 @@ int saga_syntax_prim(const saga_scaffold *sc, saga_coder *c)
     }
     return 1;
 }
+
+int saga_syntax_part(const saga_scaffold *sc, int part, saga_coder *c)
+{
+    return part == 0 ? saga_syntax_coarse(sc, c)
+         : part == 1 ? saga_syntax_fine(sc, c) : saga_syntax_prim(sc, c);
+}

@@ -160,12 +160,6 @@ static saga_status read_segment_header(saga_segment_header *seg,
     return check_layers(dec, seg, wanted->nbytes);
 }
 
-static int code_chunk(const saga_scaffold *sc, int part, saga_coder *c)
-{
-    return part == 0 ? saga_syntax_coarse(sc, c)
-         : part == 1 ? saga_syntax_fine(sc, c) : saga_syntax_prim(sc, c);
-}
-
 /* Reads COAR, FINE or PRIM (part 0..2) at bytes[*at..n), and moves *at past it.
  */
 static saga_status read_chunk(saga_decoder *dec, const saga_scaffold *sc,
@@ -184,7 +178,7 @@ static saga_status read_chunk(saga_decoder *dec, const saga_scaffold *sc,
     saga_range_dec_init(&range, bytes + *at + SAGA_CHUNK_NBYTES,
                         chunk.nbytes);
     range.tally = &dec->tally;
-    if (!code_chunk(sc, part, &range.coder) ||
+    if (!saga_syntax_part(sc, part, &range.coder) ||
         !saga_range_dec_finish(&range))
         return SAGA_ERR_DATA;
     dec->final_range[part] = range.range;

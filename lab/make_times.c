@@ -46,9 +46,7 @@ static int run_chunk(const ref_file *f, int chunk)
     saga_range_dec_init(&range, at.p, at.n);
     ok = chunk == REF_NETWORKS
         ? saga_syntax_networks(&f->shapes, f->params, &range.coder)
-        : chunk == REF_COARSE ? saga_syntax_coarse(&f->sc, &range.coder)
-        : chunk == REF_FINE ? saga_syntax_fine(&f->sc, &range.coder)
-                            : saga_syntax_prim(&f->sc, &range.coder);
+        : saga_syntax_part(&f->sc, chunk - REF_COARSE, &range.coder);
     return ok && saga_range_dec_finish(&range);
 }
 

@@ -348,10 +348,8 @@ int recorder_fill(saga_coder *front, saga_coder **inner,
             return 0;
         saga_range_dec_init(&range, payload, chunk.nbytes);
         *inner = &range.coder;
-        ok = part == 0 ? saga_syntax_coarse(sc, front)
-           : part == 1 ? saga_syntax_fine(sc, front)
-                        : saga_syntax_prim(sc, front);
-        ok = ok && saga_range_dec_finish(&range);
+        ok = saga_syntax_part(sc, part, front) &&
+             saga_range_dec_finish(&range);
         final_range[part] = range.range;
     }
     *inner = NULL;

@@ -6,6 +6,7 @@
  * and with OpenCV's formula.
  */
 #include "capture_files.h"
+#include "order.h"
 #include "testing.h"
 
 #include <jansson.h>
@@ -38,18 +39,10 @@ static saga_capture load_frame(const char *path, bool want_depth)
     return load_with(path, &o);
 }
 
-static int by_value(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
-
 static double quantile(double *x, int n, double q)
 {
     assert_true(n > 0);
-    qsort(x, (size_t)n, sizeof *x, by_value);
-    return x[(int)(q * n)];
+    return saga_quantile(x, (size_t)n, q);
 }
 
 /* --- studio -------------------------------------------------------------- */

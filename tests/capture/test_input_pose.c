@@ -5,6 +5,7 @@
  * scene are compared with its points, its true depth and its pictures.
  */
 #include "capture_files.h"
+#include "order.h"
 #include "picture.h"
 #include "pose.h"
 #include "synth_capture.h"
@@ -290,17 +291,10 @@ static void world_of(const saga_shot *v, double u, double w, double z,
             x[i] += v->rotation[3 * k + i] * cam[k];
 }
 
-static int by_value(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
-
 static double quantile(double *x, int n, double q)
 {
-    qsort(x, (size_t)n, sizeof *x, by_value);
-    return x[(int)(q * (n - 1))];
+    assert_true(n > 0);
+    return saga_quantile(x, (size_t)n, q);
 }
 
 TEST_IN_FOLDER(synth_should_be_found_again_by_the_loader)

@@ -117,15 +117,12 @@ TEST(bad_vectors_should_be_refused)
 
 static uint8_t *make_base(uint64_t number, size_t *n)
 {
-    FREED_BY(gen_stream_free) gen_stream g;
-    uint8_t *bytes;
-    gen_options o = { .seed = number, .n_coarse = 1 + (uint32_t)(number % 5),
-                      .bank = (int)(number % 3), .bank_slots = 32,
-                      .bank_width = 8 };
+    const gen_options o = { .seed = number,
+                            .n_coarse = 1 + (uint32_t)(number % 5),
+                            .bank = (int)(number % 3), .bank_slots = 32,
+                            .bank_width = 8 };
 
-    g = gen_stream_make(&o);
-    gen_stream_encode(&g, &bytes, n);
-    return bytes;
+    return gen_stream_bytes(&o, n);
 }
 
 /* Returns whether the decoder accepts the only segment, and an index of all

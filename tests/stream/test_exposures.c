@@ -17,10 +17,9 @@ static saga_bytes make(int exposed, int named, int base)
                             .tools_fixed = 1, .exposed = exposed,
                             .named = named, .sounds = 1, .n_segments = 2,
                             .base = base };
-    FREED_BY(gen_stream_free) gen_stream g = gen_stream_make(&o);
     saga_bytes f;
 
-    gen_stream_encode(&g, &f.data, &f.nbytes);
+    f.data = gen_stream_bytes(&o, &f.nbytes);
     return f;
 }
 

@@ -20,10 +20,8 @@ static file make_with(int named, int base)
     const gen_options o = { .seed = 5, .level = 1, .n_coarse = 3,
                             .tools_fixed = 1, .named = named, .base = base };
     file f;
-    gen_stream g = gen_stream_make(&o);
 
-    gen_stream_encode(&g, &f.p, &f.n);
-    gen_stream_free(&g);
+    f.p = gen_stream_bytes(&o, &f.n);
     assert_ok(saga_probe(&f.info, f.p, f.n));
     return f;
 }

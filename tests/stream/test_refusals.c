@@ -97,11 +97,8 @@ static void check_lengths(const char *what, const uint8_t *bytes, size_t n,
 static uint8_t *make(const gen_options *o, size_t *n, size_t *head)
 {
     saga_info info;
-    uint8_t *bytes;
-    gen_stream g = gen_stream_make(o);
+    uint8_t *const bytes = gen_stream_bytes(o, n);
 
-    gen_stream_encode(&g, &bytes, n);
-    gen_stream_free(&g);
     assert_ok(saga_probe(&info, bytes, *n));
     *head = info.head_nbytes;
     return bytes;

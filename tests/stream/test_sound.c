@@ -16,10 +16,9 @@ static saga_bytes make(int sounds, int base)
     const gen_options o = { .seed = 5, .level = 1, .n_coarse = 3,
                             .tools_fixed = 1, .named = 1, .sounds = sounds,
                             .n_segments = 2, .base = base };
-    FREED_BY(gen_stream_free) gen_stream g = gen_stream_make(&o);
     saga_bytes f;
 
-    gen_stream_encode(&g, &f.data, &f.nbytes);
+    f.data = gen_stream_bytes(&o, &f.nbytes);
     return f;
 }
 

@@ -156,9 +156,7 @@ static void run_part(transcoder *t, opened *o, const saga_scaffold *sc,
     start(t, &o->parts.part[part], out, o->nbytes);
     ok = part == PART_NETS
              ? saga_syntax_networks(&o->plan.nets, o->params, c)
-       : part == PART_COAR ? saga_syntax_coarse(sc, c)
-       : part == PART_FINE ? saga_syntax_fine(sc, c)
-                           : saga_syntax_prim(sc, c);
+             : saga_syntax_part(sc, part - PART_COAR, c);
     if (!ok) {
         fprintf(stderr, "transcode: %s: the traversal stops\n",
                 t->what->name);

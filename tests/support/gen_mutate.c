@@ -331,12 +331,6 @@ static void scaffold_open(saga_scaffold *sc, const head *h, saga_counts n)
     saga_syntax_begin(sc);
 }
 
-static int code_chunk(const saga_scaffold *sc, int part, saga_coder *c)
-{
-    return part == 0 ? saga_syntax_coarse(sc, c)
-         : part == 1 ? saga_syntax_fine(sc, c) : saga_syntax_prim(sc, c);
-}
-
 static mutate_stage stage_of(uint8_t sym)
 {
     return sym <= SAGA_SYM_N_FINE ? MUTATE_AT_TREE
@@ -368,7 +362,7 @@ static mutate_stage stage_of_layer(const head *h, saga_counts n,
         witness_init(&w, &range.coder);
         w.last = i == 0 ? SAGA_SYM_SPLIT
                : i == 1 ? SAGA_SYM_FINE_OFFSET : SAGA_SYM_PRIM_OFFSET;
-        if (!code_chunk(&sc, i, &w.coder) ||
+        if (!saga_syntax_part(&sc, i, &w.coder) ||
             !saga_range_dec_finish(&range))
             stage = stage_of(w.last);
     }
@@ -423,7 +417,7 @@ static int fit_chunk(const saga_scaffold *sc, int chunk, mutate_part *part,
     memcpy(padded, part->p, part->n);
     saga_range_dec_init(&range, padded, size);
     witness_init(&w, &range.coder);
-    ok = code_chunk(sc, chunk, &w.coder) && !w.coder.error;
+    ok = saga_syntax_part(sc, chunk, &w.coder) && !w.coder.error;
     if (chunk == 0 && w.last <= SAGA_SYM_N_FINE) {
         n->coarse = w.leaves;
         n->fine = w.fine;

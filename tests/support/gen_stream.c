@@ -704,6 +704,16 @@ void gen_stream_encode(gen_stream *g, uint8_t **bytes, size_t *n)
     }
 }
 
+uint8_t *gen_stream_bytes(const gen_options *o, size_t *n)
+{
+    gen_stream g = gen_stream_make(o);
+    uint8_t *bytes;
+
+    gen_stream_encode(&g, &bytes, n);
+    gen_stream_free(&g);
+    return bytes;
+}
+
 void gen_stream_sign_header(uint8_t *bytes)
 {
     const uint32_t end = fx_load32_le(bytes + SAGA_MAGIC_NBYTES) - 4;

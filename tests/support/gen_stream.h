@@ -86,6 +86,9 @@ saga_exposure gen_stream_exposure(uint32_t camera);
  * encoder refuses the stream. */
 void gen_stream_encode(gen_stream *g, uint8_t **bytes, size_t *n);
 
+/* Returns the bytes of a stream's file, n of them, which the caller frees. */
+uint8_t *gen_stream_bytes(const gen_options *o, size_t *n);
+
 /* Returns the scale of a layer's weight. */
 uint32_t gen_scale_of(const saga_layer_symbols *l, size_t row, size_t column);
 

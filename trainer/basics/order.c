@@ -18,3 +18,9 @@ double saga_median(double *x, size_t n)
     qsort(x, n, sizeof *x, saga_by_value);
     return x[n / 2];
 }
+
+double saga_quantile(double *x, size_t n, double q)
+{
+    qsort(x, n, sizeof *x, saga_by_value);
+    return x[(size_t)(q * (double)(n - 1) + 0.5)];
+}

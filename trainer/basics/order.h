@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Comparison and median of doubles.
+ * Comparison, median and quantiles of doubles.
  */
 #ifndef SAGA_ORDER_H
 #define SAGA_ORDER_H
@@ -13,5 +13,9 @@ int saga_by_value(const void *a, const void *b);
 /* Returns the median of x (n), the upper one of two, or NaN if n is 0. Sorts
  * x. */
 double saga_median(double *x, size_t n);
+
+/* Returns the value of x (n) that is nearest to the quantile q, 0 to 1; n is at
+ * least 1. Sorts x. */
+double saga_quantile(double *x, size_t n, double q);
 
 #endif

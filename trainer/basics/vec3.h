@@ -17,6 +17,13 @@ static inline double length3(const double a[3])
     return sqrt(dot3(a, a));
 }
 
+static inline double distance3(const double a[3], const double b[3])
+{
+    const double d[3] = { a[0] - b[0], a[1] - b[1], a[2] - b[2] };
+
+    return length3(d);
+}
+
 /* Sets c, which overlaps neither a nor b, to a x b. */
 static inline void cross3(double c[3], const double a[3], const double b[3])
 {

@@ -310,13 +310,6 @@ bool saga_encoder_scaffold(saga_scaffold *sc, const saga_encoder *e,
                                error);
 }
 
-/* Codes COAR, FINE or PRIM, which are parts 0 to 2. */
-static int code_chunk(const saga_scaffold *sc, int part, saga_coder *c)
-{
-    return part == 0 ? saga_syntax_coarse(sc, c)
-         : part == 1 ? saga_syntax_fine(sc, c) : saga_syntax_prim(sc, c);
-}
-
 /* Returns a bound on the bytes of a chunk, like networks_bound. A set of n
  * points has at most 32 n symbols. */
 static size_t chunk_bound(const saga_encoder *e, const saga_symbols *s,
@@ -333,7 +326,7 @@ static size_t chunk_bound(const saga_encoder *e, const saga_symbols *s,
 }
 
 /* Appends a chunk and sets *size to the bytes of its payload. */
-static bool encode_chunk(saga_encoder *e, saga_buffer *to, size_t *size,
+static bool ensaga_syntax_part(saga_encoder *e, saga_buffer *to, size_t *size,
                          const saga_scaffold *sc, const saga_symbols *s,
                          int part, saga_error *error)
 {
@@ -349,7 +342,7 @@ static bool encode_chunk(saga_encoder *e, saga_buffer *to, size_t *size,
     src.s = s;
     /* If the tree ends before its symbols do, decoding would not give the same
      * symbols. */
-    if (code_chunk(sc, part, &cost.coder) && !cost.coder.error &&
+    if (saga_syntax_part(sc, part, &cost.coder) && !cost.coder.error &&
         (part > 0 || src.n_nodes == s->n_nodes))
         n = saga_range_enc_finish(&src.range);
     if (n == 0)
@@ -376,7 +369,7 @@ bool saga_encode_scaffold(saga_encoder *e, saga_buffer *to, size_t size[3],
      * chunks. */
     saga_syntax_begin(&sc);
     for (part = 0; part < 3 && ok; part++)
-        ok = encode_chunk(e, to, &size[part], &sc, s, part, error);
+        ok = ensaga_syntax_part(e, to, &size[part], &sc, s, part, error);
     saga_scaffold_free(&sc);
     return ok;
 }

@@ -60,6 +60,30 @@ void saga_quat_complete(float q[4], int missing, const double others[3])
                                     : others[n++]);
 }
 
+int saga_quat_code(uint32_t code[3], const float q[4], double most)
+{
+    const int largest = saga_cloud_largest(q);
+
+    for (int k = 0, n = 0; k < 4; k++)
+        if (k != largest) {
+            const double v = (double)(q[largest] < 0.0f ? -q[k] : q[k]);
+
+            code[n++] = (uint32_t)lrint(
+                fmin(fmax(most * (v * sqrt(0.5) + 0.5), 0.0), most));
+        }
+    return largest;
+}
+
+void saga_quat_decode(float q[4], int largest, const uint32_t code[3],
+                      double most)
+{
+    double v[3];
+
+    for (int n = 0; n < 3; n++)
+        v[n] = (code[n] / most - 0.5) * sqrt(2.0);
+    saga_quat_complete(q, largest, v);
+}
+
 /* A half turn F about a coordinate axis is a diagonal matrix with two entries
  * of -1 and the third 1. The ellipsoid of the rotation R becomes that of F R,
  * which is the same as that of F R F: the F on the right only changes the signs

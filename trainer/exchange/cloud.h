@@ -13,6 +13,7 @@
 
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdint.h>
 
 typedef struct saga_cloud {
     size_t n;
@@ -43,6 +44,15 @@ int saga_cloud_largest(const float q[4]);
 /* Sets a unit quaternion from three of its components, in order, and the index
  * of the fourth, which is not negative. */
 void saga_quat_complete(float q[4], int missing, const double others[3]);
+
+/* Codes a unit quaternion by its three smallest components, in order, for which
+ * 0..most stand for -sqrt(1/2)..sqrt(1/2). Its sign is chosen so that the
+ * largest component is positive, whose index is returned. */
+int saga_quat_code(uint32_t code[3], const float q[4], double most);
+
+/* Sets a quaternion from what saga_quat_code gave. */
+void saga_quat_decode(float q[4], int largest, const uint32_t code[3],
+                      double most);
 
 /* Turns a cloud by 180 degrees around the axis x (axis = 0) or z (axis = 2). By
  * custom, x, y and z point right, down and forward in PLY files. A turn around

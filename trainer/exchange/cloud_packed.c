@@ -72,20 +72,10 @@ static uint32_t part_of(float v, const float range[2][3], int a, int bits)
 
 static uint32_t rotation_word(const float q[4])
 {
-    const uint32_t largest = (uint32_t)saga_cloud_largest(q);
-    uint32_t word;
+    uint32_t code[3];
+    const uint32_t largest = (uint32_t)saga_quat_code(code, q, 1023.0);
 
-    /* -sqrt(1/2)..sqrt(1/2) become 0..1023. The quaternion's sign is chosen so
-     * that its largest component is positive. */
-    word = largest;
-    for (uint32_t k = 0; k < 4; k++)
-        if (k != largest) {
-            const double v = (double)(q[largest] < 0.0f ? -q[k] : q[k]);
-
-            word = word << 10 | (uint32_t)lrint(
-                fmin(fmax(1023.0 * (v * sqrt(0.5) + 0.5), 0.0), 1023.0));
-        }
-    return word;
+    return largest << 30 | code[0] << 20 | code[1] << 10 | code[2];
 }
 
 static void put_words(uint8_t **at, const saga_cloud *c, size_t i,

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "cloud_packed.h"
 
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -76,15 +75,6 @@ static bool take_header_line(header *h, const char *line)
     return strncmp(line, "comment", 7) == 0 || strcmp(line, "ply") == 0;
 }
 
-/* Returns the degree for which f_rest has n values, or -1 if there is none. */
-static int degree_of(int n)
-{
-    for (int degree = 0; degree <= SAGA_MAX_DEGREE; degree++)
-        if (n == 3 * (saga_n_harmonics(degree) - 1))
-            return degree;
-    return -1;
-}
-
 static bool check_header(const header *h, size_t left, const char *path,
                          saga_error *error)
 {
@@ -93,7 +83,7 @@ static bool check_header(const header *h, size_t left, const char *path,
 
     if (!h->is_binary || h->n_columns[VERTEX] != PACKED_WORDS ||
         (ranges != PACKED_COLUMNS && ranges != PACKED_COLUMNS - 6) ||
-        degree_of(h->n_columns[SH]) < 0)
+        saga_degree_of_rest(h->n_columns[SH]) < 0)
         return saga_fail(error, path, "export it again", "lacks properties: "
                          "has %d of a chunk, %d of a splat, %d of harmonics",
                          ranges, h->n_columns[VERTEX], h->n_columns[SH]);
@@ -170,14 +160,11 @@ static void load_vector(float v[3], uint32_t word, const float range[2][3])
 
 static void load_rotation(float q[4], uint32_t word)
 {
-    double v[3];
+    const uint32_t code[3] = {
+        word >> 20 & 1023, word >> 10 & 1023, word & 1023
+    };
 
-    for (int n = 0; n < 3; n++) {
-        const double part = (double)(word >> (20 - 10 * n) & 1023) / 1023.0;
-
-        v[n] = (part - 0.5) * sqrt(2.0);
-    }
-    saga_quat_complete(q, (int)(word >> 30), v);
+    saga_quat_decode(q, (int)(word >> 30), code, 1023.0);
 }
 
 /* Converts a byte, which stands for the middle of its step; the first and the
@@ -231,7 +218,7 @@ bool saga_packed_read(saga_cloud *cloud, const saga_bytes *bytes,
                      .n_rest = h.n_columns[SH], .ranges = c.next };
     from.words = from.ranges + h.count[CHUNK] * (size_t)(4 * from.n_columns);
     from.rest = from.words + 4 * PACKED_WORDS * n;
-    if (!saga_cloud_alloc(cloud, n, degree_of(from.n_rest), error))
+    if (!saga_cloud_alloc(cloud, n, saga_degree_of_rest(from.n_rest), error))
         return false;
     /* A chunk's ranges serve all of its splats. */
     for (size_t i = 0; i < n; i++) {

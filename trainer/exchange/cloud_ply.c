@@ -108,15 +108,6 @@ static void name_columns(char text[N_COLUMNS][16],
         name[i] = text[i];
 }
 
-/* Returns the degree for which f_rest has n values, or -1 if there is none. */
-static int degree_of(int n)
-{
-    for (int degree = 0; degree <= SAGA_MAX_DEGREE; degree++)
-        if (n == 3 * (saga_n_harmonics(degree) - 1))
-            return degree;
-    return -1;
-}
-
 /* Finds the degree by the columns that the file has. The first row is enough to
  * see which are missing. */
 static bool find_degree(int *degree, const char *path,
@@ -133,7 +124,7 @@ static bool find_degree(int *degree, const char *path,
                              "its first splat has no %s", name[i]);
     while (n < MOST_REST && !isnan(row[REST + n]))
         n++;
-    *degree = degree_of(n);
+    *degree = saga_degree_of_rest(n);
     return *degree >= 0 ||
            saga_fail(error, path, "take 0, 9, 24 or 45", "has %d values of "
                      "f_rest", n);

@@ -112,19 +112,11 @@ static void put_scale(uint8_t p[4], const writer *w, size_t i)
 static void put_quat(uint8_t p[4], const writer *w, size_t i)
 {
     const float *const q = w->cloud->quat + 4 * i;
-    const int largest = saga_cloud_largest(q);
-    int n = 0;
+    uint32_t code[3];
 
-    /* The largest component is made positive. The others, from -sqrt(1/2) to
-     * sqrt(1/2), become 0..255. */
-    for (int k = 0; k < 4; k++)
-        if (k != largest) {
-            const double v = (double)(q[largest] < 0.0f ? -q[k] : q[k]);
-
-            p[n++] = (uint8_t)lrint(
-                fmin(fmax(255.0 * (v * sqrt(0.5) + 0.5), 0.0), 255.0));
-        }
-    p[3] = (uint8_t)(SOG_FIRST_MODE + largest);
+    p[3] = (uint8_t)(SOG_FIRST_MODE + saga_quat_code(code, q, 255.0));
+    for (int n = 0; n < 3; n++)
+        p[n] = (uint8_t)code[n];
 }
 
 static void put_sh0(uint8_t p[4], const writer *w, size_t i)

@@ -228,15 +228,13 @@ static void take_position(float x[3], const sog *s, size_t i)
 static bool take_rotation(float q[4], const sog *s, size_t i)
 {
     const uint8_t *const p = pixel(s, QUATS, i);
+    const uint32_t code[3] = { p[0], p[1], p[2] };
     const int largest = p[3] - SOG_FIRST_MODE;
-    double v[3];
 
     if (largest < 0)
         return saga_fail(s->error, s->path, "copy it again", "the rotation of "
                          "splat %zu has mode %d, not 252 to 255", i, p[3]);
-    for (int n = 0; n < 3; n++)
-        v[n] = (p[n] / 255.0 - 0.5) * sqrt(2.0);
-    saga_quat_complete(q, largest, v);
+    saga_quat_decode(q, largest, code, 255.0);
     return true;
 }
 

@@ -155,15 +155,6 @@ static uint8_t *raw_bytes(saga_cloud *cloud, int bits, const char *path,
     return bytes;
 }
 
-static bool write_all(const char *path, const uint8_t *bytes, size_t n,
-                      saga_error *error)
-{
-    saga_output out;
-
-    return saga_output_open(&out, path, error) &&
-           saga_output_close(&out, fwrite(bytes, 1, n, out.file) == n, error);
-}
-
 /* Writes bytes[0..n) gzipped; the same bytes always give the same file. */
 static bool write_gzip(const char *path, uint8_t *bytes, size_t n,
                        saga_error *error)
@@ -184,7 +175,7 @@ static bool write_gzip(const char *path, uint8_t *bytes, size_t n,
     z.avail_out = (uInt)room;
     ok = packed && (deflate(&z, Z_FINISH) == Z_STREAM_END ||
                     saga_no_memory(room, path, error));
-    ok = ok && write_all(path, packed, z.total_out, error);
+    ok = ok && saga_output_write(path, packed, z.total_out, error);
     deflateEnd(&z);
     free(packed);
     return ok;
@@ -243,7 +234,7 @@ static bool write_streams(const char *path, const uint8_t *bytes,
              saga_no_memory(n, path, error);
         bytes += n;
     }
-    ok = ok && write_all(path, packed, (size_t)(to - packed), error);
+    ok = ok && saga_output_write(path, packed, (size_t)(to - packed), error);
     free(packed);
     return ok;
 }

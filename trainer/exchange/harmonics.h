@@ -15,6 +15,16 @@ static inline int saga_n_harmonics(int degree)
     return (degree + 1) * (degree + 1);
 }
 
+/* Returns the degree whose harmonics above degree 0 have n coefficients in
+ * three channels, or -1 if there is none. */
+static inline int saga_degree_of_rest(int n)
+{
+    for (int degree = 0; degree <= SAGA_MAX_DEGREE; degree++)
+        if (n == 3 * (saga_n_harmonics(degree) - 1))
+            return degree;
+    return -1;
+}
+
 /* The value of Y_0, which is constant. */
 #define SAGA_HARMONIC_0 0.28209479177387814
 

@@ -7,6 +7,7 @@
 
 #include "alloc.h"
 #include "error.h"
+#include "vec3.h"
 
 #include <inttypes.h>
 #include <math.h>
@@ -81,9 +82,7 @@ static double distance_between(const saga_shot *a, const saga_shot *b)
 
     saga_shot_centre(p, a);
     saga_shot_centre(q, b);
-    return sqrt((p[0] - q[0]) * (p[0] - q[0]) +
-                (p[1] - q[1]) * (p[1] - q[1]) +
-                (p[2] - q[2]) * (p[2] - q[2]));
+    return distance3(p, q);
 }
 
 /* How a view differs from the rig's camera that is nearest to it. */

@@ -10,6 +10,7 @@
 
 #include "alloc.h"
 #include "camera.h"
+#include "order.h"
 #include "vec3.h"
 
 #include <math.h>
@@ -29,19 +30,6 @@ enum {
  * points miss. */
 #define NEAR_SLACK 0.6
 #define FAR_SLACK 1.5
-
-static int compare(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
-
-static double quantile(double *x, size_t n, double q)
-{
-    qsort(x, n, sizeof *x, compare);
-    return x[(size_t)(q * (double)(n - 1) + 0.5)];
-}
 
 static bool inside(const saga_shot *v, const double *uv)
 {
@@ -152,8 +140,8 @@ static bool range_of_points(double *range, const saga_capture *c, int view,
     if (n < MIN_POINTS)
         return false;
     /* Two percent of the points at either end are ignored as outliers. */
-    range[0] = NEAR_SLACK * quantile(scratch, n, 0.02);
-    range[1] = FAR_SLACK * quantile(scratch, n, 0.98);
+    range[0] = NEAR_SLACK * saga_quantile(scratch, n, 0.02);
+    range[1] = FAR_SLACK * saga_quantile(scratch, n, 0.98);
     return range[1] > range[0];
 }
 
@@ -283,8 +271,8 @@ static void include_points(double lo[3], double hi[3], const saga_capture *c,
                 scratch[n++] = c->points[k].position[i];
         if (n < MIN_POINTS)
             return;
-        a[i] = quantile(scratch, n, 0.01);
-        b[i] = quantile(scratch, n, 0.99);
+        a[i] = saga_quantile(scratch, n, 0.01);
+        b[i] = saga_quantile(scratch, n, 0.99);
     }
     include(lo, hi, a);
     include(lo, hi, b);
