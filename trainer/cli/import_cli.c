@@ -11,12 +11,10 @@
 #include "commands.h"
 #include "error.h"
 #include "file.h"
-#include "orbit.h"
+#include "import_cameras.h"
 #include "output.h"
 #include "policy.h"
-#include "render_path.h"
 #include "train.h"
-#include "view.h"
 
 #include <dirent.h>
 #include <errno.h>
@@ -27,13 +25,7 @@
 #include <string.h>
 #include <unistd.h>
 
-/* By default N_RINGS rings of N_ROUND cameras look at the splats from
- * outside. */
-enum { N_RINGS = 3, N_ROUND = 8, SIDE = 400, MOST_FILES = 65535 };
-
-#define FIELD_OF_VIEW 45.0
-#define DISTANCE 2.5             /* distance from the centre, in radii of the
-                                  * scene */
+enum { MOST_FILES = 65535 };
 
 /* Lambda is chosen for this mean squared error between the file's and the
  * splats' pictures, which is 40 dB. */
@@ -55,8 +47,7 @@ typedef struct {
     saga_bytes bytes;        /* of the film */
     saga_splat4d *film;      /* all frames, or NULL: each frame is a file */
     saga_cloud first;        /* splats of the first frame */
-    saga_shot *shot;
-    int n_shots;
+    saga_import_cameras cameras;
     saga_capture capture;
     saga_splat_params given;
     saga_train *train;
@@ -171,136 +162,6 @@ static bool read_first(session *s)
                    : saga_cloud_read(&s->first, s->path[0], &s->error);
 }
 
-/* --- Cameras ------------------------------------------------------------- */
-
-static bool alloc_shots(session *s, int n)
-{
-    s->shot = saga_calloc((size_t)n, sizeof *s->shot, "cameras", &s->error);
-    s->n_shots = s->shot ? n : 0;
-    for (int i = 0; i < s->n_shots; i++) {
-        (void)snprintf(s->shot[i].name, sizeof s->shot[i].name, "%d", i);
-        s->shot[i].focal_scale = 1.0;
-    }
-    return s->shot != NULL;
-}
-
-static int width_of(const session *s, int otherwise)
-{
-    return s->o->size.a ? s->o->size.a : otherwise;
-}
-
-static int height_of(const session *s, int otherwise)
-{
-    return s->o->size.b ? s->o->size.b : otherwise;
-}
-
-/* Places cameras all around the splats. By custom, y points down in a cloud. */
-static bool ring(session *s)
-{
-    const int w = width_of(s, SIDE), h = height_of(s, SIDE);
-    const double up[3] = { 0, -1, 0 };
-    double centre[3], radius;
-
-    if (!saga_cloud_extent(centre, &radius, &s->first, &s->error) ||
-        !alloc_shots(s, N_RINGS * N_ROUND))
-        return false;
-    /* The rings are 15 degrees below the centre, 15 and 45 degrees above it.
-     * Each is turned by half a step relative to the one below. Higher means
-     * smaller y. */
-    for (int i = 0; i < s->n_shots; i++) {
-        saga_path_camera c = { .fov = FIELD_OF_VIEW };
-        const double lift = (i / N_ROUND - 0.5) * M_PI / 6;
-        const double turn = 2 * M_PI * (i % N_ROUND + 0.5 * (i / N_ROUND)) /
-                            N_ROUND;
-
-        c.centre[0] = centre[0] + DISTANCE * radius * cos(lift) * cos(turn);
-        c.centre[1] = centre[1] - DISTANCE * radius * sin(lift);
-        c.centre[2] = centre[2] + DISTANCE * radius * cos(lift) * sin(turn);
-        (void)saga_look_at(c.rotation, c.centre, centre, up);
-        saga_path_shot(&s->shot[i], &c, w, h);
-        /* The sphere with four fifths of the opacity is 1.5 to 3.5 radii away;
-         * the depth range has room for splats outside it. */
-        s->shot[i].near_depth = 0.8 * radius;
-        s->shot[i].far_depth = 4.5 * radius;
-    }
-    return true;
-}
-
-static bool path_cameras(session *s)
-{
-    saga_path path;
-    bool ok;
-
-    if (!saga_path_read(&path, s->o->cameras, &s->error))
-        return false;
-    ok = path.n <= SAGA_MAX_CAMERAS
-        ? alloc_shots(s, path.n)
-        : saga_fail(&s->error, s->o->cameras, "use a path with fewer pictures",
-                    "has %d "
-                    "pictures, more than the %d cameras of a file", path.n,
-                    SAGA_MAX_CAMERAS);
-    for (int i = 0; i < s->n_shots && ok; i++) {
-        const saga_path_camera *const c = &path.camera[i];
-        /* --size takes precedence. Without it, a camera with a lens has the
-         * lens's size, and a camera with a field of view has the path's
-         * size. */
-        const int width = c->fov > 0.0 ? path.width : c->lens.width;
-        const int height = c->fov > 0.0 ? path.height : c->lens.height;
-
-        saga_path_shot(&s->shot[i], c, width_of(s, width ? width : SIDE),
-                       height_of(s, height ? height : SIDE));
-    }
-    saga_path_free(&path);
-    return ok;
-}
-
-/* Takes the cameras of another file's rig. */
-static bool rig_cameras(session *s)
-{
-    saga_bytes bytes;
-    saga_film film = { .segment = -1 };
-    bool ok;
-
-    if (!saga_read_file(&bytes, s->o->cameras, &s->error))
-        return false;
-    ok = saga_film_open(&film, s->o->cameras, bytes.data, bytes.nbytes, 1,
-                        &s->error) &&
-         (film.info.n_cameras > 0 ||
-          saga_fail(&s->error, s->o->cameras, "give another file",
-                    "has no cameras")) &&
-         alloc_shots(s, (int)film.info.n_cameras);
-    for (int i = 0; i < s->n_shots && ok; i++) {
-        saga_camera c;
-        uint32_t number;
-
-        ok = saga_film_rig(&film, (uint32_t)i, &c, &number, &s->error);
-        /* --size changes the number of pixels, not what the camera sees. */
-        if (ok && s->o->size.a)
-            saga_camera_resize(&c, s->o->size.a, s->o->size.b);
-        if (ok)
-            saga_shot_of_camera(&s->shot[i], &film.metric, &c);
-    }
-    saga_film_close(&film);
-    saga_bytes_free(&bytes);
-    return ok;
-}
-
-/* Tells whether saga_path_read can read a file: JSON, or COLMAP's images. */
-static bool is_path(const char *name)
-{
-    return saga_has_suffix(name, ".json") ||
-           saga_has_suffix(name, "images.txt") ||
-           saga_has_suffix(name, "images.bin");
-}
-
-static bool find_cameras(session *s)
-{
-    const char *const name = s->o->cameras;
-
-    return !name ? ring(s)
-         : is_path(name) ? path_cameras(s) : rig_cameras(s);
-}
-
 /* --- Training ------------------------------------------------------------ */
 
 static bool progress(void *user, const saga_train_progress *p)
@@ -351,8 +212,8 @@ static bool set_options(saga_train_options *o, session *s)
      * iteration. */
     o->n_warm = 1;
     o->n_render = n ? n : 1500;
-    if (!saga_cloud_params(&s->given, &s->first, s->shot, s->n_shots,
-                           &s->error))
+    if (!saga_cloud_params(&s->given, &s->first, s->cameras.shot,
+                           s->cameras.n_shots, &s->error))
         return false;
     o->given = &s->given;
     return true;
@@ -375,7 +236,7 @@ static bool draw(session *s)
         .path = s->path, .film = s->film, .n_frames = s->n_frames,
         .fps = !isnan(s->o->fps) ? s->o->fps
              : s->film ? saga_splat4d_fps(s->film) : 30.0,
-        .shot = s->shot, .n_shots = s->n_shots,
+        .shot = s->cameras.shot, .n_shots = s->cameras.n_shots,
         .progress = saga_meter_progress, .progress_user = &s->meter
     };
 
@@ -412,7 +273,7 @@ static void end(session *s)
     saga_cloud_free(&s->first);
     saga_splat4d_free(s->film);
     saga_bytes_free(&s->bytes);
-    free(s->shot);
+    free(s->cameras.shot);
     for (int i = 0; i < s->n_files; i++)
         free(s->path[i]);
     free(s->path);
@@ -428,7 +289,7 @@ static int import(session *s)
     if (saga_output_open_alone(&s->out, s->o->out, &s->error)) {
         status = SAGA_EXIT_DATA;
         ok = list_files(s) && open_film(s) && read_first(s) &&
-             find_cameras(s) && draw(s) && train(s);
+             saga_import_find_cameras(&s->cameras) && draw(s) && train(s);
         saga_meter_end(&s->meter);
         if (!ok)
             saga_output_close(&s->out, false, &s->error);
@@ -456,7 +317,8 @@ static bool cannot_read(const char *path)
 static int run(int argc, char **argv)
 {
     options o = { .level = 2, .seed = 1, .fps = NAN };
-    session s = { .o = &o };
+    session s = { .o = &o, .cameras = { .first = &s.first,
+                                        .error = &s.error } };
     const int status = saga_cli_parse(&saga_command_import, &o, &s.splats,
                                       argc, argv);
 
@@ -472,6 +334,8 @@ static int run(int argc, char **argv)
                               "above 0");
     if (saga_cli_threads("import", o.threads))
         return SAGA_EXIT_USAGE;
+    s.cameras.file = o.cameras;
+    s.cameras.size = o.size;
     return import(&s);
 }
 
