@@ -14,15 +14,20 @@ plays the demo,
   gsplat, spark  the pictures that PlayCanvas and Spark draw with their own
                  splat renderers have a PSNR of at least 30 dB; these renderers
                  do not support the steep falloff of our splats
+  spark files    Spark reads the splats of a frame that `saga export` wrote as
+                 PLY, compressed PLY, SPZ and SOG
 NAME is an engine. The engines are fetched from the registry of npm once for a
 build folder. Without npm, the registry, Chromium or the decoder in WebAssembly,
 the check prints that it was skipped.
 """
 
+import math
 import os
 import sys
+import tempfile
 
-from verdict import WEB, Verdicts, read
+import splats
+from verdict import SAGA, WEB, Verdicts, read
 import browser  # noqa: E402  (verdict knows where)
 import npm  # noqa: E402
 
@@ -304,6 +309,67 @@ def check_gaussians(tab, what):
     verdict("%s: %.1f, %.1f dB" % (what, *told))
 
 
+# --- Files -------------------------------------------------------------------
+
+# Formats that Spark reads, and whether their axes are turned against PLY's.
+READ = {"ply": False, "compressed.ply": False, "spz": True, "sog": False}
+
+
+def differ(a, b):
+    """Returns how far two splats are apart, in units of what the formats and the
+    16 bytes to which Spark reduces a splat may round together."""
+    c, d = (sum(splats.covariance(s), []) for s in (a, b))
+    size = max(map(abs, c))
+    return max(
+        max(abs(x - y) for x, y in zip(a["mean"], b["mean"])) / 0.005,
+        max(abs(x - y) for x, y in zip(c, d)) / size / 0.3,
+        abs(a["opacity"] - b["opacity"]) / 0.01,
+        max(abs(x - y) for x, y in zip(a["rgb"], b["rgb"])) / 0.02)
+
+
+def read_by_spark(tab, name, turn):
+    rows = tab.run("""(async () => {
+        const { SplatMesh } = await import('@sparkjsdev/spark');
+        const mesh = new SplatMesh({ url: '/%s' });
+        const rows = [];
+
+        await mesh.initialized;
+        mesh.forEachSplat((i, x, s, q, opacity, rgb) => rows.push([
+            [x.x, x.y, x.z], [s.x, s.y, s.z], [q.w, q.x, q.y, q.z], opacity,
+            [rgb.r, rgb.g, rgb.b]]));
+        return rows;
+    })()""" % name)
+    got = [{"mean": x, "scale": s, "quat": q, "opacity": o, "rgb": rgb,
+            "colour": [[0, 0, 0]]} for x, s, q, o, rgb in rows]
+    return [splats.turned(s, 0) for s in got] if turn else got
+
+
+def check_files(server, tab):
+    worst = {}
+    with tempfile.TemporaryDirectory() as tmp:
+        for suffix in READ:
+            path = "%s/x.%s" % (tmp, suffix)
+            checks.run(SAGA, "export", "docs/demo.saga", "--frame", 12, "-o",
+                       path)
+            server.files["x." + suffix] = read(path)
+        want = splats.read_ply(tmp + "/x.ply")
+    for s in want:
+        s["rgb"] = [min(max(0.5 + 0.28209479177387814 * c, 0), 1)
+                    for c in s["colour"][0]]
+    for suffix, turn in READ.items():
+        got = read_by_spark(tab, "x." + suffix, turn)
+        if len(got) != len(want):
+            complain("Spark reads", len(got), "splats of", suffix)
+        # Formats may have another order. Every 20th splat is looked for.
+        worst[suffix] = max((min(differ(s, w) for w in want)
+                             for s in got[::20]), default=math.inf)
+        if worst[suffix] > 1:
+            complain("Spark reads", suffix, "with errors of", worst[suffix],
+                     "times what is allowed")
+    verdict("spark files: errors of %s of what is allowed" % ", ".join(
+        "%.2f" % w for w in worst.values()))
+
+
 def check_engine(name):
     package = fetch(name)
     if package is None:
@@ -326,6 +392,8 @@ def check_engine(name):
         check_placed(tab, name)
         begin("&%s=1" % OWN[name])
         check_gaussians(tab, OWN[name])
+        if name == "three":
+            check_files(server, tab)
         checks.complaints.extend(tab.log)
         verdict(name + " console")
     finally:
