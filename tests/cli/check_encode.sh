@@ -21,6 +21,9 @@
 #   refined     cameras that are slightly wrong are refined, which is reported,
 #               and `saga eval` compares the file with the capture as it is;
 #               with --no-refine they are used as they are, as are right ones
+#   late        --late auto says where nothing is known; with SAGA_TEST_LONG and
+#               studio, videos of unequal lengths are paired by what moves, as
+#               `saga eval` confirms
 #   alone       two runs cannot write the same file at a time; the temporary
 #               files of a killed run are removed
 #   segments    --segment makes a file of several segments, which eval, info,
@@ -49,6 +52,7 @@
 set -u
 saga=$(realpath "${SAGA:-${BUILD:-build}/saga}")
 dec=$(realpath "${SAGA_DEC:-${BUILD:-build}/saga-dec}")
+shared=$(realpath "$(dirname "$0")/../../../shared/data" 2>/dev/null)
 checks=encode
 . "$(dirname "$0")/verdict.sh"
 cd "$tmp" || exit
@@ -336,6 +340,28 @@ done
 rm -rf poses x.saga eval
 leaves
 verdict refined
+
+# ---- late
+expect 0 cap -o x.saga "${small[@]}" --late auto
+grep -q 'of 4 of 4 cameras what moves does not tell' err ||
+    complain "--late auto: $(cat err)"
+cmp x.saga whole.saga || complain "--late auto without a delay: other bytes"
+studio=$shared/studio
+if [ -n "${SAGA_TEST_LONG:-}" ] && [ -d "$studio" ]; then
+    mkdir studio
+    cp "$studio"/cam*.mp4 "$studio/poses_bounds.npy" studio
+    ffmpeg -v error -y -i "$studio/cam03.mp4" \
+        -vf trim=start_frame=2,setpts=PTS-STARTPTS -c:v libx264 -qp 0 \
+        studio/cam03.mp4 2>err || complain "ffmpeg: $(cat err)"
+    expect 0 studio -o x.saga --scale 1/3 --primitives 200 --iterations 60
+    grep -q 'paired as with --late cam03=-2;' err ||
+        complain "unequal lengths: $(cat err)"
+    "$saga" eval x.saga studio --scale 1/3 --late cam03=-2 >out 2>err ||
+        complain "eval: $(cat err)"
+fi
+rm -rf studio x.saga
+leaves
+verdict late
 
 # ---- segments
 expect 0 cap -o seg.saga "${small[@]}" --segment 2

@@ -52,6 +52,7 @@ static void end(saga_encode_session *s)
     free(s->rows);
     free(s->checkpoint);
     free(s->refined);
+    free(s->late);
 }
 
 static int encode(saga_encode_session *s)
@@ -308,6 +309,13 @@ const saga_command saga_command_encode = {
     "which all segments share. If enough of the scene stands still through\n"
     "enough segments, that part is stored once, as the base, and the segments\n"
     "are trained on top of it; a message says whether this was done, and why.\n"
+    "\n"
+    "Cameras that start late are shifted by --late. With --late auto, or if\n"
+    "videos have unequal lengths, the delays are found by what moves, as\n"
+    "`saga check` does, and reported; if that fails, videos of unequal\n"
+    "lengths are refused. Poses and lenses are refined if matches between the\n"
+    "pictures say so, and a message warns if the cameras do not fit the\n"
+    "pictures.\n"
     "\n"
     "Training has three stages: the warm-up fits Gaussians to the pictures,\n"
     "rendering trains anchors and networks, and packing writes the file.\n"

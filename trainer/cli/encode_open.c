@@ -294,6 +294,8 @@ int saga_encode_open(saga_encode_session *s)
     if (!status)
         status = check_checkpoint(s);
     if (!status)
+        status = saga_encode_synchronise(s);
+    if (!status)
         status = look_at_capture(s);
     if (!status)
         status = saga_encode_refine(s);

@@ -263,6 +263,7 @@ static void put_capture(json_t *o, const saga_encode_session *s)
     saga_put_int(o, "n_frames", s->whole.n_frames);
     saga_put_int(o, "scale", s->capture.scale);
     saga_put_int(o, "/chosen_scale", s->scale);
+    saga_put_text(o, "late", s->late);
     saga_put(o, "refinement", refinement_of(s));
     saga_put(o, "exposure", exposure_of(s));
     saga_put_real(o, "/exposure", saga_encode_exposure(s));

@@ -82,6 +82,12 @@ saga_capture_options saga_encode_capture_options(saga_encode_session *s)
 
     if (s->scale)
         c.scale = s->scale;
+    /* Videos of unequal lengths are cut to the shortest once it is known how
+     * they belong together. */
+    if (s->late) {
+        c.late = s->late;
+        c.any_length = true;
+    }
     c.metres = s->o->metres;
     c.progress = saga_encode_loading;
     c.progress_user = s;

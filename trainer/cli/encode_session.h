@@ -55,6 +55,8 @@ typedef struct saga_encode_session {
     saga_capture whole;          /* the capture's listing, without pictures */
     int n_segments;
     int scale; /* pictures are loaded at 1/scale of their size */
+    char *late;                  /* what was found instead of --late; NULL:
+                                  * nothing was looked for */
     saga_encode_camera *refined; /* (views) NULL: cameras are not refined */
     double fit_before, fit_after; /* error of the test matches in pixels, if
                                   * they are */
@@ -95,6 +97,12 @@ bool saga_encode_has_base(const saga_encode_session *s);
 
 /* Loads the pictures for training a segment, or the base. */
 int saga_encode_load(saga_encode_session *s, int segment);
+
+/* --- Time ---------------------------------------------------------------- */
+
+/* Finds how late cameras are, if that is asked for or needed, and reports
+ * it. */
+int saga_encode_synchronise(saga_encode_session *s);
 
 /* --- Poses --------------------------------------------------------------- */
 

@@ -51,6 +51,13 @@ typedef struct matcher {
     int n_views, n, most;    /* shifts are -most to most */
 } matcher;
 
+double saga_lateness_likely(const saga_lateness *late)
+{
+    const double whole = nearbyint(late->frames);
+    return fabs(late->frames - whole) <= late->tolerance ? whole
+                                                         : late->frames;
+}
+
 /* --------------------------------------------------------------------- rows */
 
 /* Normalises a row to mean 0 and variance 1; a constant row becomes 0. */

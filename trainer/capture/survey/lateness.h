@@ -22,6 +22,10 @@ typedef struct saga_lateness {
 bool saga_lateness_find(saga_lateness *late, const saga_capture *capture,
                         saga_error *error);
 
+/* Returns the delay to correct for: the nearest whole number of frames if that
+ * is within the tolerance, because cameras usually lose whole frames. */
+double saga_lateness_likely(const saga_lateness *late);
+
 /* Returns the sum of absolute differences between frames k and k + 1 of a view,
  * in green, at every `pixels`-th pixel. */
 double saga_change_at(const saga_capture *capture, int view, int k,

@@ -367,20 +367,16 @@ static void judge_rig(saga_survey *s, const saga_capture *c)
              "COLMAP model or ply_file_path helps.");
 }
 
-/* Notes if a camera is not synchronous. If a whole number of frames is within
- * the tolerance, that number is reported, because cameras usually lose whole
- * frames. */
+/* Notes if a camera is not synchronous. */
 static void judge_late(saga_survey *s, const char *name,
                        const saga_lateness *late)
 {
-    const double whole = nearbyint(late->frames);
     if (!(fabs(late->frames) > late->tolerance))
         return;
     note(s, "%s seems to run %.1f frames (+-%.1f) %s the others: give --late "
          "%s=%.3g, or hold it out.", name, fabs(late->frames), late->tolerance,
          late->frames > 0.0 ? "behind" : "before", name,
-         fabs(late->frames - whole) <= late->tolerance ? whole
-                                                       : late->frames);
+         saga_lateness_likely(late));
 }
 
 /* Describes the mistake that, once undone, makes the pictures fit. */
