@@ -191,6 +191,11 @@ vectors() {
     phase "vectors-$1"
 }
 
+frozen() {
+    SAGA_CHECK_VECTORS=$build/gcc/check_vectors \
+        check frozen python3 tests/check_frozen.py
+}
+
 tree() {
     check tree tests/check_tree.sh
     check docs tests/check_docs.sh
@@ -221,6 +226,7 @@ few() {
     build gcc "all tests $build/gcc/check_vectors" CC=gcc
     check circles tests/check_circles.sh "$build/gcc"
     vectors gcc
+    frozen
     programs gcc CC=gcc
     check round tests/cli/check_round.sh
 }
@@ -266,6 +272,7 @@ many() {
     check headset python3 tests/cli/check_headset.py
     check firmware tests/check_firmware.sh
     vectors gcc
+    frozen
     programs gcc CC=gcc
     sanitized
     [ "$what" != all ] || check debian tests/cli/check_debian.sh
