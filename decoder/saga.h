@@ -31,9 +31,12 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* The version of this library and of its programs. The format of files has a
- * separate version (saga_info). */
+/* The version of this library and of its programs, and that of the format of
+ * files, of which a file has the number before the point (saga_info). Format
+ * 1.0 is frozen: what a file shows does not change with the library
+ * (docs/bitstream.md, section 16). */
 #define SAGA_RELEASE "0.1.0"
+#define SAGA_FORMAT "1.0"
 
 #ifdef __cplusplus
 extern "C" {

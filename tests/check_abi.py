@@ -4,8 +4,10 @@
 saga.h still work: it has the same functions, values, and offsets of members.
 
 Compares the header and the library with tests/api/abi.txt, which holds for
-64-bit machines. A missing or changed line breaks programs; a new line must be
-added deliberately, with --write. Before version 1.0 lines may change.
+64-bit machines. A missing or changed line breaks programs, so that it is never
+right to take one out: saga.h is frozen like the format (docs/bitstream.md,
+section 16). A new function, value or structure is added with --write, which
+refuses to remove lines.
 """
 import os
 import re
@@ -82,15 +84,15 @@ def defined():
 
 
 def main():
-    """Compares the header with the list, or with --write replaces the list."""
+    """Compares the header with the list, or with --write adds to the list."""
     text = plain(HEADER.read_text("ascii"))
     found = functions(text)
     lines = found + values(text)
-    if sys.argv[1:] == ["--write"]:
-        LIST.write_text("\n".join(lines) + "\n", "ascii")
-        return 0
     kept = LIST.read_text("ascii").splitlines()
     wrong = [f"gone or changed: {line}" for line in kept if line not in lines]
+    if sys.argv[1:] == ["--write"] and not wrong:
+        LIST.write_text("\n".join(lines) + "\n", "ascii")
+        return 0
     wrong += [f"not in {LIST.relative_to(ROOT)}: {line}"
               for line in lines if line not in kept]
     names = {re.search(r"(saga_\w+)\(", f).group(1) for f in found}

@@ -47,8 +47,8 @@ static int refuse(const char *file, const char *what, saga_status s)
             saga_status_text(s));
     if (s == SAGA_ERR_DATA)
         fprintf(stderr, "saga-dec: this is not a .saga file, or it is damaged "
-                "(see `saga info`),\nor an earlier pre-release of saga wrote "
-                "it\n");
+                "(see `saga info`),\nor a program from before format "
+                SAGA_FORMAT " wrote it and it must be encoded again\n");
     if (s == SAGA_ERR_SPACE || s == SAGA_ERR_LEVEL)
         fprintf(stderr, "saga-dec: this build has the memory of level %d, %lu "
                 "bytes; build with `make LEVEL=3` for more\n", SAGA_LEVEL,
@@ -390,7 +390,8 @@ int main(int argc, char **argv)
         return flushed(0);
     }
     if (argc > 1 && !strcmp(argv[1], "--version")) {
-        printf("saga-dec %s, level %d\n", SAGA_RELEASE, SAGA_LEVEL);
+        printf("saga-dec %s, format %s, level %d\n", SAGA_RELEASE,
+               SAGA_FORMAT, SAGA_LEVEL);
         return flushed(0);
     }
     if (!dec_parse_options(&o, argc, argv))

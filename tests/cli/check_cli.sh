@@ -81,11 +81,11 @@ awk '/^    / { on = 1 } /^[^ ]/ { if (on) exit } on' docs/presets.md |
     sed -e :a -e '/^\n*$/{$d;N;ba' -e '}' >"$tmp/page"
 diff "$tmp/presets" "$tmp/page" >>"$tmp/bad" || :
 expect 0 --version
-grep -Eq '^saga [0-9.]+, files of version [0-9]+$' "$tmp/out" ||
+grep -Eq '^saga [0-9.]+, format 1\.0$' "$tmp/out" ||
     complain "--version says $(cat "$tmp/out")"
 version=$(sed -n 's/^saga \([0-9.]*\),.*/\1/p' "$tmp/out")
 "$saga_dec" --version >"$tmp/out" 2>&1
-grep -q "^saga-dec $version, level [0-3]$" "$tmp/out" ||
+grep -q "^saga-dec $version, format 1\.0, level [0-3]$" "$tmp/out" ||
     complain "saga-dec --version says $(cat "$tmp/out")"
 verdict help
 
@@ -269,8 +269,8 @@ assert [s["damaged"] for s in j["segments"]] == [False, False, True]
 assert sum(j["bytes"].values()) == j["nbytes"]' "$tmp/out" 2>"$tmp/py" ||
     complain "a flipped byte: $(tail -n 1 "$tmp/py")"
 grep -q 'CRC' "$tmp/err" || complain "a flipped byte: $(cat "$tmp/err")"
-# In this stream, the checksum of each chunk begins anew, as it did in
-# pre-releases.
+# In this stream, the checksum of each chunk begins anew, as it did before format
+# 1.0.
 python3 -c '
 import sys
 b = bytearray(open(sys.argv[1], "rb").read())
@@ -284,7 +284,7 @@ for x in b[at:at + 8] + b[at + 12:at + 12 + n]:
 b[at + 8:at + 12] = (crc ^ 0xffffffff).to_bytes(4, "little")
 open(sys.argv[2], "wb").write(b)' "$good" "$tmp/early.saga"
 expect 1 info "$tmp/early.saga"
-says 'pre-release of saga has written it: encode it again'
+says 'a program from before format 1.0 has written it: encode it again'
 verdict "bad: $n files"
 
 # ---- render
@@ -383,10 +383,11 @@ expect 1 render vectors/bad/crc_segment.saga -o "$tmp/x.png"
 says 'segment 0 is refused'
 says 'saga info'
 told 1 'header is refused' render vectors/bad/crc_header.saga -o "$tmp/x.png"
-# These streams are undamaged, but not valid, as a file of a pre-release is.
+# These streams are undamaged, but not valid, as a file from before format 1.0
+# is.
 for f in scale_below_zero more_than_maximum; do
     expect 1 render vectors/bad/$f.saga -o "$tmp/x.png"
-    says 'pre-release of saga: encode it again'
+    says 'from before format 1.0: encode it again'
 done
 named=vectors/good/names.saga
 named_n=0

@@ -5,7 +5,6 @@
  */
 #include "cli.h"
 #include "commands.h"
-#include "container.h"
 #include "presets_cli.h"
 #include "saga.h"
 #include "threads.h"
@@ -137,8 +136,7 @@ static int run(int argc, char **argv)
         !strcmp(name, "help"))
         return help(argc > 2 ? argv[2] : NULL);
     if (!strcmp(name, "--version")) {
-        printf("saga %s, files of version %d\n", SAGA_RELEASE,
-               SAGA_VERSION);
+        puts("saga " SAGA_RELEASE ", format " SAGA_FORMAT);
         return SAGA_EXIT_OK;
     }
     c = find(name);

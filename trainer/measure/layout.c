@@ -47,10 +47,10 @@ static bool wrong_crc(const walk *w, const saga_chunk *c, uint64_t at,
 {
     char what[80];
 
-    /* Older pre-releases began the CRC anew in every chunk. */
+    /* Programs from before format 1.0 began the CRC anew in every chunk. */
     if (saga_chunk_crc(0, c, w->bytes + at + SAGA_CHUNK_NBYTES) == c->crc)
-        snprintf(what, sizeof what, "an earlier pre-release of saga has "
-                 "written it: encode it again");
+        snprintf(what, sizeof what, "a program from before format "
+                 SAGA_FORMAT " has written it: encode it again");
     else
         snprintf(what, sizeof what, "its bytes have the CRC %08" PRIx32
                  ", not the %08" PRIx32 " stored with it", crc, c->crc);

@@ -54,12 +54,14 @@ static bool refuse_late(const saga_film *film, saga_error *error)
 }
 
 /* Reports that the index, the networks or a segment are refused. If no CRC is
- * wrong, the file was written like this, perhaps by an earlier pre-release:
- * until version 1 is final, streams have no version number of their own. */
+ * wrong, the file was written like this, perhaps by a program from before the
+ * format was frozen, whose files have the number of version 1 too. */
 static bool refuse(const saga_film *film, const char *what,
                    saga_status status, saga_error *error)
 {
-    const char *remedy = "`saga info` shows what is damaged";
+    const char *remedy = "`saga info` shows what is damaged, or whether "
+                         "a program from before format " SAGA_FORMAT
+                         " wrote it";
     saga_error ignored = { "" };
     saga_layout layout;
 
@@ -70,7 +72,8 @@ static bool refuse(const saga_film *film, const char *what,
     if (saga_layout_read(&layout, film->name, film->bytes, film->nbytes,
                          &ignored) && !layout.damage[0])
         remedy = "no checksum is wrong, so it was written like this, perhaps "
-                 "by an earlier pre-release of saga: encode it again";
+                 "by a program from before format " SAGA_FORMAT
+                 ": encode it again";
     saga_layout_free(&layout);
     return saga_fail(error, film->name, remedy, "%s (%s)", what,
                      saga_status_text(status));
