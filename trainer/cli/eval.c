@@ -554,6 +554,10 @@ const saga_command saga_command_eval = {
     "median of each pixel over time. The other is the file's PSNR over pixels\n"
     "that differ from this median by more than 8/255.\n"
     "\n"
+    "A view is compared in the tone in which its camera filmed, if the file\n"
+    "has the exposures of its cameras. The column \"exposed\" has the PSNR\n"
+    "without any difference of exposure (psnr_exposed in JSON).\n"
+    "\n"
     "A capture with other cameras, another number of frames or another frame\n"
     "rate than the file is refused. FILE may also be a folder: a capture of\n"
     "the same cameras whose pictures another codec decoded.\n",
