@@ -322,14 +322,6 @@ TEST(exchanged_and_turned_cameras_should_be_named)
     free(views);
 }
 
-static bool says(const saga_survey *s, const char *what)
-{
-    for (int i = 0; i < s->n_notes; i++)
-        if (strstr(s->note[i], what))
-            return true;
-    return false;
-}
-
 /* Half a degree about the vertical moves a picture along the epipolar lines of
  * its neighbours, so that only places seen by three cameras tell. */
 TEST(slightly_turned_camera_should_be_named)

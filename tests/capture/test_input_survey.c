@@ -28,14 +28,6 @@ static saga_survey survey(const saga_capture *c)
     return s;
 }
 
-static bool says(const saga_survey *s, const char *what)
-{
-    for (int i = 0; i < s->n_notes; i++)
-        if (strstr(s->note[i], what))
-            return true;
-    return false;
-}
-
 /* Returns the angle in degrees between two cameras as seen from a place. */
 static double angle_from(const double x[3], const saga_shot *a,
                          const saga_shot *b)

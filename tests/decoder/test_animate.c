@@ -21,35 +21,6 @@ enum { ROUNDS = 300000 };
 static const double log2_e = 1.4426950408889634;
 static const double limit_x = 536870912; /* 2^29 */
 
-static int32_t any_time(gen_rng *r)
-{
-    static const int32_t edges[] = { -32768, 0, 32768, 65535, 98303 };
-
-    return gen_one_in(r, 4) ? edges[gen_int(r, 0, 4)]
-                            : gen_int(r, -32768, 98303);
-}
-
-static void any_primitive(saga_primitive *p, gen_rng *r)
-{
-    for (int i = 0; i < 3; i++) {
-        p->x[i] = gen_one_in(r, 4) ? -(1 << 23) : gen_int(r, -(1 << 23),
-                                                      (1 << 23) - 1);
-        p->support[i] = 1 << gen_int(r, 0, 23);
-        if (gen_one_in(r, 2))
-            p->support[i] = gen_int(r, 1, 1 << 23);
-        p->log2_scale_q10[i] = gen_any16(r, 12);
-    }
-    p->t_centre = any_time(r);
-    for (int i = 0; i < 4; i++) {
-        p->quat[i] = gen_any16(r, 12);
-        p->slope[i] = gen_any16(r, 12);
-    }
-    for (int i = 0; i < 9; i++)
-        p->motion[i] = gen_any16(r, 12);
-    p->opacity = gen_any16(r, 12);
-    p->log2_width_q10 = gen_any16(r, 12);
-}
-
 static int32_t any_t(gen_rng *r)
 {
     return gen_one_in(r, 8) ? 0
@@ -122,7 +93,7 @@ TEST(position_should_follow_the_cubic)
         const int32_t t = any_t(&r);
 
         gen_hard_format(&f, &r);
-        any_primitive(&p, &r);
+        gen_hard_primitive(&p, &r, 12);
         saga_animate(&a, &p, &f, t);
         check_position(&a, &p, &f, t);
         saturated += abs(a.x[0]) == 1 << 29;
@@ -227,7 +198,7 @@ TEST(quaternion_should_be_linear_in_age)
         const int32_t t = any_t(&r);
 
         gen_hard_format(&f, &r);
-        any_primitive(&p, &r);
+        gen_hard_primitive(&p, &r, 12);
         p.log2_width_q10 &= ~1023; /* the age is exact */
         saga_animate(&a, &p, &f, t);
         for (int k = 0; k < 4; k++)
@@ -250,7 +221,7 @@ TEST(slope_of_zero_should_rotate_as_no_slope)
         const int32_t t = any_t(&r);
 
         gen_hard_format(&f, &r);
-        any_primitive(&p, &r);
+        gen_hard_primitive(&p, &r, 12);
         memset(p.slope, 0, sizeof p.slope);
         f.has_slope = 0;
         saga_animate(&a, &p, &f, t);
@@ -302,7 +273,7 @@ TEST(opacity_should_fade_with_the_distance_in_time)
         const int32_t t = any_t(&r);
 
         gen_hard_format(&f, &r);
-        any_primitive(&p, &r);
+        gen_hard_primitive(&p, &r, 12);
         if (gen_one_in(&r, 2)) /* a width of about a segment */
             p.log2_width_q10 = (int16_t)gen_int(&r, 10 << 10, 18 << 10);
         saga_animate(&a, &p, &f, t);
@@ -376,7 +347,7 @@ TEST(fields_of_tools_that_are_off_should_not_be_read)
         const int32_t t = any_t(&r);
 
         gen_hard_format(&f, &r);
-        any_primitive(&p, &r);
+        gen_hard_primitive(&p, &r, 12);
         memset(&a, 0x00, sizeof a);
         saga_animate(&a, &p, &f, t);
         fill(p.motion + 3 * f.motion_order,

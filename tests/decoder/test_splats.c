@@ -23,6 +23,7 @@ static void any_primitive(saga_primitive *p, gen_rng *r, const saga_camera *c)
 {
     saga_animated a;
 
+    gen_hard_primitive(p, r, 14);
     gen_hard_animated(&a, r, c);
     for (int i = 0; i < 3; i++) {
         p->x[i] = a.x[i];
@@ -30,36 +31,27 @@ static void any_primitive(saga_primitive *p, gen_rng *r, const saga_camera *c)
         p->log2_scale_q10[i] = (int16_t)a.log2_scale_q10[i];
     }
     p->t_centre = gen_one_in(r, 2) ? gen_int(r, -32768, 98303) : 32768;
-    for (int i = 0; i < 4; i++) {
-        p->quat[i] = gen_any16(r, 14);
-        p->slope[i] = gen_any16(r, 14);
-    }
     for (int i = 0; i < 9; i++)
-        p->motion[i] = gen_one_in(r, 3) ? 0
-                                        : (int16_t)(gen_any16(r, 14) / 4096);
-    p->opacity = gen_one_in(r, 3) ? gen_any16(r, 14)
-                                  : (int16_t)gen_int(r, 0, 32767);
-    p->log2_width_q10 = gen_one_in(r, 2) ? gen_any16(r, 14)
-                                     : (int16_t)gen_int(r, 10000, 32767);
+        p->motion[i] = gen_one_in(r, 3) ? 0 : (int16_t)(p->motion[i] / 4096);
+    if (!gen_one_in(r, 3))
+        p->opacity = (int16_t)gen_int(r, 0, 32767);
+    if (gen_one_in(r, 2))
+        p->log2_width_q10 = (int16_t)gen_int(r, 10000, 32767);
 }
 
 /* Makes a primitive with all values at their limits. */
 static void edge_primitive(saga_primitive *p, gen_rng *r)
 {
+    gen_hard_primitive(p, r, 14);
     for (int i = 0; i < 3; i++) {
         p->x[i] = gen_one_in(r, 2) ? -(1 << 23) : gen_int(r, -4, 4);
         p->support[i] = gen_one_in(r, 2) ? 1 : 1 << 23;
-        p->log2_scale_q10[i] = gen_any16(r, 14);
     }
     p->t_centre = gen_one_in(r, 2) ? -32768 : 98303;
-    for (int i = 0; i < 4; i++) {
+    for (int i = 0; i < 4; i++)
         p->quat[i] = gen_one_in(r, 2) ? 32767 : -32767;
-        p->slope[i] = gen_any16(r, 14);
-    }
     for (int i = 0; i < 9; i++)
         p->motion[i] = gen_one_in(r, 2) ? 32767 : -32767;
-    p->opacity = gen_any16(r, 14);
-    p->log2_width_q10 = gen_any16(r, 14);
 }
 
 static int same_splat(const saga_splat *a, const saga_splat *b)

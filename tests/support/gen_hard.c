@@ -142,3 +142,27 @@ void gen_hard_format(saga_prim_format *f, gen_rng *r)
     f->has_slope = (uint8_t)gen_int(r, 0, 1);
     f->has_width = (uint8_t)gen_int(r, 0, 1);
 }
+
+void gen_hard_primitive(saga_primitive *p, gen_rng *r, int max_shift)
+{
+    static const int32_t times[] = { -32768, 0, 32768, 65535, 98303 };
+
+    for (int i = 0; i < 3; i++) {
+        p->x[i] = gen_one_in(r, 4) ? -(1 << 23) : gen_int(r, -(1 << 23),
+                                                      (1 << 23) - 1);
+        p->support[i] = 1 << gen_int(r, 0, 23);
+        if (gen_one_in(r, 2))
+            p->support[i] = gen_int(r, 1, 1 << 23);
+        p->log2_scale_q10[i] = gen_any16(r, max_shift);
+    }
+    p->t_centre = gen_one_in(r, 4) ? times[gen_int(r, 0, 4)]
+                                   : gen_int(r, -32768, 98303);
+    for (int i = 0; i < 4; i++) {
+        p->quat[i] = gen_any16(r, max_shift);
+        p->slope[i] = gen_any16(r, max_shift);
+    }
+    for (int i = 0; i < 9; i++)
+        p->motion[i] = gen_any16(r, max_shift);
+    p->opacity = gen_any16(r, max_shift);
+    p->log2_width_q10 = gen_any16(r, max_shift);
+}

@@ -21,6 +21,11 @@ void gen_hard_format(saga_prim_format *f, gen_rng *r);
  * the camera, behind it or far outside. */
 void gen_hard_animated(saga_animated *a, gen_rng *r, const saga_camera *c);
 
+/* Makes a primitive whose values are independent of each other: 16-bit values
+ * shifted right by 0..max_shift, places in the cube, and valid supports and
+ * times. */
+void gen_hard_primitive(saga_primitive *p, gen_rng *r, int max_shift);
+
 /* Returns a number lo..hi shifted right by 0..max_shift, so that small values
  * occur, too. It draws from r in a fixed order, unlike gen_int(..) >>
  * gen_int(..). */

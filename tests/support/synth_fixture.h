@@ -6,11 +6,11 @@
 #define SYNTH_FIXTURE_H
 
 #include "capture_files.h"
+#include "survey.h"
 #include "synth_capture.h"
 
 /* Makes the capture, in a folder that is removed before the tests begin. */
-static inline int synth_enter(void **state,
-                                      const saga_synth_options *s)
+static inline int synth_enter(void **state, const saga_synth_options *s)
 {
     saga_capture *const c = must(malloc(sizeof *c));
     void *f;
@@ -27,6 +27,15 @@ static inline int synth_leave(void **state)
     saga_capture_free(*state);
     free(*state);
     return 0;
+}
+
+/* Tells whether a note of a survey contains `what`. */
+static inline bool says(const saga_survey *s, const char *what)
+{
+    for (int i = 0; i < s->n_notes; i++)
+        if (strstr(s->note[i], what))
+            return true;
+    return false;
 }
 
 #endif

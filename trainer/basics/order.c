@@ -24,3 +24,20 @@ double saga_quantile(double *x, size_t n, double q)
     qsort(x, n, sizeof *x, saga_by_value);
     return x[(size_t)(q * (double)(n - 1) + 0.5)];
 }
+
+int saga_nearest_add(int *near, double *distance, int n, int most, int item,
+                     double d)
+{
+    int at;
+
+    if (n == most && d >= distance[n - 1])
+        return n;
+    n += n < most;
+    for (at = n - 1; at > 0 && distance[at - 1] > d; at--) {
+        distance[at] = distance[at - 1];
+        near[at] = near[at - 1];
+    }
+    distance[at] = d;
+    near[at] = item;
+    return n;
+}

@@ -3,6 +3,7 @@
 
 #include "alloc.h"
 #include "camera.h"
+#include "order.h"
 #include "vec3.h"
 
 #include <math.h>
@@ -137,17 +138,9 @@ static int find_neighbours(int near[N_NEIGHBOURS], const saga_pictures *p,
     for (int i = 0; i < p->n_train; i++) {
         const double d = i == k ? INFINITY
                                 : apart(p, p->train[k], p->train[i]);
-        int at;
 
-        if (!(d < MOST_ANGLE) || (n == N_NEIGHBOURS && d >= far[n - 1]))
-            continue;
-        n += n < N_NEIGHBOURS;
-        for (at = n - 1; at > 0 && far[at - 1] > d; at--) {
-            far[at] = far[at - 1];
-            near[at] = near[at - 1];
-        }
-        far[at] = d;
-        near[at] = i;
+        if (d < MOST_ANGLE)
+            n = saga_nearest_add(near, far, n, N_NEIGHBOURS, i, d);
     }
     return n > 0 && far[0] > LEAST_ANGLE ? n : 0;
 }

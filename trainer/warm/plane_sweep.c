@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 #include "plane_sweep.h"
 
+#include "order.h"
+
 #include <math.h>
 #include <string.h>
 
@@ -136,26 +138,15 @@ static int near_views(int *near, const saga_pictures *p, int view)
 
     for (int k = 0; k < p->n_train; k++) {
         const saga_shot *const b = all + p->train[k];
-        double same = 0, d;
-        int at;
+        double same = 0;
 
         /* Row 2 of a rotation is the forward axis; `same` is the cosine of the
          * angle between both. */
         for (int j = 6; j < 9; j++)
             same += a->rotation[j] * b->rotation[j];
-        if (p->train[k] == view || same < 0.2)
-            continue;
-        d = centre_distance(a, b);
-        if (n == N_NEAR && d >= far[n - 1])
-            continue;
-        /* Insert the view into the sorted list of the N_NEAR nearest views. */
-        n += n < N_NEAR;
-        for (at = n - 1; at > 0 && far[at - 1] > d; at--) {
-            far[at] = far[at - 1];
-            near[at] = near[at - 1];
-        }
-        far[at] = d;
-        near[at] = p->train[k];
+        if (p->train[k] != view && same >= 0.2)
+            n = saga_nearest_add(near, far, n, N_NEAR, p->train[k],
+                                 centre_distance(a, b));
     }
     return n;
 }
