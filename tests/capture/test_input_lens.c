@@ -53,7 +53,8 @@ static void undistort(const lens *l, const double to[2], double x[2])
 }
 
 /* Returns the brightness of the scene in the direction (x, y, 1), 0..255. Each
- * channel has waves of at least 27 pixels in a direction of its own. */
+ * channel has waves in a direction of its own, of 2 pi / 29 or more: at
+ * least 27 pixels through these lenses, whose shortest focal length is 126. */
 static double pattern(double x, double y, int channel)
 {
     static const double a[3][2] = { { 29, 0 }, { 4, 27 }, { -20, 19 } };

@@ -299,8 +299,8 @@ static bool look_at_rows(saga_encode_session *s, saga_film *film, int segment,
 static int compare_segment(saga_encode_session *s, saga_film *film, int segment,
                            tally *t)
 {
-    /* A single segment, or the one of --only, is still in memory from
-     * training. */
+    /* A single segment is still in memory from training. With --networks the
+     * program trains a single one, too: that of --only. */
     const bool is_there = s->n_segments == 1 || s->o->networks;
     const int status = is_there ? SAGA_EXIT_OK : saga_encode_load(s, segment);
 

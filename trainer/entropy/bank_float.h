@@ -39,9 +39,12 @@ typedef struct saga_bank_float {
 bool saga_bank_float_start(real *state, size_t n_slots, size_t width,
                            saga_error *error);
 
-/* Return the number of reals in a thread's scratch, and the bank that is
- * prepared in it. */
+/* Returns the number of reals that saga_bank_float_of needs as scratch. Each
+ * thread has a scratch of its own. */
 size_t saga_bank_float_scratch(size_t n_slots, size_t width);
+
+/* Returns a bank to read with this state. It is transposed into scratch, which
+ * has to live as long as the bank. */
 saga_bank_float saga_bank_float_of(const real *state, size_t n_slots,
                                    size_t width, real *scratch);
 

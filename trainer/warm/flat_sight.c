@@ -21,7 +21,8 @@ enum {
 
 /* --- Over time ----------------------------------------------------------- */
 
-/* Tells whether any witness sees at frame g what it saw at `frame`. */
+/* Tells whether any of n witnesses (the views view[]) still sees at frame g, at
+ * its pixel uv[], what it saw in the patch then[]. */
 static bool unchanged(const saga_flat *f, const saga_patch *then,
                       const int *view, double (*uv)[2], int n, int g)
 {

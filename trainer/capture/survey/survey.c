@@ -526,8 +526,9 @@ static void judge_view(saga_survey *s, const saga_capture *c, int v)
              c->n_frames);
 }
 
-/* Finds how late views are by how much changes in them and, if the cameras fit
- * the pictures, by matches. The more certain result is used. */
+/* Finds how late each view is: from how much of its picture changes at each
+ * frame and, unless the calibration was found wrong, from matches between
+ * views. The more certain result is used. */
 static bool take_late(saga_survey *s, const saga_capture *c, saga_error *error)
 {
     const bool fits = !s->calibration.found && !s->calibration.bad;

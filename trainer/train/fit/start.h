@@ -2,8 +2,8 @@
  *
  * The start of the fit finds features and networks that draw the warm-up's
  * primitives as well as a linear map from so few features can. It is computed
- * directly, without training on pictures, so that the rendering begins with the
- * quality that the warm-up ended with.
+ * directly, without training on pictures, so that the rendering stage begins
+ * with the quality that the warm-up ended with.
  *
  * The networks compute the attributes of primitive i as
  *

@@ -55,7 +55,8 @@ bool saga_pack_exposures(saga_packed *file, const saga_pictures *pictures,
                          saga_error *error);
 
 /* Inserts a segment of n_frames frames before segment `place` of the file
- * (saga_encoder_insert). The networks of the choice's scene are the file's.
+ * (saga_encoder_insert). The scene that in->choice describes must have the
+ * networks with which the file was begun.
  * decoded: NULL, or set to the scene that a decoder has, with decoded symbols
  * and networks, in reals; the caller frees it by saga_scene_free, even after a
  * failure. Returns false with *error set if memory is short or the scene cannot

@@ -97,8 +97,8 @@ typedef struct saga_train_options {
     void *progress_user;
 } saga_train_options;
 
-/* The part of a segment's iterations that the warm-up has; the rendering has
- * the rest, and its iterations take longer. */
+/* The part of a segment's iterations that the warm-up has; the rendering stage
+ * has the rest, and its iterations take longer. */
 #define SAGA_WARM_PART 0.6
 
 /* Returns the defaults: one segment, 5,000 primitives, 6,000 iterations, level

@@ -20,7 +20,7 @@
 
 #include <math.h>
 
-/* The parts of the rendering after which the step is set. */
+/* The parts of the rendering stage after which the step is set. */
 static const double moment[] = { 0.05, 0.15, 0.3, 0.5, 0.65, 0.7, 0.8, 0.92 };
 
 /* Limits what is drawn of a segment together with the base to this many times
@@ -90,7 +90,7 @@ static double n_paid(const saga_size_terms *t)
 }
 
 /* Returns by how many bytes the segment may still grow, after the part `over`
- * of the rendering; negative if it is too large. */
+ * of the rendering stage; negative if it is too large. */
 static double left_for(const saga_size_terms *t, double over)
 {
     const saga_encode_sizes *const z = t->sizes;

@@ -18,8 +18,8 @@ typedef struct saga_size_terms {
                                      * now */
 } saga_size_terms;
 
-/* Returns the part of the rendering that is done, in 0..1, if the step is to be
- * set before this iteration; otherwise 0. */
+/* Returns the part of the rendering stage that is done, in 0..1, if the step is
+ * to be set before this iteration; otherwise 0. */
 double saga_size_moment(int iteration, int n_render);
 
 /* Returns the factor for the step of the features at that moment. n: number of

@@ -10,7 +10,7 @@
 
 /* A teacher adds this part to the time of a training, for a still and for a
  * moving scene. With two teachers, 50 and 20 % were measured: those of a moving
- * scene draw fewer pictures, and none for the rendering. */
+ * scene draw fewer pictures, and none for the rendering stage. */
 #define STILL_TIME 0.25
 #define MOVING_TIME 0.1
 

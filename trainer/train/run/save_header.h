@@ -32,7 +32,8 @@ void saga_train_header_fill(saga_train_header *h, const saga_train *t);
 void saga_train_header_walk(saga_train_header *h, saga_checkpoint *c);
 
 /* Tells whether a training can be at the header's stage: there is a fit from
- * the rendering on, and nothing is saved behind the last stage but networks. */
+ * the rendering stage on, and nothing is saved behind the last stage but
+ * networks. */
 bool saga_train_header_stage(const saga_train_header *h);
 
 /* Compare a header with the options of t, except for the pictures. Return false

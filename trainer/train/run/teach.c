@@ -93,7 +93,7 @@ void saga_train_end_teaching(saga_train *t)
 {
     /* The model of a moving scene is better than its teachers by now: with
      * three of their pictures in ten, views between the cameras lose 0.7 dB in
-     * the rendering (docs/lab/teachers.md). */
+     * the rendering stage (docs/lab/teachers.md). */
     if (t->capture->n_frames > 1)
         t->pictures.novel = NULL;
 }

@@ -192,7 +192,8 @@ static bool begin_rendering(saga_train *t, saga_error *error)
     saga_train_settle_price(t);
     if (!saga_train_decide(t, error))
         return false;
-    /* A scene too large for the level fails here, before the rendering. */
+    /* A scene too large for the level fails here, before the rendering
+     * stage. */
     return saga_train_begin_fit(t, error) &&
            saga_fit_start(t->fit, &t->target, error) &&
            saga_train_check_level(t, error);

@@ -54,7 +54,7 @@ struct saga_train_progress {
     double psnr;                 /* PSNR in dB of recent training pictures; 0:
                                   * none yet */
     double bits;                 /* estimated bits of all residuals; 0 before
-                                  * the rendering */
+                                  * the rendering stage */
     double done;                 /* part of all segments' work, 0..1, an
                                   * estimate */
 };

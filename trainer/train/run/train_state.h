@@ -54,7 +54,7 @@ struct saga_train {
     saga_flat *flat;             /* the warm-up or, until there are n_teachers,
                                   * the next teacher */
 
-    /* The rest is set from the rendering on. */
+    /* The rest is set from the rendering stage on. */
     bool fitting, dynamic;
     uint32_t tools;              /* SAGA_TOOL_* bits of the picture */
     saga_train_tool tool[SAGA_TRAIN_N_TOOLS]; /* the verdicts on them */
@@ -147,8 +147,8 @@ bool saga_train_begin_warm(saga_train *t, saga_error *error);
 /* Is called before each iteration. If a teacher is finished, keeps it and
  * begins the next teacher or the warm-up. */
 bool saga_train_end_lesson(saga_train *t, saga_error *error);
-/* Is called before the rendering. In a moving scene no picture is from the
- * teachers any more. */
+/* Is called before the rendering stage. In a moving scene no picture is from
+ * the teachers any more. */
 void saga_train_end_teaching(saga_train *t);
 /* Save and restore the teachers and t->flat. */
 void saga_train_save_warm(saga_train *t, saga_checkpoint *c);
@@ -164,8 +164,8 @@ void saga_train_model(saga_model *m, const saga_train *t);
 bool saga_train_decide(saga_train *t, saga_error *error);
 /* Tells whether a base is possible with these options. */
 bool saga_train_may_have_base(const saga_train *t);
-/* Is called before each iteration of the rendering; adjusts the step if a size
- * was asked for. */
+/* Is called before each iteration of the rendering stage; adjusts the step if a
+ * size was asked for. */
 bool saga_train_steer(saga_train *t, saga_error *error);
 /* Returns the number of primitives for the present turn. If a size was asked
  * for, it is the number that fills what the finished segments left. */
