@@ -475,6 +475,12 @@ dist:
 	    >$(DIST)/saga-$(RELEASE).tar.gz
 	@cd $(DIST) && sha256sum *.whl *.tgz *.tar.gz >SHA256SUMS && cat SHA256SUMS
 
+# The libraries that the programs load, with versions and licences (CycloneDX).
+.PHONY: sbom
+sbom: $(BUILD)/saga $(BUILD)/saga-dec $(BUILD)/saga-play
+	@mkdir -p $(DIST)
+	@tools/sbom.py $^ >$(DIST)/saga.cdx.json
+
 # The package for implementers of other decoders.
 .PHONY: conformance
 CONFORMANCE = saga-conformance-$(RELEASE)
@@ -681,6 +687,7 @@ make web         the page and the decoder for browsers, in $(BUILD)/web
 make wheel       the Python module with its library, in $(BUILD)/dist
 make npm         the packages for browsers and engines, in $(BUILD)/dist
 make dist        wheel, npm packages, source and checksums; needs a git clone
+make sbom        what the programs load, as CycloneDX: build/dist/saga.cdx.json
 make conformance documents, vectors and a program that compares, for authors of
                  other decoders, in $(BUILD)/dist
 make setup       installs packages for building and testing (Debian, as root)

@@ -19,13 +19,13 @@
 # pictures of 160x90. A scene takes about 4 minutes.
 #
 # Last it trains the paper's whole model (`saga encode --model paper`) and the
-# same without one part after the other on the first scene of SHARED, at three
-# rates: 24 trainings of 20 s.
+# same without one part after the other on each scene of PAPER,
+# NAME:PRIMITIVES:LAMBDA,LAMBDA: 56 trainings of 10 to 20 s.
 #
 # Environment: LAMBDAS (the rates, the lowest first), TRAIN (more options of
 # `saga encode`) and REFIT (of make_refit); for shared anchors SHARED_SYNTH
-# (options of `saga synth`) and SHARED_ITERATIONS (of each training); for the
-# paper's model PAPER_LAMBDAS, the rates.
+# (options of `saga synth`) and SHARED_ITERATIONS (of each training), which count
+# for the paper's model, too.
 set -euo pipefail
 saga=$1
 folder=$2
@@ -105,20 +105,27 @@ for slots in 32 64 128 256 512; do
 done
 
 read -ra shared_synth <<<"${SHARED_SYNTH:---size 160x90}"
+
+# render SCENE: renders its capture in $at if it is not there.
+render() {
+    at=$folder/shared.$1
+    [ -d "$at" ] || "$saga" synth "$at" --scene "$1" --threads "$threads" \
+        "${shared_synth[@]}"
+}
+
 for scene in ${SHARED:-room:2000 ring:3000}; do
-    at=$folder/shared.${scene%%:*}
-    [ -d "$at" ] || "$saga" synth "$at" --scene "${scene%%:*}" \
-        --threads "$threads" "${shared_synth[@]}"
+    render "${scene%%:*}"
     [ -f "$at.json" ] || OMP_NUM_THREADS=1 into "$at.json" \
         "$bin/make_shared" "$at" "${scene#*:}" "${SHARED_ITERATIONS:-2400}"
 done
 
-# part NAME OPTIONS...: trains a model at each rate, on $at with $primitives.
+# part NAME OPTIONS...: trains a model on $scene at each of its rates.
 part() {
-    local name=$1 to
+    local name=$1 primitives lambdas lambda to
     shift
-    for lambda in ${PAPER_LAMBDAS:-700 200 60}; do
-        to=$folder/paper/$name.$lambda
+    IFS=: read -r _ primitives lambdas <<<"$scene"
+    for lambda in ${lambdas//,/ }; do
+        to=$folder/paper/${scene%%:*}/$name.$lambda
         [ ! -f "$to.json" ] || continue
         rm -f "$to.saga.ckpt"
         OMP_NUM_THREADS=1 into "$to.json" "$saga" encode "$at" -o "$to.saga" \
@@ -127,18 +134,18 @@ part() {
     done
 }
 
-read -r scene _ <<<"${SHARED:-room:2000}"
-at=$folder/shared.${scene%%:*}
-primitives=${scene#*:}
-mkdir -p "$folder/paper"
-part full --model paper
-part flat
-part nearest --model paper --ablate nearest
-part no-hash --model paper --ablate no-hash
-part raw-networks --model paper --ablate raw-networks
-part plain-update --model paper --ablate plain-update
-part no-bank --model paper --ablate no-bank
-part no-fuse --model paper --ablate no-fuse
+for scene in ${PAPER:-room:2000:700,200,60 ring:2000:7000,700,200,60}; do
+    render "${scene%%:*}"
+    mkdir -p "$folder/paper/${scene%%:*}"
+    part full --model paper
+    part flat
+    part nearest --model paper --ablate nearest
+    part no-hash --model paper --ablate no-hash
+    part raw-networks --model paper --ablate raw-networks
+    part plain-update --model paper --ablate plain-update
+    part no-bank --model paper --ablate no-bank
+    part no-fuse --model paper --ablate no-fuse
+done
 
 reports=()
 for scene in "built-in=$folder/r$number/full.saga" "$@"; do

@@ -6,7 +6,8 @@ lab/ablation.sh fills FOLDER. It has a folder rN/ for each rate, the lowest
 first, with VARIANT.json (make_refit), VARIANT.eval.json (saga eval --json) and
 VARIANT.times.json (make_times) for each variant, and trained.eval.json for the
 file from which the variants are made; shared.SCENE.json (make_shared); and
-paper/PART.LAMBDA.json (saga encode --json), the paper's model without a part.
+paper/SCENE/PART.LAMBDA.json (saga encode --json), the paper's model without a
+part.
 Further arguments are reports of make_order0, with the scenes' names.
 Prints Markdown; writes FOLDER/curves.dat and FOLDER/slots.dat for gnuplot.
 """
@@ -336,49 +337,61 @@ PARTS = (("full", "", "", "nothing"),
 
 
 def paper_runs(folder):
-    """For each part the runs at all rates, the lowest first."""
+    """For each scene, and each part, the runs at all rates, the lowest first.
+    Scenes of which a part is missing are left out."""
     out = {}
-    for name, *_ in PARTS:
-        runs = [json.load(open(p)) for p in
-                glob.glob(os.path.join(folder, "paper", f"{name}.*.json"))]
-        out[name] = sorted(runs, key=lambda r: -r["options"]["lambda"])
+    for scene in sorted(glob.glob(os.path.join(folder, "paper", "*"))):
+        parts = {}
+        for name, *_ in PARTS:
+            runs = [json.load(open(p)) for p in
+                    glob.glob(os.path.join(scene, f"{name}.*.json"))]
+            parts[name] = sorted(runs, key=lambda r: -r["options"]["lambda"])
+        if all(parts.values()):
+            out[os.path.basename(scene)] = parts
     return out
 
 
-def whole(runs):
-    """The paper's whole model beside itself without its parts."""
+def whole_scene(scene, runs):
+    """A scene's model of the paper beside itself without its parts."""
     def bd(name, views):
         rows = {key: [{"bytes": r["nbytes"], views: r["psnr"][views]}
                       for r in runs[key]] for key in ("full", name)}
         return percent(bd_of(rows, "full", name, views))
 
     first = runs["full"][0]
-    print("## The paper's whole model without its parts\n")
+    nets = [100 * r["bytes"]["networks"] / r["nbytes"] for r in runs["full"]]
+    print(f"{scene}, {first['options']['primitives']:,} primitives, networks "
+          f"are {min(nets):.0f} to {max(nets):.0f} % of the first row:\n")
     table(["left out", "name", "paper", "training", "held out"] +
           [f"lambda {r['options']['lambda']:g}" for r in runs["full"]],
           [[what, v, paper, bd(name, "training"), bd(name, "held_out")] +
            [f"{r['nbytes']:,}; {db(r['psnr']['training'])} / "
             f"{db(r['psnr']['held_out'])}" for r in runs[name]]
-           for name, v, paper, what in PARTS if runs[name]])
+           for name, v, paper, what in PARTS])
+
+
+def whole(scenes):
+    """The paper's whole model beside itself without its parts."""
+    print("## The paper's whole model without its parts\n")
+    for scene, runs in scenes.items():
+        whole_scene(scene, runs)
+    options = next(iter(scenes.values()))["full"][0]["options"]
     prose("`saga encode --model paper` has shared anchors, interpolation, "
-          "Fuse, residual hash and memory bank. Each row leaves one part out and is "
-          "trained anew from the pictures. Paper, training and held out are "
-          "BD-rates against the first row: above 0, the part pays. A cell has "
-          "bytes and PSNR in dB of training / held-out views, from the decoded "
-          f"file. The scene is {os.path.basename(first['capture'])[7:]}: "
-          f"{first['options']['primitives']:,} primitives, "
-          f"{first['options']['iterations']:,} iterations, seed "
-          f"{first['options']['seed']}, 160x90. Each row is one training at "
-          "each rate, so less than 2 % proves nothing. A dash: the curves "
-          "share no PSNR.")
-    nets = [100 * r["bytes"]["networks"] / r["nbytes"] for r in runs["full"]]
-    prose(f"Networks take {min(nets):.0f} to {max(nets):.0f} % of the files of "
-          "the first row, and 12 % of the paper's files of megabytes. A part "
-          "that adds a network therefore has more to win back here. We "
-          "believe that V1 differs from the paper because of how training "
-          "starts: a primitive with features of its own starts as the "
-          "warm-up made it ([lab/start.md](../lab/start.md)), primitives that "
-          "share an anchor start as their mean.")
+          "Fuse, residual hash and memory bank. Each row leaves one part out "
+          "and is trained anew from the pictures. Paper, training and held "
+          "out are BD-rates against the first row: above 0, the part pays. A "
+          "cell has bytes and PSNR in dB of training / held-out views, from "
+          f"the decoded file. All trainings have {options['iterations']:,} "
+          f"iterations and seed {options['seed']}; pictures have 160x90 "
+          "pixels. Each row is one training at each rate, so less than 2 % "
+          "proves nothing. A dash: the curves share no PSNR, or PSNR falls as "
+          "bytes grow.")
+    prose("Networks are 12 % of the paper's files of megabytes. A part that "
+          "adds a network therefore has more to win back here. We believe "
+          "that V1 differs from the paper because of how training starts: a "
+          "primitive with features of its own starts as the warm-up made it "
+          "([lab/start.md](../lab/start.md)), primitives that share an anchor "
+          "start as their mean.")
 
 
 def beside(rates, scenes):
@@ -521,7 +534,7 @@ def main(folder, scenes):
         shared(sharing)
         beside(rates, sharing)
     paper = paper_runs(folder)
-    if all(paper.values()):
+    if paper:
         whole(paper)
     if scenes:
         order0(scenes)

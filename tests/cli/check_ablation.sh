@@ -104,7 +104,7 @@ mkdir "$folder"
 ablate() {
     LAMBDAS='0.09 0.0009' TRAIN='--primitives 150 --iterations 150 --moving' \
         REFIT='--iterations 20' SHARED=ring:80 SHARED_ITERATIONS=60 \
-        PAPER_LAMBDAS='20 5' \
+        PAPER=ring:80:20,5 \
         SHARED_SYNTH='--size 48x27 --cameras 4 --frames 3' lab/ablation.sh "$saga" "$folder" \
         "$results" 1 "again=$folder/r2/in.saga" >"$tmp/out" 2>&1 ||
         complain "ablation: $(tail -n 3 "$tmp/out")"
@@ -146,7 +146,7 @@ tools = {"full": HASH | BANK_TOOL, "flat": 0, "nearest": HASH | BANK_TOOL,
          "no-fuse": HASH | BANK_TOOL}
 for name, has in tools.items():
     for rate in "20", "5":
-        at = f"{sys.argv[1]}/paper/{name}.{rate}"
+        at = f"{sys.argv[1]}/paper/ring/{name}.{rate}"
         head = open(at + ".saga", "rb").read(76)
         found = int.from_bytes(head[72:76], "little")
         assert found & (HASH | BANK_TOOL | PLAIN) == has, (name, found)

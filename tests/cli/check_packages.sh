@@ -12,6 +12,8 @@
 #               pixels of saga-dec. The engines are empty modules here
 #               (check_engines.py uses the real ones). Without npm or the
 #               decoder in WebAssembly it prints that this is skipped
+#   sbom        each library that the programs load has a row in
+#               docs/licences.md and stands in the bill of materials
 #   dist        all archives have the release number of saga.h; the source
 #               archive has the files that git tracks; SHA256SUMS lists every
 #               archive; making the archives twice gives the same bytes
@@ -170,6 +172,19 @@ else
         sed "s|^saga-$release/||" | sort >"$tmp/there"
     git ls-tree -r --name-only HEAD | sort | diff - "$tmp/there" >>"$bad"
     verdict dist
+fi
+
+# ---- sbom
+if ! command -v dpkg-query >/dev/null; then
+    echo "ok   packages sbom skipped: no dpkg"
+else
+    tools/sbom.py "${SAGA:-$built/saga}" "$saga_dec" >"$tmp/bom" 2>>"$bad"
+    python3 -c '
+import json, sys
+names = [c["name"] for c in json.load(open(sys.argv[1]))["components"]]
+assert {"glibc", "libpng", "zlib", "jansson"} <= set(names), names
+assert len(set(names)) == len(names), names' "$tmp/bom" 2>>"$bad"
+    verdict sbom
 fi
 
 all_passed
