@@ -89,7 +89,7 @@ SEE_train/pack    := basics nn capture/views code splat rig scene entropy train/
 SEE_train/run     := basics nn capture/views code splat rig scene entropy warm train/plan train/fit train/pack
 SEE_measure       := basics capture/views capture/files capture/survey rig
 SEE_exchange      := basics capture/views capture/files code splat rig measure
-SEE_cli           := basics nn capture/views capture/files capture/loaders capture/read capture/survey capture/synth code splat rig scene entropy warm train/plan train/pack train/run measure exchange
+SEE_cli           := basics nn capture/views capture/files capture/loaders capture/read capture/survey capture/synth code splat rig scene warm train/plan train/pack train/run measure exchange
 
 # ---------------------------------------------------------------- sources
 

@@ -94,19 +94,3 @@ int saga_encode_refine(saga_encode_session *s)
     return s->o->no_refine || s->whole.moves || refine(s) ? SAGA_EXIT_OK
         : saga_cli_error(SAGA_EXIT_DATA, "encode: %s", s->error.message);
 }
-
-void saga_encode_use_refined(const saga_encode_session *s,
-                             saga_capture *capture)
-{
-    for (int v = 0; s->refined && v < capture->n_views; v++) {
-        const saga_encode_camera *const from = &s->refined[v];
-        saga_shot *const to = &capture->views[v];
-
-        memcpy(to->rotation, from->rotation, sizeof to->rotation);
-        memcpy(to->translation, from->translation, sizeof to->translation);
-        to->cx += from->centre[0] * to->fx;
-        to->cy += from->centre[1] * to->fy;
-        to->fx *= from->focal[0];
-        to->fy *= from->focal[1];
-    }
-}

@@ -12,6 +12,7 @@
 
 #include <signal.h>
 #include <stdio.h>
+#include <string.h>
 
 /* --- Progress ------------------------------------------------------------ */
 
@@ -110,6 +111,22 @@ bool saga_encode_has_base(const saga_encode_session *s)
     return saga_train_report_of(s->train)->base.n_prim > 0;
 }
 
+/* Gives the views of a capture their refined cameras, if there are any. */
+static void use_refined(const saga_encode_session *s, saga_capture *capture)
+{
+    for (int v = 0; s->refined && v < capture->n_views; v++) {
+        const saga_encode_camera *const from = &s->refined[v];
+        saga_shot *const to = &capture->views[v];
+
+        memcpy(to->rotation, from->rotation, sizeof to->rotation);
+        memcpy(to->translation, from->translation, sizeof to->translation);
+        to->cx += from->centre[0] * to->fx;
+        to->cy += from->centre[1] * to->fy;
+        to->fx *= from->focal[0];
+        to->fy *= from->focal[1];
+    }
+}
+
 /* Loads the pictures of a segment, which replace those of the previous one. */
 static int open_segment(saga_encode_session *s, int segment)
 {
@@ -123,7 +140,7 @@ static int open_segment(saga_encode_session *s, int segment)
     s->meter = (saga_meter){ .quiet = s->o->quiet };
     if (saga_capture_load(&s->capture, s->capture_name, &c, &s->error)) {
         saga_meter_end(&s->meter);
-        saga_encode_use_refined(s, &s->capture);
+        use_refined(s, &s->capture);
         return SAGA_EXIT_OK;
     }
     saga_meter_end(&s->meter);

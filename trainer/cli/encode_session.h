@@ -110,10 +110,6 @@ int saga_encode_synchronise(saga_encode_session *s);
  * changed if --no-refine is given. */
 int saga_encode_refine(saga_encode_session *s);
 
-/* Gives the views of a capture their refined cameras, if there are any. */
-void saga_encode_use_refined(const saga_encode_session *s,
-                             saga_capture *capture);
-
 /* --- Progress ------------------------------------------------------------ */
 
 bool saga_encode_loading(void *session, double done, const char *doing);

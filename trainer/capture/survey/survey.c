@@ -6,11 +6,10 @@
 #include "late_matches.h"
 #include "order.h"
 #include "pose.h"
+#include "survey_judge.h"
 #include "vec3.h"
 
 #include <math.h>
-#include <stdarg.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -18,54 +17,14 @@ enum {
     GRID = 12,             /* rays per side for each camera */
     MOST_PLACES = 20000,
     MOST_COMPARED = 200000000,
-    FEW_PLACES = 8,        /* with fewer points or rays nothing is reported */
-    FEW_COLOURS = 30,
-    FEW_FEATURES = 50      /* with fewer features in a picture, few matches are
-                            * no evidence */
+    FEW_COLOURS = 30
 };
-
-/* Limits of the judgements; each is an estimate from the captures that we
- * have. */
-/* In degrees between neighbouring views. Views further apart rarely show the
- * same primitives. */
-#define FAR_APART 25.0
-#define FEW_VIEWS 6
-#define LITTLE_OVERLAP 0.25
-#define OFF_PIXELS 2.0
-#define OFF_STOPS 0.2
-/* The refinement changes one camera most if it moves what this one sees by this
- * factor more than what any other sees, and than LEAST_CHANGE pixels. A single
- * wrong camera of four appears as 3/4 of its error, and each other as 1/4. */
-#define CHANGES 1.5
-#define LEAST_CHANGE 0.5
-#define FOCAL_CHANGE 0.03  /* mean change of the logarithm of focal lengths */
-/* In degrees between cameras at the same place, which should see the same.
- * Cameras are not placed that close on purpose. */
-#define ONE_PLACE 0.5
-#define APART_PIXELS 5.0   /* matches of such cameras are at one place within
-                            * this number of times the tolerance of a fit, since
-                            * half a degree is 2 to 4 of 480 pixels */
-#define ONE_WAY 0.98       /* cosine of the angle between their axes, 10
-                            * degrees */
 
 typedef struct places {
     double (*at)[3];       /* (n) */
     size_t n;
     double middle[3];
 } places;
-
-static void note(saga_survey *s, const char *format, ...) SAGA_PRINTF(2, 3);
-
-static void note(saga_survey *s, const char *format, ...)
-{
-    va_list args;
-    if (s->n_notes == SAGA_SURVEY_NOTES)
-        return;
-    va_start(args, format);
-    (void)vsnprintf(s->note[s->n_notes++], SAGA_SURVEY_NOTE_NBYTES, format,
-                    args);
-    va_end(args);
-}
 
 /* ------------------------------------------------------------------- places */
 
@@ -142,7 +101,7 @@ static void lift_grid(places *p, const saga_capture *c)
 
 static bool find_places(places *p, const saga_capture *c, saga_error *error)
 {
-    const bool points = c->n_points >= FEW_PLACES;
+    const bool points = c->n_points >= SAGA_FEW_PLACES;
     const size_t n = points ? c->n_points : (size_t)c->n_views * GRID * GRID;
     /* Every pair of views is compared at every place, which limits their
      * number. */
@@ -327,204 +286,7 @@ static bool compare_colours(saga_survey *survey, const saga_capture *c,
     return ok;
 }
 
-/* ---------------------------------------------------------------- judgement */
-
-static int count_training(const saga_capture *c)
-{
-    int n = 0;
-    for (int v = 0; v < c->n_views; v++)
-        n += !c->views[v].held_out;
-    return n;
-}
-
-static void judge_rig(saga_survey *s, const saga_capture *c)
-{
-    const int n = count_training(c);
-    const bool points = c->n_points >= FEW_PLACES;
-    if (c->moves)
-        note(s, "A single moving camera sees each moment from one side only; "
-             "other views of moving things are guesses.");
-    /* Free views need more than six cameras, or at least three close ones with
-     * points. */
-    s->free_views = n > FEW_VIEWS ||
-                    (n > 2 && points && s->typical_angle < FAR_APART);
-    if (n == 1 && !s->free_views)
-        note(s, "One camera%s does not allow free views: the file shows only "
-             "what this camera saw. More cameras%s help.",
-             points ? "" : " without "
-             "points", points ? "" : ", or a COLMAP model with points,");
-    else if (!s->free_views)
-        note(s, "%d cameras that stand %.0f degrees apart%s do not allow free "
-             "views: the file shows what these cameras saw, and views between "
-             "them are poor. More cameras%s help.", n, s->typical_angle,
-             points ? "" : " without points", points ? "" : ", or a COLMAP "
-             "model with points,");
-    else if (s->typical_angle > FAR_APART)
-        note(s, "Cameras are %.0f degrees apart: views between them are poor.",
-             s->typical_angle);
-    if (!points && s->free_views)
-        note(s, "There are no points: training begins with guesses of depth. A "
-             "COLMAP model or ply_file_path helps.");
-}
-
-/* Notes if a camera is not synchronous. */
-static void judge_late(saga_survey *s, const char *name,
-                       const saga_lateness *late)
-{
-    if (!(fabs(late->frames) > late->tolerance))
-        return;
-    note(s, "%s seems to run %.1f frames (+-%.1f) %s the others: give --late "
-         "%s=%.3g, or hold it out.", name, fabs(late->frames), late->tolerance,
-         late->frames > 0.0 ? "behind" : "before", name,
-         saga_lateness_likely(late));
-}
-
-/* Describes the mistake that, once undone, makes the pictures fit. */
-static void judge_mistake(saga_survey *s, const saga_capture *c)
-{
-    static const char *const forms[SAGA_POSE_FORMS] = {
-        "", "matrices are world to camera",
-        "rotations are transposed", "translations are those of world to camera"
-    };
-    const saga_calibration *const fit = &s->calibration;
-    const saga_mistake *const m = &fit->mistake;
-    char what[200] = "", lens[100] = "";
-    /* In a file with OpenGL's axes, undoing no reversal means that the file's
-     * axes are really OpenCV's. */
-    const bool odd_axes = m->form == SAGA_POSE_RIGHT || !c->opengl
-        ? m->after : !m->after;
-    if (m->swapped[0] >= 0)
-        (void)snprintf(what, sizeof what, "the pictures of %.60s and %.60s are "
-                       "exchanged", c->views[m->swapped[0]].name,
-                       c->views[m->swapped[1]].name);
-    else
-        (void)snprintf(what, sizeof what, "%s%s%s", forms[m->form],
-                       m->form && odd_axes ? ", and " : "",
-                       !odd_axes ? "" : c->opengl
-                       ? "camera axes are OpenCV's (y down, z forward)"
-                       : "camera axes have y and z reversed");
-    if (m->focal != 1.0)
-        (void)snprintf(lens, sizeof lens, "%s%s %s by about %.2g",
-                       what[0] ? ", and " : "", m->centre
-                       ? "focal lengths and centres, as of another size of "
-                         "picture," : "focal lengths", m->focal < 1.0
-                       ? "are too long" : "are too short",
-                       m->focal < 1.0 ? 1.0 / m->focal : m->focal);
-    note(s, "The cameras do not fit the pictures: of %d pairs of cameras with "
-         "matches, %d fit. After the correction of one mistake, %d fit: %s%s. "
-         "--fix FILE writes the corrected cameras.", fit->n_pairs,
-         fit->n_fit, fit->n_fit_then, what, lens);
-}
-
-/* Notes whether poses and lenses fit the matches. */
-static void judge_calibration(saga_survey *s, const saga_capture *c)
-{
-    const saga_calibration *const fit = &s->calibration;
-    int n_odd = 0;
-    for (int v = 0; v < c->n_views; v++)
-        n_odd += fit->odd[v];
-    if (fit->found)
-        judge_mistake(s, c);
-    else if (fit->bad && n_odd == 0)
-        note(s, "The cameras do not fit the pictures: of %d pairs of cameras "
-             "with matches, %d fit; the others are off by %.1f pixels or "
-             "more, and none of the usual mistakes explains it. Calibrate "
-             "again.",
-             fit->n_pairs, fit->n_fit, fit->within);
-    for (int v = 0; v < c->n_views; v++)
-        if (fit->odd[v])
-            note(s, "%s does not fit the other cameras, which fit each other: "
-                 "what it sees is off by %.1f pixels. Its pose, its lens or "
-                 "its file is wrong: correct it, or hold it out.",
-                 c->views[v].name, fit->off[v]);
-}
-
-/* Returns the view that the refinement changes most; -1 if none stands out. */
-static int find_changed(const saga_refinement *r, const saga_capture *c)
-{
-    int most = -1;
-    double second = 0.0;
-    for (int v = 0; v < c->n_views; v++)
-        if (most < 0 || r->moved[v] > r->moved[most])
-            most = isnan(r->moved[v]) ? most : v;
-    for (int v = 0; v < c->n_views; v++)
-        if (v != most && r->moved[v] > second)
-            second = r->moved[v];
-    return most >= 0 && r->moved[most] > CHANGES * fmax(second, LEAST_CHANGE)
-        ? most : -1;
-}
-
-/* Notes by how much refinement can reduce small errors of poses and lenses, and
- * which camera or what of all has most of them. */
-static void judge_refinement(saga_survey *s, const saga_capture *c)
-{
-    const saga_refinement *const r = &s->calibration.refinement;
-    char camera[120] = "", focal[80] = "";
-    double sum = 0.0;
-    if (!r->helps)
-        return;
-    const int most = find_changed(r, c);
-    if (most >= 0)
-        (void)snprintf(camera, sizeof camera, " %.60s changes most, by %.1f "
-                       "pixels.", c->views[most].name, r->moved[most]);
-    for (int v = 0; v < c->n_views; v++)
-        sum += log(r->cameras[v].lens[0] / c->views[v].fx) / c->n_views;
-    if (fabs(sum) > FOCAL_CHANGE)
-        (void)snprintf(focal, sizeof focal, " Focal lengths are %.0f %% too "
-                       "%s.", 100.0 * fabs(expm1(-sum)),
-                       sum < 0.0 ? "long" : "short");
-    note(s, "Poses and lenses can be refined: if all cameras are adjusted to a "
-         "part of the matches, the error of the other matches falls from %.2f "
-         "to %.2f pixels.%s%s `saga encode` does this; --fix FILE writes the "
-         "refined cameras.", r->before, r->after, camera, focal);
-}
-
-/* Notes if two cameras at one place with the same direction do not see the
- * same. */
-static void judge_twin(saga_survey *s, const saga_capture *c, int v)
-{
-    const saga_survey_view *const one = &s->views[v];
-    const saga_calibration *const fit = &s->calibration;
-    const int w = one->nearest;
-    if (w < v || !(one->angle < ONE_PLACE))
-        return;
-    const double *const a = c->views[v].rotation + 6;
-    const double *const b = c->views[w].rotation + 6;
-    const bool apart = fit->turned[v * c->n_views + w] >
-                       APART_PIXELS * fit->within;
-    if (dot3(a, b) > ONE_WAY &&
-        (apart || (fit->shared[v * c->n_views + w] == 0 &&
-                   fit->n_features[v] >= FEW_FEATURES &&
-                   fit->n_features[w] >= FEW_FEATURES)))
-        note(s, "%s and %s have the same pose, but see different things: one "
-             "of the poses or files belongs to another camera.",
-             c->views[v].name, c->views[w].name);
-}
-
-static void judge_view(saga_survey *s, const saga_capture *c, int v)
-{
-    const saga_survey_view *const one = &s->views[v];
-    const saga_shot *const shot = &c->views[v];
-    /* Each check adds a note if its limit is exceeded. */
-    if (one->overlap < LITTLE_OVERLAP)
-        note(s, "%s shares only %.0f %% of what it sees with other cameras: "
-             "the depth of the rest is unknown.", shot->name,
-             100.0 * one->overlap);
-    if (shot->n_observations > 0 && shot->reprojection_median > OFF_PIXELS)
-        note(s, "%s: half of the model's features lie more than %.1f pixels "
-             "from their points: pose, lens or size is wrong.", shot->name,
-             shot->reprojection_median);
-    if (fabs(one->stops) > OFF_STOPS)
-        note(s, "%s is %.2f stops %s than the others; `saga encode` "
-             "compensates for this, except where colours are clipped.",
-             shot->name, fabs(one->stops),
-             one->stops > 0.0 ? "brighter" : "darker");
-    judge_twin(s, c, v);
-    judge_late(s, shot->name, &one->late);
-    if (shot->n_missing > 0 && !c->moves)
-        note(s, "%s lacks %d of %d pictures.", shot->name, shot->n_missing,
-             c->n_frames);
-}
+/* ----------------------------------------------------------------- together */
 
 /* Finds how late each view is: from how much of its picture changes at each
  * frame and, unless the calibration was found wrong, from matches between
@@ -571,7 +333,7 @@ static bool measure(saga_survey *s, const saga_capture *c, places *p,
     }
     free(seen);
     free(angle);
-    return ok && (c->n_points < FEW_PLACES ||
+    return ok && (c->n_points < SAGA_FEW_PLACES ||
                   compare_colours(s, c, p, error));
 }
 
@@ -597,11 +359,7 @@ bool saga_survey_make(saga_survey *survey, const saga_capture *capture,
         if (isnan(survey->views[v].stops))
             survey->views[v].stops = survey->calibration.stops[v];
     /* Judgements come last and only add notes. */
-    judge_calibration(survey, capture);
-    judge_refinement(survey, capture);
-    judge_rig(survey, capture);
-    for (int v = 0; v < capture->n_views; v++)
-        judge_view(survey, capture, v);
+    saga_survey_judge(survey, capture);
     return true;
 }
 
