@@ -43,12 +43,13 @@ export class SagaSplats extends pc.GSplatContainer {
         const { info } = view;
         const half = 2 ** 23 * info.unit; // half the size of the cube
 
-        super(app.graphicsDevice, info.maxPrimitives,
+        super(app.graphicsDevice, info.maxPrimitives + 1,
             formatFor(app.graphicsDevice));
         this.aabb = new pc.BoundingBox(new pc.Vec3(info.centre),
             new pc.Vec3(half, half, half));
         this.view = view;
         this.app = app;
+        this.more = 0;
         this.owner = null; // the gsplat component that shows these splats
         this.toFilm = new pc.Mat4();
         this.update(0);
@@ -62,14 +63,19 @@ export class SagaSplats extends pc.GSplatContainer {
         for (const [i, name] of PLANES.entries()) {
             const texture = this.getTexture(name);
 
-            texture.lock().set(
-                planes.subarray(4 * nSplats * i, 4 * nSplats * (i + 1)));
+            const floats = texture.lock();
+
+            floats.set(planes.subarray(4 * nSplats * i, 4 * nSplats * (i + 1)));
+            floats.fill(0, 4 * nSplats, 4 * nSplats + 4);
             texture.unlock();
         }
         // The engine sorts the splats by their centers.
         for (let i = 0; i < nSplats; i++)
             centers.set(planes.subarray(4 * i, 4 * i + 3), 3 * i);
-        this.update(nSplats);
+        // The engine draws a copy of the textures, which it makes anew only if
+        // the number of splats changes. The last one is empty.
+        this.more = 1 - this.more;
+        this.update(nSplats + this.more);
     }
 
     // Called before a camera is drawn. Colours depend on its position.

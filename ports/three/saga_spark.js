@@ -36,10 +36,11 @@ export class SagaSplatMesh extends SplatMesh {
     }
 
     constructor(view) {
-        super({ extSplats: emptySplats(view.info.maxPrimitives),
+        super({ extSplats: emptySplats(view.info.maxPrimitives + 1),
             raycastable: false });
         // The clock of the film; viewer.d.ts lists its events.
         this.view = view;
+        this.more = 0;
     }
 
     take({ bytes, nSplats: n }) {
@@ -53,7 +54,12 @@ export class SagaSplatMesh extends SplatMesh {
                 scale[k], scale[k + 1], scale[k + 2],
                 turn[k + 1], turn[k + 2], turn[k + 3], turn[k],
                 mean[k + 3], colour[k], colour[k + 1], colour[k + 2]);
-        extSplats.numSplats = n;
+        for (const ints of extSplats.extArrays)
+            ints.fill(0, 4 * n, 4 * n + 4);
+        // Spark shows the old splats until it has sorted the new ones, but only
+        // if their number changes. The last one is empty.
+        this.more = 1 - this.more;
+        extSplats.numSplats = n + this.more;
         for (const texture of extSplats.textures)
             texture.needsUpdate = true;
         this.updateVersion();

@@ -176,10 +176,12 @@ export class SagaFile {
     /** Makes the splats of a picture instead of its pixels. */
     splats(camera: SagaCamera, num: number, den?: number): Promise<SagaSplats>;
 
-    /** Returns the primitives at a time as Gaussians in the capture's units,
-     * with the colours that the camera sees. bytes has four planes of four
-     * floats for each primitive: mean and opacity; standard deviations;
-     * quaternion w, x, y, z; colour. */
+    /** Returns the segment's primitives at a time as Gaussians in the capture's
+     * units, with the colours that the camera sees. bytes has four planes of
+     * four floats for each primitive: mean and opacity; standard deviations;
+     * quaternion w, x, y, z; colour. Invisible ones have an opacity of nearly 0
+     * and keep their places: an engine that sorts later may draw them in the
+     * order of another time of the same segment. */
     gaussians(camera: SagaCamera, num: number, den?: number): Promise<
         Pick<SagaSplats, 'nPrimitives' | 'nSplats' | 'tools' | 'bytes'>>;
 

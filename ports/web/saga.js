@@ -535,8 +535,9 @@ export class SagaFile {
             bytes: this.bytes(at >>> 0, SPLAT_NBYTES * nSplats) };
     }
 
-    // Returns the primitives at a time, with the colours that the camera sees,
-    // for an engine that sorts and projects them itself. bytes come from
+    // Returns the segment's primitives at a time, with the colours that the
+    // camera sees, for an engine that sorts and projects them itself. Invisible
+    // ones have an opacity of nearly 0 and keep their places. bytes come from
     // planesOf.
     async gaussians(camera, num, den = 1) {
         const t = await this.look(camera, num, den);

@@ -21,7 +21,8 @@ enum {
     ALIGN = 64,
     TILE = 32,
     LIST = 1 << 15,         /* splats that a band sees at a time */
-    RUN = 64                /* primitives that are animated together */
+    RUN = 64,               /* primitives that are animated together */
+    INVISIBLE_Q0 = 1 << 26  /* an opacity of 2^-61 */
 };
 
 /* saga_info for JavaScript, which reads all structures as 32-bit integers. */
@@ -53,7 +54,8 @@ typedef struct {
     int32_t start;
 } web_sound;
 
-/* A primitive at a time, from saga_visible_at and saga_colour_at. */
+/* A primitive at a time, from saga_visible_at and saga_colour_at. If it is
+ * invisible, only its q0 is set, to INVISIBLE_Q0. */
 typedef struct {
     saga_animated at;
     uint16_t colour_q15[4]; /* the last one is 0 */
@@ -125,10 +127,11 @@ EXPORT(saga_web_draw) int32_t saga_web_draw(void);
  * last picture are lost. */
 EXPORT(saga_web_splats) const saga_splat *saga_web_splats(int32_t t);
 
-/* Returns the primitives that are visible at time t, with the colours that the
- * camera at saga_web_camera sees from its centre, or NULL if memory is missing
- * or nothing is decoded. Their number is in saga_web_picture. The segment's
- * bytes and the last picture are lost. */
+/* Returns the segment's primitives at time t, with the colours that the camera
+ * at saga_web_camera sees from its centre, or NULL if memory is missing or
+ * nothing is decoded. Their number is in saga_web_picture. Invisible ones keep
+ * their places, so that an engine may draw them in the order of another time.
+ * The segment's bytes and the last picture are lost. */
 EXPORT(saga_web_gaussians) const web_gaussian *saga_web_gaussians(int32_t t);
 
 /* Returns the results of saga_web_view and saga_web_draw. */
@@ -515,26 +518,28 @@ const web_gaussian *saga_web_gaussians(int32_t t)
 {
     const uint32_t n = web.picture.n_primitives;
     web_gaussian *const first = (web_gaussian *)(void *)web.input;
-    web_gaussian *to = first;
     saga_visible visible[RUN];
     uint32_t n_visible, i, k;
 
     web.looked.width = 0;
-    if (!web.dec || !reach(web.input, (uint64_t)n * sizeof *to))
+    if (!web.dec || !reach(web.input, (uint64_t)n * sizeof *first))
         return NULL;
+    for (i = 0; i < n; i++)
+        first[i] = (web_gaussian){ .at = { .q0_q20 = INVISIBLE_Q0 } };
     for (i = 0; i < n; i += RUN) {
         if (saga_visible_at(visible, &n_visible, web.dec, i,
                             n - i < RUN ? n - i : RUN, t))
             return NULL;
-        for (k = 0; k < n_visible; k++, to++) {
+        for (k = 0; k < n_visible; k++) {
+            web_gaussian *const to = first + visible[k].index;
+
             to->at = visible[k].at;
-            to->colour_q15[3] = 0;
             if (saga_colour_at(to->colour_q15, web.dec, visible[k].index,
                                web.camera.centre))
                 return NULL;
         }
     }
-    web.picture.n_splats = (uint32_t)(to - first);
+    web.picture.n_splats = n;
     return first;
 }
 
