@@ -13,10 +13,10 @@ enum { W = 64, H = 32, N_FRAMES = 2 };
 #define NEAR 0.5
 #define FAR 8.0
 
-/* Returns the distance of the wall x = 4 (in the second frame x = 2), which is
- * also the sphere's radius. Cameras are at (1, 2, 3), turned to the left by 90
- * degrees, so that their forward axis is the scene's y. All lengths are those
- * of the cameras' axes. */
+/* Returns the depth of every pixel of a frame: of a wall at right angles to the
+ * forward axis for a perspective camera, of a sphere of this radius for an
+ * equirectangular one. Cameras are at (1, 2, 3), turned to the left by 90
+ * degrees, so that their forward axis is the scene's y. */
 static double depth_of(int frame)
 {
     return frame ? 2 : 4;

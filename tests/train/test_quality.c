@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * A mean over segments must be the mean over all their pictures, even if some
- * segments have no picture of a set.
+ * A mean over segments must be the mean over all their pictures, even if a
+ * segment has no training pictures or no held-out ones.
  */
 #include "quality.h"
 #include "testing.h"

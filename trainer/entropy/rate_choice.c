@@ -116,7 +116,8 @@ static const char purpose[] = "choosing sources";
 /* Allocates memory for the entropy networks of s with any of its sources. */
 static real *alloc_params(const saga_scene *s, saga_error *error)
 {
-    /* Constants can have more biases than a small network has parameters. */
+    /* A network without any source has only biases, two for each channel. These
+     * can be more than the parameters that a small network has now. */
     size_t n = SAGA_N_KINDS * 2u * (4 + SAGA_MAX_FEATURES);
     int i;
 

@@ -285,9 +285,10 @@ static void hyper_backward(const job *j, const real *d_in, saga_range of,
     saga_net_block_backward(&p, block);
 }
 
-/* Returns the links by which the gradients of a source are added to features of
- * other anchors, or NULL if they are not. Offsets that fine anchors read from
- * each other get no gradients. */
+/* Returns the links by which the gradients of a source are added to the
+ * features of the anchors that it reads, or NULL if they are not: fine anchors
+ * that read groups read offsets of others, which get no gradients from there.
+ */
 static const saga_links *links_of(const job *j, uint32_t source)
 {
     return source == SAGA_SOURCE_PARENT && j->kind == SAGA_KIND_FINE

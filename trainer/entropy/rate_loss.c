@@ -126,12 +126,13 @@ typedef struct {
     saga_rate_list list;
 } job;
 
-/* Blocks in one task, and nanoseconds for a value. */
+/* Blocks in one task, and the nanoseconds that a value takes, by which work is
+ * shared among threads. */
 enum { PART = 32, VALUE_NS = 15 };
 
 /* Adds the gradient of channel c of a primitive's offset to its position and,
- * since offsets are in supports, to the support of its fine anchor. An offset
- * that is clamped has no gradient. */
+ * since the unit of an offset is the support of its fine anchor, to that
+ * support. An offset that is clamped has no gradient. */
 static void learn_offset(const job *j, size_t fine, size_t prim, size_t c,
                          double d)
 {

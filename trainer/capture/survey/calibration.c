@@ -36,8 +36,8 @@ enum {
 /* Limit for a view's error, relative to the best third of the pairs, which is
  * 0.3 to 0.5 pixels in captures without mistakes. */
 #define ODD 3.0
-/* Bundle adjustment finds errors of a view up to this, relative to the
- * tolerance of a fit. */
+/* A view whose error is at most this many times the tolerance of a fit is not
+ * called odd if bundle adjustment was tried and did not help (see pardon). */
 #define FAR_OFF 2.0
 /* A pair fits only if this fraction of its matches lies in front of both
  * cameras. */
