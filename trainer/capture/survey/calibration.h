@@ -3,7 +3,9 @@
  * Checks without points whether the poses and lenses of a capture fit its
  * pictures. Features are matched between pairs of views, and the matches that
  * some two pinholes could have seen are kept. The error of a match is its
- * distance from the epipolar lines of the capture's cameras.
+ * distance from the epipolar lines of the capture's cameras; that of a place
+ * which three cameras see is the distance of one sight from where the two other
+ * rays meet.
  *
  * If errors are large, the usual mistakes are undone one after the other, and
  * the one after which the pictures fit is reported. Nothing is reported of
