@@ -505,7 +505,7 @@ $(BUILD)/log/%.log: $(BUILD)/% FORCE
 	    times >$(@:.log=.cpu)
 
 .PHONY: check test test-all setup sanitize lint symbols nofloat stack headers \
-        tree circles docs tables matrix init mutants coverage fuzz bench \
+        tree circles docs tables matrix init mutants coverage prove fuzz bench \
         vectors clean
 setup:
 	@tests/setup.sh
@@ -571,6 +571,9 @@ mutants:
 	@tests/run_mutants.sh
 coverage:
 	@tests/check_coverage.py
+prove:
+	@tests/setup.sh prove
+	@tests/run_prove.py
 # Minutes for each fuzzer.
 MINUTES = 5
 fuzz:
@@ -725,6 +728,7 @@ make matrix      the vectors with every compiler and emulated target
 make init        no output depends on uninitialised memory
 make mutants     planted mistakes are found by the tests
 make coverage    the vectors reach the extremes that vectors/README.md lists
+make prove       no overflow and no access outside, by Frama-C: 2 CPU minutes
 make fuzz        libFuzzer on the decoder, readers and paths, MINUTES=5 each
 
 Generate

@@ -28,9 +28,10 @@ static void u32(saga_io *f, uint32_t *v)
     field(f, v, 4);
 }
 
+/* A value that is read may have been left unset by the caller. */
 static void i32(saga_io *f, int32_t *v)
 {
-    uint32_t x = (uint32_t)*v;
+    uint32_t x = f->out ? (uint32_t)*v : 0;
 
     field(f, &x, 4);
     *v = (int32_t)x;
@@ -38,7 +39,7 @@ static void i32(saga_io *f, int32_t *v)
 
 static void u16(saga_io *f, uint16_t *v)
 {
-    uint32_t x = *v;
+    uint32_t x = f->out ? *v : 0u;
 
     field(f, &x, 2);
     *v = (uint16_t)x;
@@ -46,7 +47,7 @@ static void u16(saga_io *f, uint16_t *v)
 
 static void u8(saga_io *f, uint8_t *v)
 {
-    uint32_t x = *v;
+    uint32_t x = f->out ? *v : 0u;
 
     field(f, &x, 1);
     *v = (uint8_t)x;
@@ -185,8 +186,9 @@ void saga_segment_io(saga_io *f, saga_segment_header *s, uint32_t n_layers)
 
 void saga_index_io(saga_io *f, saga_index_entry *e)
 {
-    uint32_t low = (uint32_t)(e->offset & 0xffffffffu);
-    uint32_t high = (uint32_t)(e->offset >> 32);
+    const uint64_t offset = f->out ? e->offset : 0;
+    uint32_t low = (uint32_t)(offset & 0xffffffffu);
+    uint32_t high = (uint32_t)(offset >> 32);
 
     u32(f, &low);
     u32(f, &high);

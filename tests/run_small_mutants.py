@@ -10,8 +10,8 @@ NEEDLESS gives the reason why none can.
 random: makes N changes of one operator or number each, in the source files of
 common/ and decoder/, drawn with SEED (default: the commit's hash). Tables that
 have only numbers are left out, since a test compares each with its formula. A
-change that no vector notices is tested on the vectors under sanitizers, and
-then by the unit tests of common/, decoder/ and stream/. Prints the changes that
+change that no vector notices is tested on the vectors in a build without SIMD,
+under sanitizers, and then by the unit tests of common/, decoder/ and stream/. Prints the changes that
 nothing notices, and fails if they are more than 5 % of those that EQUIVALENT
 does not list.
 
@@ -31,6 +31,7 @@ import sys
 ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..")
 BUILD = os.path.join(os.environ.get("BUILD", "build"), "small-mutants")
 TIMEOUT = 60
+JOBS = os.environ.get("JOBS", os.cpu_count())
 NOTICED, MISSED, BROKEN = "noticed", "missed", "does not compile"
 
 # Conditions whose absence no vector shows, with the reason: FILE: TERM.
@@ -251,6 +252,10 @@ SWAPS = {"<": ["<=", ">"], "<=": ["<", "=="], ">": [">=", "<"],
 TOKEN = re.compile(r"(?<=[\w)\]] )(<<|>>|<=|>=|==|!=|&&|\|\||\+=|-=|[-<>+&|])"
                    r"(?= )|\b(\d+)(?=[uU]?\b)(?![.x\w])")
 
+# Builds in which the vectors run on a change that they have not noticed.
+LATER = {"no SIMD": ["CORE_CFLAGS=-mgeneral-regs-only"],
+         "sanitizers": ["CC=clang", "SANITIZE=1"]}
+
 # A line of a table that has only numbers.
 NUMBERS = re.compile(r"^[ ]*\d+(?:, *\d+)+,?$", re.M)
 
@@ -268,7 +273,6 @@ def changes(path):
 
 class UnitTests:
     """The unit tests in a copy of the tree, in which one file is changed."""
-    FOLDERS = ("common", "decoder", "stream")
 
     def __init__(self):
         self.tree = f"{BUILD}/tree"
@@ -278,26 +282,43 @@ class UnitTests:
                          "tests", "docs", "tools"):
                 subprocess.run(["cp", "-Rp", name, self.tree], check=True)
             os.symlink(os.path.abspath("vectors"), f"{self.tree}/vectors")
-        self.sources = " ".join(
-            f"tests/{folder}/{name}" for folder in self.FOLDERS
-            for name in sorted(os.listdir(f"tests/{folder}"))
-            if name.startswith("test_") and name.endswith(".c"))
         found = self.failing("common/mlp.c", read("common/mlp.c"))
         if found:
             raise SystemExit(f"FAIL tests fail without a change: {found}")
 
+    @staticmethod
+    def groups(path):
+        """Groups of tests, those that are most likely to notice a change of the
+        file first: those that include its header, its folder's, all."""
+        tests = [f"tests/{folder}/{name}"
+                 for folder in ("common", "decoder", "stream")
+                 for name in sorted(os.listdir(f"tests/{folder}"))
+                 if name.startswith("test_") and name.endswith(".c")]
+        stem = os.path.basename(path)[:-2]
+        near = [t for t in tests if f'"{stem}.h"' in read(t) or
+                f"test_{stem}" in t]
+        same = [t for t in tests if t not in near and "/stream/" not in t]
+        return [g for g in (near, same, [t for t in tests
+                                         if t not in near + same]) if g]
+
     def failing(self, path, text):
-        """Returns the names of the tests that fail."""
+        """Returns the tests that fail in the first group in which one does."""
         was = read(path)
         with open(f"{self.tree}/{path}", "w") as f:
             f.write(text)
-        subprocess.run(["rm", "-rf", f"{self.tree}/build/log"], check=True)
-        subprocess.run(
-            ["make", "-s", "-k", f"-j{os.cpu_count()}", "WERROR=-w",
-             "TIMEOUT=300", f"TESTS_SRC={self.sources}", "run-tests"],
-            cwd=self.tree, capture_output=True)
+        found = []
+        for group in self.groups(path):
+            found = found or self.run(group)
         with open(f"{self.tree}/{path}", "w") as f:
             f.write(was)
+        return found
+
+    def run(self, sources):
+        subprocess.run(["rm", "-rf", f"{self.tree}/build/log"], check=True)
+        subprocess.run(
+            ["make", "-s", "-k", f"-j{JOBS}", "WERROR=-w", "TIMEOUT=300",
+             f"TESTS_SRC={' '.join(sources)}", "run-tests"],
+            cwd=self.tree, capture_output=True)
         logs = f"{self.tree}/build/log"
         return sorted(name[:-3] for name in os.listdir(logs)
                       if name.endswith(".rc") and
@@ -309,8 +330,10 @@ def random_mutants(builder, n, seed):
              if re.match(r"(?:common|decoder)/\w+\.c$", p)]
     every = [(p, c) for p in files for c in changes(p)]
     drawn = random.Random(int(hashlib.sha256(seed.encode()).hexdigest(), 16))
-    sanitized = units = None
-    by_vectors = by_sanitizers = by_tests = tried = 0
+    units = None
+    later = {}
+    by_vectors = by_tests = tried = 0
+    by = dict.fromkeys(LATER, 0)
     while tried < n:
         path, (at, length, new) = drawn.choice(every)
         text = read(path)
@@ -326,22 +349,30 @@ def random_mutants(builder, n, seed):
         if result == NOTICED:
             by_vectors += 1
             continue
-        sanitized = sanitized or Builder(
-            "vectors", [["plain"], []], f"{BUILD}/sanitize",
-            ["CC=clang", "SANITIZE=1"])
-        if sanitized.try_source(path, changed)[0] == NOTICED:
-            by_sanitizers += 1
+        for name, flags in LATER.items():
+            later[name] = later.get(name) or Builder(
+                "vectors", [["plain"], []][:1 + (name == "sanitizers")],
+                f"{BUILD}/{name.replace(' ', '-')}", flags)
+            if later[name].try_source(path, changed)[0] == NOTICED:
+                by[name] += 1
+                break
+        else:
+            name = None
+        if name:
+            print(f"     noticed with {name} {path}:{line}: {after}",
+                  flush=True)
             continue
         units = units or UnitTests()
         failing = units.failing(path, changed)
         by_tests += len(failing) > 0
         print(f"     {'noticed by ' + failing[0] if failing else 'missed'} "
               f"{path}:{line}: {after}", flush=True)
-    missed = n - by_vectors - by_sanitizers - by_tests
+    missed = n - by_vectors - sum(by.values()) - by_tests
     ok = missed * 20 <= n
     print(f"{'ok  ' if ok else 'FAIL'} {n - missed} of {n} random mutants are "
-          f"noticed, {by_vectors} by vectors, {by_sanitizers} by these under "
-          f"sanitizers, {by_tests} by unit tests; of {len(every)}, seed {seed}")
+          f"noticed, {by_vectors} by vectors, " +
+          ", ".join(f"{k} by these with {name}" for name, k in by.items()) +
+          f", {by_tests} by unit tests; of {len(every)}, seed {seed}")
     return not ok
 
 

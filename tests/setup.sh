@@ -1,12 +1,12 @@
 #!/bin/sh
 # SPDX-License-Identifier: MIT
 #
-# setup.sh [test|all|lint|plot]: installs the Debian packages that the tests
-# need and that are missing ("test": also browser, npm and board emulator of
-# `make test`; "all": those of "test", and every cross compiler of `make
-# test-all`; "lint": also the programs of `make lint`; "plot": also those that
-# draw plots). If it cannot install, it prints the command to be run and fails.
-# SAGA_NO_SETUP=1 skips it.
+# setup.sh [test|all|lint|prove|plot]: installs the Debian packages that the
+# tests need and that are missing ("test": also browser, npm and board emulator
+# of `make test`; "all": those of "test", and every cross compiler of `make
+# test-all`; "lint", "prove": also the programs of `make lint`, `make prove`;
+# "plot": also those that draw plots). If it cannot install, it prints the
+# command to be run and fails. SAGA_NO_SETUP=1 skips it.
 set -eu
 
 test -z "${SAGA_NO_SETUP:-}" || exit 0
@@ -30,6 +30,7 @@ all)
     gcc-riscv64-unknown-elf"
     ;;
 lint) packages="$packages clang-tidy" ;;
+prove) packages="$packages frama-c-base" ;;
 plot) packages="$packages gnuplot-nox valgrind" ;;
 esac
 

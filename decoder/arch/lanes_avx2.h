@@ -61,7 +61,11 @@ INLINE u8s max_u8(u8s a, u8s b)
 /* The difference, or 0. */
 INLINE u8s sub_u8(u8s a, u8s b)
 {
+#if defined __clang__ && __clang_major__ >= 15
+    return __builtin_elementwise_sub_sat(a, b);
+#else
     return (u8s)__builtin_ia32_psubusb256((i8x32)a, (i8x32)b);
+#endif
 }
 
 INLINE i64s negative(i64s x)

@@ -77,8 +77,9 @@ def finish(program):
 
 
 class Trial:
-    def __init__(self, kind, whole, seconds, drawn):
+    def __init__(self, kind, whole, seconds, need, drawn):
         self.kind, self.whole, self.seconds = kind, whole, seconds
+        self.need = need
         self.drawn, self.out = drawn, out_of(kind)
 
     def is_whole(self):
@@ -135,7 +136,8 @@ class Trial:
             KINDS[self.kind], (resource.RLIMIT_FSIZE, limit))), ["free space"])
 
     def no_memory(self):
-        limit = self.drawn.randrange(9_000, 18_000) << 10
+        # Most limits are too low for the run, some too low for its libraries.
+        limit = self.drawn.randrange(self.need * 3 // 5, self.need * 21 // 20)
         return self.refused(*finish(start(
             KINDS[self.kind], (resource.RLIMIT_AS, limit))),
             ["memory", "libraries"])
@@ -176,6 +178,17 @@ class Trial:
         return "refused", self.again()
 
 
+def need_of(kind, least=4 << 20, most=1 << 30):
+    """Returns the limit on addresses, to 64 KiB, from which on a run ends
+    whole."""
+    while most - least > 64 << 10:
+        clean()
+        middle = (least + most) // 2
+        rc, _ = finish(start(KINDS[kind], (resource.RLIMIT_AS, middle)))
+        least, most = (middle, most) if rc else (least, middle)
+    return most
+
+
 def prepare():
     def must(*words):
         subprocess.run([SAGA, *words], check=True, stdout=subprocess.DEVNULL,
@@ -197,7 +210,8 @@ def prepare():
         begun = time.monotonic()
         must(*words)
         seconds = time.monotonic() - begun
-        runs[kind] = (contents(out_of(kind)), seconds)
+        whole = contents(out_of(kind))
+        runs[kind] = (whole, seconds, kind != "sweep" and need_of(kind))
     return runs
 
 

@@ -217,6 +217,12 @@ TEST(visible_primitives_should_be_those_that_are_drawn)
                      SAGA_ERR_ARG);
     assert_int_equal(saga_visible_at(got, &n_got, p.dec, 0, 1, 65536),
                      SAGA_ERR_ARG);
+    assert_int_equal(saga_visible_at(got, &n_got, p.dec, 0, 1, -1),
+                     SAGA_ERR_ARG);
+    assert_int_equal(saga_primitive_at(&got[0].at, p.dec, 0, 65536),
+                     SAGA_ERR_ARG);
+    assert_int_equal(saga_primitive_at(&got[0].at, p.dec, 0, -1),
+                     SAGA_ERR_ARG);
     assert_int_equal(n_got, 7);
     assert_ok(saga_visible_at(got, &n_got, p.dec, report.n_primitives, 0, 0));
     assert_int_equal(n_got, 0);

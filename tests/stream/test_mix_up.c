@@ -241,6 +241,7 @@ TEST(job_should_go_on_when_a_view_was_refused)
     begin_job(&p, &a);
     assert_ok(saga_rig(&c, &number, p.bytes, p.n, 0));
     assert_int_equal(saga_view(p.dec, &c, -1), SAGA_ERR_ARG);
+    assert_int_equal(saga_view(p.dec, &c, 65536), SAGA_ERR_ARG);
     c.near_plane = 0;
     assert_int_equal(saga_view(p.dec, &c, 0), SAGA_ERR_ARG);
     assert_ok(finish(&p, &a));
