@@ -37,6 +37,8 @@ conform() {
 of() { grep -vc -e '^#' -e '^$' "vectors/$1"; }
 n=$(($(of MANIFEST) + $(of REFUSALS)))
 conform 0 "$n passed, 0 failed" "$decoder" --answer
+conform 0 "$((n + $(of PICTURES))) passed, 0 failed" \
+    --pictures "$decoder" --answer
 verdict right
 
 # This decoder gives a wrong digit of a frame, a missing column and a wrong

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""conform.py [--level N] PROGRAM [ARGUMENT ...]: tells whether a decoder
-conforms to the format.
+"""conform.py [--level N] [--pictures] PROGRAM [ARGUMENT ...]: tells whether a
+decoder conforms to the format.
 
 Asks PROGRAM about every line of MANIFEST and REFUSALS, which lie next to this
-file, and prints each wrong answer, then `N passed, N failed`. PROGRAM runs
+file, with --pictures also of PICTURES, and prints each wrong answer, then `N passed, N failed`. PROGRAM runs
 once; it reads one question a line from its standard input and writes one answer
 a line to its standard output:
 
@@ -12,9 +12,11 @@ a line to its standard output:
     SEGMENT T CAMERA PATH         SYMBOLS RANGE RANGE RANGE PRIMITIVES SPLATS
                                   FRAME, or the number of a status
     KIND PATH                     the number of a status
+    KIND SEGMENT T CAMERA PATH    the CRC of a picture, or the number of a
+                                  status; with --pictures
 
 Section 11 of bitstream.md defines the columns and the kinds (status, last,
-names, sound and so on). A column that the decoder does not have yet is `-`; it
+names, sound and so on; wide and depth for pictures). A column that the decoder does not have yet is `-`; it
 is counted as missing and its line as failed. With --level N the good files of
 higher levels must be refused with LEVEL, and refusals by a file of a higher
 level are left out.
@@ -64,6 +66,16 @@ def manifest(top):
                [str(LEVEL)] if is_above else crcs[:4] + crcs[6:])
 
 
+def pictures(top):
+    """Yields the same for PICTURES."""
+    for file, kind, segment, t, camera, crc in lines("PICTURES"):
+        path = HERE / file
+        is_above = level(path.read_bytes()) > top
+        yield (f"{file} {kind}, segment {segment}, t {t}, camera {camera}",
+               f"{kind} {segment} {t} {camera} {path}",
+               [str(LEVEL) if is_above else crc])
+
+
 def refusals(top, folder):
     """Yields the same for REFUSALS, and writes the files to refuse into a
     folder."""
@@ -100,13 +112,16 @@ def main():
     command, top = sys.argv[1:], 255
     if command[:1] == ["--level"] and command[1:2] and command[1].isdigit():
         top, command = int(command[1]), command[2:]
+    more = command[:1] == ["--pictures"]
+    command = command[more:]
     if not command or command[0].startswith("-"):
         print(__doc__, end="",
               file=sys.stdout if command == ["--help"] else sys.stderr)
         return 0 if command == ["--help"] else 2
     with tempfile.TemporaryDirectory() as folder:
         try:
-            asked = [*manifest(top), *refusals(top, folder)]
+            asked = [*manifest(top), *(pictures(top) if more else ()),
+                     *refusals(top, folder)]
             questions = "".join(f"{question}\n" for _, question, _ in asked)
             done = subprocess.run(command, input=questions, text=True,
                                   stdout=subprocess.PIPE, check=False)

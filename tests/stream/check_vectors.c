@@ -4,8 +4,8 @@
  * bad files must give their exact status. PATH is plain, x4 or avx2
  * (common/cpu.h) instead of the best one of the machine. The program is plain C
  * without a test library, so that it runs on every target. A missing file is a
- * failure. Then every line of DIR/REFUSALS is checked. Prints `N passed, N
- * failed`.
+ * failure. Then every line of DIR/PICTURES, if that exists, and of DIR/REFUSALS
+ * is checked. Prints `N passed, N failed`.
  *
  * check_vectors --answer: answers the questions of vectors/conform.py.
  *
@@ -196,6 +196,47 @@ static int check_line(const char *dir, const char *line)
     return ok;
 }
 
+/* --- PICTURES ------------------------------------------------------------ */
+
+/* Returns the `bits` of a kind of picture, or 0. */
+static int bits_of(const char *kind)
+{
+    for (int i = 0; i < SAGA_N_PICTURE_KINDS; i++)
+        if (strcmp(kind, saga_picture_kinds[i].name) == 0)
+            return saga_picture_kinds[i].bits;
+    return 0;
+}
+
+static int check_picture(const char *dir, const char *line)
+{
+    char name[256], kind[16];
+    saga_stages_at at;
+    uint32_t want, got = 0;
+    uint8_t *bytes;
+    size_t n = 0;
+    int ok = 0;
+
+    if (sscanf(line, "%255s %15s %" SCNu32 " %" SCNd32 " %" SCNu32 " %" SCNx32,
+               name, kind, &at.segment, &at.t, &at.camera, &want) != 6 ||
+        !bits_of(kind)) {
+        printf("FAIL PICTURES: cannot read the line: %s", line);
+        return 0;
+    }
+    bytes = read_file(dir, name, &n);
+    if (!bytes) {
+        printf("FAIL %s: missing\n", name);
+    } else {
+        const saga_status s = saga_picture_crc(&got, bytes, n, &at,
+                                               bits_of(kind));
+
+        if (s)
+            printf("FAIL %s: %s: %s\n", name, kind, saga_status_text(s));
+        ok = s == SAGA_OK && same(name, kind, got, want);
+    }
+    free(bytes);
+    return ok;
+}
+
 /* --- REFUSALS ------------------------------------------------------------ */
 
 enum { LINE = 1 << 16 };
@@ -318,6 +359,20 @@ static void answer_good(const uint8_t *bytes, size_t n, unsigned number,
                got.primitives, got.splats, got.frame);
 }
 
+/* Answers `KIND SEGMENT T CAMERA` by the CRC of a picture, or the status that
+ * is not 0. */
+static void answer_picture(const uint8_t *bytes, size_t n, int bits,
+                           const saga_stages_at *look)
+{
+    uint32_t crc = 0;
+    const saga_status s = saga_picture_crc(&crc, bytes, n, look, bits);
+
+    if (s)
+        printf("%d\n", (int)s);
+    else
+        printf("%08" PRIx32 "\n", crc);
+}
+
 /* Answers every line of the standard input; returns 0 if one has no file. */
 static int answer(void)
 {
@@ -331,8 +386,11 @@ static int answer(void)
         uint8_t *bytes;
         const int is_good =
             sscanf(line, "%u %d %u %n", &number, &t, &camera, &at) == 3;
+        const int is_picture = !is_good &&
+            sscanf(line, "%15s %u %d %u %n", kind, &number, &t, &camera,
+                   &at) == 4;
 
-        if (!is_good && sscanf(line, "%15s %n", kind, &at) != 1)
+        if (!is_good && !is_picture && sscanf(line, "%15s %n", kind, &at) != 1)
             return 0;
         line[strcspn(line, "\n")] = '\0';
         bytes = read_file("", line + at, &n);
@@ -340,6 +398,9 @@ static int answer(void)
             return 0;
         if (is_good)
             answer_good(bytes, n, number, t, camera);
+        else if (is_picture)
+            answer_picture(bytes, n, bits_of(kind),
+                           &(saga_stages_at){ number, t, camera });
         else
             printf("%d\n", (int)refusal(kind, bytes, n));
         free(bytes);
@@ -361,6 +422,20 @@ static int choose_path(const char *name)
             if (strcmp(name, names[cpu]) == 0)
                 break;
     return cpu <= best;
+}
+
+/* Returns whether a folder has a list. One with refusals alone has no PICTURES.
+ */
+static int has_list(const char *dir, const char *list)
+{
+    char path[1024];
+    FILE *f;
+
+    snprintf(path, sizeof path, "%s/%s", dir, list);
+    f = fopen(path, "r");
+    if (f)
+        fclose(f);
+    return f != NULL;
 }
 
 /* Checks every line of a list; returns 0 if there is none. */
@@ -406,6 +481,8 @@ int main(int argc, char **argv)
     if (strcmp(argv[1], "--answer") == 0)
         return !answer();
     ok = check_list(argv[1], "MANIFEST", check_line) &
+         (!has_list(argv[1], "PICTURES") ||
+          check_list(argv[1], "PICTURES", check_picture)) &
          check_list(argv[1], "REFUSALS", check_refusal);
     n_failed += !ok;
     printf("%d passed, %d failed\n", n_passed, n_failed);

@@ -441,6 +441,13 @@ PLACES = [
           "fx_clamp(lo, 0, side) >= fx_clamp(hi, 0, side)"),
      ]),
 
+    # --- Pictures ------------------------------------------------------------
+    ("decoder/raster_write.c", "    /* Coordinates of the job, not of the "
+     "camera's picture. */\n", [
+         (B, "a picture of 16 bits", "r->pic->bits == 16"),
+         (B, "a picture of depths", "r->pic->bits == SAGA_DEPTH"),
+     ]),
+
     # --- Blending ------------------------------------------------------------
     ("decoder/blend.c", "        uint32_t w;\n", [
         (A, "T is below 8: nothing", "q < SAGA_CUT_Q20 && *t < "

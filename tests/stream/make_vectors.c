@@ -27,7 +27,7 @@ enum { PIXELS_NBYTES = 3 * 640 * 480 };
 
 static uint8_t pixels[PIXELS_NBYTES];
 static const char *directory;
-static FILE *manifest;
+static FILE *manifest, *pictures;
 
 static void write_file(const char *name, const uint8_t *p, size_t n)
 {
@@ -91,6 +91,29 @@ static void describe(const char *name, const gen_stream *g,
                         i < N_LOOKS ? &looks[i] : &more[i - N_LOOKS]);
 }
 
+/* Writes the lines of PICTURES of a file: both kinds of its last segment, at a
+ * time and a camera that MANIFEST has. */
+static void describe_pictures(const char *name, const saga_bytes *file,
+                              uint32_t number, const gen_look *look)
+{
+    const saga_stages_at at = { number, look->t, look->camera };
+
+    for (int i = 0; i < SAGA_N_PICTURE_KINDS; i++) {
+        const saga_picture_kind *const kind = &saga_picture_kinds[i];
+        uint32_t crc;
+        const saga_status s = saga_picture_crc(&crc, file->data, file->nbytes,
+                                               &at, kind->bits);
+
+        if (s) {
+            fprintf(stderr, "make_vectors: %s: %s\n", name,
+                    saga_status_text(s));
+            exit(2);
+        }
+        fprintf(pictures, "%s %s %" PRIu32 " %" PRId32 " %" PRIu32 " %08" PRIx32
+                "\n", name, kind->name, number, at.t, at.camera, crc);
+    }
+}
+
 /* Returns whether each of several layers has something to draw. */
 static int is_worth_it(const gen_stream *g, const gen_options *o)
 {
@@ -124,6 +147,8 @@ static void write_good(const char *stem, gen_stream *g, const gen_look *more,
     write_file(name, bytes, n);
     for (uint32_t i = 0; i < g->n_segments; i++)
         describe(name, g, &(saga_bytes){ bytes, n }, i, more, n_more);
+    describe_pictures(name, &(saga_bytes){ bytes, n }, g->n_segments - 1,
+                      n_more ? more : &looks[1]);
 }
 
 static void good(const char *stem, gen_options o)
@@ -907,6 +932,20 @@ static void bad_all(void)
     bad_byte("crc_segment", bytes, n, n - 3, SAGA_ERR_DATA);
 }
 
+static FILE *begin_list(const char *name)
+{
+    char path[1024];
+    FILE *f;
+
+    snprintf(path, sizeof path, "%s/%s", directory, name);
+    f = fopen(path, "w");
+    if (!f) {
+        fprintf(stderr, "make_vectors: %s: cannot write\n", path);
+        exit(2);
+    }
+    return f;
+}
+
 int main(int argc, char **argv)
 {
     static const struct { const char *stem; gen_options o; } row[] = {
@@ -984,24 +1023,21 @@ int main(int argc, char **argv)
     };
     const gen_options *const three_layers =
         &row[sizeof row / sizeof *row - 3].o;
-    char path[1024];
 
     if (argc != 2) {
         fprintf(stderr, "usage: make_vectors DIR\n");
         return 2;
     }
     directory = argv[1];
-    snprintf(path, sizeof path, "%s/MANIFEST", directory);
-    manifest = fopen(path, "w");
-    if (!manifest) {
-        fprintf(stderr, "make_vectors: %s: cannot write\n", path);
-        return 2;
-    }
+    manifest = begin_list("MANIFEST");
+    pictures = begin_list("PICTURES");
     fputs("# Made by tests/make_vectors. Good: file, segment, CRC of the\n"
           "# symbols, final ranges of the three chunks, time, camera, CRCs of\n"
           "# primitives, splats, frame. Bad: file, `status`, the exact one.\n"
           "# Of sound: file, `sound`, the status of finding it.\n",
           manifest);
+    fputs("# Made by tests/make_vectors: file, kind of the picture, segment,\n"
+          "# time, camera, CRC of its samples.\n", pictures);
     for (size_t i = 0; i < sizeof row / sizeof *row; i++)
         good(row[i].stem, row[i].o);
     good_full();
@@ -1017,5 +1053,5 @@ int main(int argc, char **argv)
     bad_fuse();
     bad_segments();
     bad_work();
-    return fclose(manifest) != 0;
+    return (fclose(manifest) != 0) | (fclose(pictures) != 0);
 }

@@ -141,13 +141,12 @@ static uint32_t splats_crc(const saga_decoder *dec, uint32_t n)
     return crc;
 }
 
-static saga_status draw_frame(uint32_t *crc, const saga_decoder *dec,
-                              const saga_camera *c, uint8_t *pixels,
-                              size_t nbytes)
+/* Draws the view into a picture of all its pixels. */
+static saga_status draw(const saga_decoder *dec, const saga_camera *c,
+                        const saga_picture *picture)
 {
     enum { TILE = 16, LIST = 512 };
     static _Alignas(16) uint8_t scratch[SAGA_JOB_NBYTES(TILE, LIST)];
-    const saga_picture picture = { pixels, 3u * c->width, nbytes, 8 };
     saga_job job;
     saga_status s;
 
@@ -160,12 +159,61 @@ static saga_status draw_frame(uint32_t *crc, const saga_decoder *dec,
     job.scratch_nbytes = sizeof scratch;
     /* The picture does not depend on the budget of each call. */
     do
-        s = saga_draw(dec, &job, &picture, 1u << 24);
+        s = saga_draw(dec, &job, picture, 1u << 24);
     while (s == SAGA_AGAIN);
-    if (s)
-        return s;
-    *crc = saga_crc32c(0, pixels, 3u * c->width * (size_t)c->height);
-    return SAGA_OK;
+    return s;
+}
+
+static saga_status draw_frame(uint32_t *crc, const saga_decoder *dec,
+                              const saga_camera *c, uint8_t *pixels,
+                              size_t nbytes)
+{
+    const saga_picture picture = { pixels, 3u * c->width, nbytes, 8 };
+    const saga_status s = draw(dec, c, &picture);
+
+    if (s == SAGA_OK)
+        *crc = saga_crc32c(0, pixels, 3u * c->width * (size_t)c->height);
+    return s;
+}
+
+const saga_picture_kind saga_picture_kinds[SAGA_N_PICTURE_KINDS] = {
+    { "wide", 16 }, { "depth", SAGA_DEPTH }
+};
+
+/* Returns the CRC of n pixels, whose numbers are in this machine's order of
+ * bytes. */
+static uint32_t pixels_crc(const void *pixels, size_t n, int bits)
+{
+    const uint16_t *const wide = pixels;
+    const saga_depth *const depth = pixels;
+    uint32_t crc = 0;
+    uint8_t b[2];
+
+    for (size_t i = 0; bits == 16 && i < 3 * n; i++) {
+        fx_store16_le(b, wide[i]);
+        crc = saga_crc32c(crc, b, 2);
+    }
+    for (size_t i = 0; bits == SAGA_DEPTH && i < n; i++) {
+        crc = crc_u32(crc, (uint32_t)(depth[i].sum_q16 & 0xffffffffu));
+        crc = crc_u32(crc, (uint32_t)(depth[i].sum_q16 >> 32));
+        crc = crc_u32(crc, depth[i].weight_q16);
+    }
+    return crc;
+}
+
+static saga_status draw_picture(uint32_t *crc, const saga_decoder *dec,
+                                const saga_camera *c, int bits)
+{
+    const size_t each = bits == 16 ? 6 : sizeof(saga_depth);
+    const size_t n = (size_t)c->width * c->height;
+    void *const pixels = malloc(n * each);
+    const saga_picture picture = { pixels, each * c->width, n * each, bits };
+    const saga_status s = pixels ? draw(dec, c, &picture) : SAGA_ERR_SPACE;
+
+    if (s == SAGA_OK)
+        *crc = pixels_crc(pixels, n, bits);
+    free(pixels);
+    return s;
 }
 
 /* Finds the bytes of segment `number`, by going through the frames of the
@@ -184,17 +232,15 @@ static saga_status find_segment(saga_segment *seg, const uint8_t *bytes,
     }
 }
 
-static saga_status run_stages(saga_stages *out, saga_decoder *dec,
-                              const uint8_t *bytes, size_t n, uint32_t number,
-                              int32_t t, uint32_t camera, uint8_t *pixels,
-                              size_t pixels_nbytes)
+/* Decodes a segment and prepares a view of a camera of the rig, *c. */
+static saga_status prepare(saga_camera *c, saga_decoder *dec,
+                           const uint8_t *bytes, size_t n,
+                           const saga_stages_at *at)
 {
     saga_segment seg;
-    saga_camera c;
-    saga_report report;
     uint32_t name;
     size_t left;
-    saga_status s = find_segment(&seg, bytes, n, number);
+    saga_status s = find_segment(&seg, bytes, n, at->segment);
 
     if (s)
         return s;
@@ -206,37 +252,67 @@ static saga_status run_stages(saga_stages *out, saga_decoder *dec,
                     seg.nbytes < left ? seg.nbytes : left, NULL);
     if (s)
         return s;
-    s = saga_rig(&c, &name, bytes, n, camera);
-    if (s)
-        return s;
-    s = saga_view(dec, &c, t);
-    if (s)
-        return s;
+    s = saga_rig(c, &name, bytes, n, at->camera);
+    return s ? s : saga_view(dec, c, at->t);
+}
+
+static saga_status run_stages(saga_stages *out, saga_decoder *dec,
+                              const saga_camera *c, int32_t t, uint8_t *pixels,
+                              size_t pixels_nbytes)
+{
+    saga_report report;
+
     saga_tell(&report, dec);
     memcpy(out->final_range, report.final_range, sizeof out->final_range);
     out->primitives = primitives_crc(dec, report.n_primitives, t);
     out->splats = splats_crc(dec, report.n_splats);
-    return draw_frame(&out->frame, dec, &c, pixels, pixels_nbytes);
+    return draw_frame(&out->frame, dec, c, pixels, pixels_nbytes);
+}
+
+/* Opens a file and prepares a view. The caller frees *work. */
+static saga_status open_view(saga_decoder **dec, void **work, saga_camera *c,
+                             const uint8_t *bytes, size_t n,
+                             const saga_stages_at *at)
+{
+    saga_info info;
+    saga_status s = saga_probe(&info, bytes, n);
+
+    *work = NULL;
+    if (s)
+        return s;
+    *work = aligned_alloc(SAGA_WORK_ALIGN, info.work_nbytes);
+    if (!*work)
+        return SAGA_ERR_SPACE;
+    s = saga_open(dec, *work, info.work_nbytes, bytes, n, NULL);
+    return s ? s : prepare(c, *dec, bytes, n, at);
 }
 
 saga_status saga_stages_of(saga_stages *stages, const uint8_t *bytes, size_t n,
                            uint32_t number, int32_t t, uint32_t camera,
                            uint8_t *pixels, size_t pixels_nbytes)
 {
+    const saga_stages_at at = { number, t, camera };
     saga_decoder *dec;
-    saga_info info;
+    saga_camera c;
     void *work;
-    saga_status s = saga_probe(&info, bytes, n);
+    saga_status s = open_view(&dec, &work, &c, bytes, n, &at);
 
-    if (s)
-        return s;
-    work = aligned_alloc(SAGA_WORK_ALIGN, info.work_nbytes);
-    if (!work)
-        return SAGA_ERR_SPACE;
-    s = saga_open(&dec, work, info.work_nbytes, bytes, n, NULL);
     if (!s)
-        s = run_stages(stages, dec, bytes, n, number, t, camera, pixels,
-                       pixels_nbytes);
+        s = run_stages(stages, dec, &c, t, pixels, pixels_nbytes);
+    free(work);
+    return s;
+}
+
+saga_status saga_picture_crc(uint32_t *crc, const uint8_t *bytes, size_t n,
+                             const saga_stages_at *at, int bits)
+{
+    saga_decoder *dec;
+    saga_camera c;
+    void *work;
+    saga_status s = open_view(&dec, &work, &c, bytes, n, at);
+
+    if (!s)
+        s = draw_picture(crc, dec, &c, bits);
     free(work);
     return s;
 }

@@ -20,6 +20,13 @@
 #include <stddef.h>
 #include <stdint.h>
 
+/* What a line is about. */
+typedef struct saga_stages_at {
+    uint32_t segment;
+    int32_t t;
+    uint32_t camera;
+} saga_stages_at;
+
 typedef struct saga_stages {
     uint32_t symbols;            /* CRC: of networks, base and segment */
     uint32_t final_range[3];
@@ -27,6 +34,17 @@ typedef struct saga_stages {
     uint32_t splats;             /* CRC: splats in the order of drawing */
     uint32_t frame;              /* CRC: 8-bit picture */
 } saga_stages;
+
+/* The kinds of pictures of vectors/PICTURES, with their `bits` (saga_picture).
+ */
+typedef struct saga_picture_kind {
+    const char *name;
+    int bits;
+} saga_picture_kind;
+
+enum { SAGA_N_PICTURE_KINDS = 2 };
+
+extern const saga_picture_kind saga_picture_kinds[SAGA_N_PICTURE_KINDS];
 
 /* Returns the CRC of the symbols: every integer as 4 bytes, little-endian, in
  * the order of symbols.h: the networks' layers in the order of the stream, the
@@ -43,5 +61,10 @@ uint32_t saga_symbols_crc(const saga_net_symbols *nets,
 saga_status saga_stages_of(saga_stages *stages, const uint8_t *bytes, size_t n,
                            uint32_t number, int32_t t, uint32_t camera,
                            uint8_t *pixels, size_t pixels_nbytes);
+
+/* Sets *crc to that of a picture with samples of `bits`, for a segment, a time
+ * and a camera as above. Returns the first status that is not SAGA_OK. */
+saga_status saga_picture_crc(uint32_t *crc, const uint8_t *bytes, size_t n,
+                             const saga_stages_at *at, int bits);
 
 #endif
