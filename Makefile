@@ -422,6 +422,7 @@ FUZZ := $(addprefix $(BUILD)/,$(notdir $(patsubst %.c,%,$(wildcard \
           tests/*/fuzz_*.c))))
 $(BUILD)/fuzz_decode: $(OBJ)/tests/stream/fuzz_decode.o
 $(BUILD)/fuzz_input: $(OBJ)/tests/capture/fuzz_input.o
+$(BUILD)/fuzz_http: $(OBJ)/tests/cli/fuzz_http.o
 $(BUILD)/fuzz_path: $(OBJ)/tests/cli/fuzz_path.o $(addprefix \
     $(OBJ)/trainer/cli/,render_path.o render_colmap.o)
 $(FUZZ): $(HELPERS) $(REFERENCE) $(TRAIN) $(LIB)
@@ -729,7 +730,7 @@ make init        no output depends on uninitialised memory
 make mutants     planted mistakes are found by the tests
 make coverage    the vectors reach the extremes that vectors/README.md lists
 make prove       no overflow and no access outside, by Frama-C: 2 CPU minutes
-make fuzz        libFuzzer on the decoder, readers and paths, MINUTES=5 each
+make fuzz        libFuzzer on decoder, readers, paths, server, MINUTES=5 each
 
 Generate
 make vectors     writes vectors/ again

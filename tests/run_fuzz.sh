@@ -3,7 +3,7 @@
 #
 # run_fuzz.sh MINUTES [NAME...]: runs fuzzers under ASan and UBSan, each for so
 # many minutes: decode (stream/fuzz_decode.c), input (capture/fuzz_input.c), path
-# (cli/fuzz_path.c). They begin with the inputs of tests/corpus; new ones come to
+# (cli/fuzz_path.c), http (cli/fuzz_http.c). They begin with the inputs of tests/corpus; new ones come to
 # fuzz/NAME of the build folder, and one that shows a fault to fuzz/NAME.fault.
 # Prints a line for each with its executions and the edges that they cover.
 set -u
@@ -12,7 +12,7 @@ cd "$(dirname "$0")/.." || exit
 minutes=${1:-5}
 [ "$minutes" -gt 0 ] || { echo "run_fuzz.sh MINUTES [NAME...]" >&2; exit 2; }
 shift
-names=${*:-decode input path}
+names=${*:-decode input path http}
 build=${BUILD:-build}/fuzz
 failed=0
 export LSAN_OPTIONS=suppressions=$PWD/tests/support/lsan.supp

@@ -12,14 +12,11 @@ static void any_residual(saga_coder *c, saga_at at, int32_t *q,
                          const int16_t *mu, uint32_t step_q16,
                          const uint8_t *scale, uint32_t n)
 {
-    uint32_t i;
-
     (void)at;
     (void)mu;
     (void)step_q16;
     (void)scale;
-    for (i = 0; i < n; i++)
-        q[i] = Frama_C_interval(-SAGA_MAX_RESIDUAL, SAGA_MAX_RESIDUAL);
+    any_bytes(q, n * sizeof *q);
     c->error |= Frama_C_interval(0, 1);
 }
 

@@ -1,0 +1,44 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Fuzzes the server of `saga view` with libFuzzer: the input is what a client
+ * has sent. An answer has a complete head, and its body lies in the file that
+ * was asked for; a file is given to a request for this machine only.
+ */
+#include "view_http.c"
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n);
+
+static const uint8_t film[1000] = "SAGA";
+static const saga_http_file files[] = {
+    { "", "text/html", film, 10 },
+    { "film/demo.saga", "application/octet-stream", film, sizeof film }
+};
+
+static void must(bool ok)
+{
+    if (!ok)
+        abort();
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
+{
+    const saga_http http = { files, 2, -1, 8470 };
+    static client c;
+
+    c.n_head = c.n_body = 0;
+    c.body = film;
+    c.n = n < REQUEST_NBYTES ? n : REQUEST_NBYTES;
+    if (c.n)
+        memcpy(c.request, data, c.n);
+    c.request[c.n] = '\0';
+    /* Only complete requests are answered. */
+    if (!strstr(c.request, "\r\n\r\n"))
+        return 0;
+    answer(&http, &c);
+    must(c.n_head > 0 && c.n_head < HEAD_NBYTES);
+    must(!memcmp(c.head, "HTTP/1.1 ", 9));
+    must(c.body >= film && c.n_body <= sizeof film &&
+         (size_t)(c.body - film) + c.n_body <= sizeof film);
+    must(c.head[9] != '2' || strstr(c.request, ":8470"));
+    return 0;
+}
