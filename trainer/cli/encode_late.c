@@ -79,8 +79,7 @@ static int measure(saga_encode_session *s, saga_capture_options *with,
          write_late(s, &c, &survey, &n_unknown);
     saga_meter_end(&s->meter);
     if (!ok)
-        status = saga_cli_error(SAGA_EXIT_DATA, "encode: %s",
-                                s->error.message);
+        status = saga_encode_not_loaded(s);
     else if (unequal[0] && n_unknown)
         status = saga_cli_error(SAGA_EXIT_DATA, "encode: %s", unequal);
     else

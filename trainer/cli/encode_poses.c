@@ -92,5 +92,5 @@ int saga_encode_refine(saga_encode_session *s)
     s->meter = (saga_meter){ .quiet = s->o->quiet };
     /* A single moving camera has no second picture of a moment. */
     return s->o->no_refine || s->whole.moves || refine(s) ? SAGA_EXIT_OK
-        : saga_cli_error(SAGA_EXIT_DATA, "encode: %s", s->error.message);
+        : saga_encode_not_loaded(s);
 }

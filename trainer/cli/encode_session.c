@@ -127,6 +127,16 @@ static void use_refined(const saga_encode_session *s, saga_capture *capture)
     }
 }
 
+int saga_encode_not_loaded(const saga_encode_session *s)
+{
+    if (*s->signal && saga_path_is_file(s->checkpoint))
+        return saga_encode_stopped(s);
+    if (*s->signal)
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: stopped while loading "
+                              "the capture; nothing was written");
+    return saga_cli_error(SAGA_EXIT_DATA, "encode: %s", s->error.message);
+}
+
 /* Loads the pictures of a segment, which replace those of the previous one. */
 static int open_segment(saga_encode_session *s, int segment)
 {
@@ -144,14 +154,7 @@ static int open_segment(saga_encode_session *s, int segment)
         return SAGA_EXIT_OK;
     }
     saga_meter_end(&s->meter);
-    /* Loading also fails if saga_encode_loading() stopped it, which is no fault
-     * of the capture. */
-    if (*s->signal && saga_path_is_file(s->checkpoint))
-        return saga_encode_stopped(s);
-    if (*s->signal)
-        return saga_cli_error(SAGA_EXIT_USAGE, "encode: stopped while loading "
-                              "the capture; nothing was written");
-    return saga_cli_error(SAGA_EXIT_DATA, "encode: %s", s->error.message);
+    return saga_encode_not_loaded(s);
 }
 
 /* Makes the pictures of what stands still, for which all segments are read. */

@@ -93,6 +93,11 @@ saga_capture_options saga_encode_capture_options(saga_encode_session *s);
 int saga_encode_begin(const saga_encode_session *s, int segment);
 uint32_t saga_encode_frames(const saga_encode_session *s, int segment);
 
+/* Reports why the capture could not be loaded: its error, or that
+ * saga_encode_loading stopped it on request, which is no fault of the
+ * capture. */
+int saga_encode_not_loaded(const saga_encode_session *s);
+
 bool saga_encode_has_base(const saga_encode_session *s);
 
 /* Loads the pictures for training a segment, or the base. */
