@@ -11,6 +11,7 @@ import re
 import select
 import shutil
 import subprocess
+import sys
 import tempfile
 import threading
 import time
@@ -226,6 +227,10 @@ class FileServer(http.server.ThreadingHTTPServer):
         self.served, self.sent = [], []
         self.url = "http://127.0.0.1:%d/" % self.server_port
         threading.Thread(target=self.serve_forever, daemon=True).start()
+
+    def handle_error(self, *args):
+        if not isinstance(sys.exc_info()[1], ConnectionError):
+            super().handle_error(*args) # else the page has gone on
 
 
 class FileHandler(http.server.BaseHTTPRequestHandler):
