@@ -262,7 +262,7 @@ TEST(wrong_lenses_should_be_named)
 {
     static const struct { double focal, centre; } wrong[] = {
         { 2, 1 }, { 0.5, 1 }, { 2, 2 }, { 0.5, 0.5 }, { 1 / 3.0, 1 / 3.0 },
-        { 4 / 3.0, 1 }
+        { 4 / 3.0, 1 }, { 1.25, 1 } /* pairs alone do not find the last */
     };
     const saga_capture *const c = *state;
 
