@@ -72,9 +72,10 @@ FAULTS = [
      "d->code >="),
     ("plan", "decoder/plan.c", "    if (h->level >= SAGA_N_PROFILES)\n        "
      "return SAGA_ERR_LEVEL;\n", ""),
-    ("find", "decoder/head.c", "chunk->nbytes > n - SAGA_CHUNK_NBYTES",
+    ("find", "decoder/probe.c", "i < h.n_segments; i++", "i < h.n_frames; i++"),
+    ("rig", "decoder/probe.c", "index >= h.n_cameras", "index > 1000"),
+    ("tail", "decoder/head.c", "chunk->nbytes > n - SAGA_CHUNK_NBYTES",
      "chunk->nbytes > n"),
-    ("rig", "decoder/probe.c", "index >= h.n_cameras", "index > h.n_cameras"),
     ("names", "decoder/names.c", "more > n - at", "more > n - at + 1"),
     ("tail", "decoder/sound.c", "c->nbytes < SAGA_SOUND_NBYTES + 4 ||", ""),
     ("nets", "common/syntax_nets.c", "n_in - k < PIECE ? n_in - k : PIECE",
