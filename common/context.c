@@ -314,8 +314,10 @@ static void in_tokens(const saga_scaffold *sc, block *b, int tier,
                      sc->fine_feature + (size_t)run->rank[i] * f, 14);
 }
 
-/* Sums fit in 32 bits: |sum| <= 65535 * 32767 < 2^31, since bank_blocks <=
- * 65535. A run never extends beyond its round. */
+/* Adds what Agg makes of each block of a run to the sums from which the memory
+ * bank is updated at the end of a round, which has bank_blocks blocks; no run
+ * extends beyond its round. Sums fit in 32 bits: |sum| <= 65535 * 32767 < 2^31,
+ * since bank_blocks <= 65535. */
 void saga_context_keep(const saga_scaffold *sc, int tier,
                        const saga_run *run)
 {

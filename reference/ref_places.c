@@ -89,8 +89,9 @@ static void place_of(double x[4], double l[4], const ref_scene *s, int table,
             l[i] = ref_half_size(c, i);
 }
 
-/* A row of the table CONTEXT is the offset's residual, the number of primitives
- * and zeros. */
+/* Returns feature i of an anchor, as interpolation reads it. The table CONTEXT
+ * is for the entropy networks of primitives: their features of a fine anchor
+ * are the residual of its offset, its number of primitives, and zeros. */
 double ref_feature_of(const ref_scene *s, int table, uint32_t rank,
                          uint32_t i)
 {

@@ -125,8 +125,8 @@ static uint8_t *make_base(uint64_t number, size_t *n)
     return gen_stream_bytes(&o, n);
 }
 
-/* Returns whether the decoder accepts the only segment, and an index of all
- * frames. */
+/* Returns whether the decoder accepts the only segment, and finds in the index
+ * that its frames are all frames of the film. */
 static int decodes(const mutate_result *result, const saga_info *info,
                    const uint8_t *bytes, size_t n)
 {

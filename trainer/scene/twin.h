@@ -85,10 +85,11 @@ void saga_twin_free(saga_twin *w);
 /* Returns the number of rows in the batch of a network. */
 size_t saga_twin_rows(const saga_twin *w, int net);
 
-/* Finds neighbours and weights again, by common/interp.c on rounded positions.
- * Those of primitives are found with the supports that F_fine gives for the new
- * neighbours of fine anchors. feature is as for saga_twin_geometry. Returns
- * false with *error set if memory is short. */
+/* Finds the neighbours of all anchors and primitives, and their weights, again
+ * after positions have changed: by common/interp.c on rounded positions, as the
+ * decoder does. Primitives come last, since their neighbours depend on the
+ * supports that F_fine computes for fine anchors. feature is as for
+ * saga_twin_geometry. Returns false with *error set if memory is short. */
 bool saga_twin_refresh(saga_twin *w, const saga_scene *s, const real *feature,
                        saga_error *error);
 

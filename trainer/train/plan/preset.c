@@ -92,8 +92,8 @@ int saga_plan_segments(const saga_capture *capture, int frames)
     const int all = capture->n_frames;
     int n;
 
-    /* A moving camera has one picture for each moment, so the capture cannot be
-     * split by time. */
+    /* A moving camera films each place at another moment: a shorter segment
+     * would lack views, so there is only one. */
     if (!frames && capture->moves)
         frames = all;
     if (!frames) {

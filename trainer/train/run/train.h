@@ -150,10 +150,10 @@ void saga_train_free(saga_train *train);
 /* Packs the present state of a checkpoint's training, without its capture: the
  * finished segments, and the one in training as it is now. Sets *bytes and
  * *nbytes to a file; the caller frees *bytes. After the last iteration they are
- * the bytes that the training itself packs, except for a segment that only
- * makes the networks for a base, which is packed alone. Returns false with
- * *error set if there is nothing to pack yet: while the base is trained, and in
- * a warm-up before any segment is finished. */
+ * the bytes that the training itself packs. With a base there is one exception:
+ * its first segment only makes the networks, and gives a file of its own.
+ * Returns false with *error set if there is nothing to pack yet: while the base
+ * is trained, and in a warm-up before any segment is finished. */
 bool saga_train_peek(uint8_t **bytes, size_t *nbytes, const char *checkpoint,
                      saga_error *error);
 
