@@ -240,7 +240,7 @@ TEST(tracks_should_link_matches_of_pairs)
 
 static saga_refinement refine(const saga_capture *c)
 {
-    saga_refinement r;
+    saga_refinement r = { 0 };
     FREED_BY(saga_pairs_free) saga_pairs pairs;
     FREED_BY(saga_tracks_free) saga_tracks tracks;
 

@@ -1053,5 +1053,6 @@ int main(int argc, char **argv)
     bad_fuse();
     bad_segments();
     bad_work();
-    return (fclose(manifest) != 0) | (fclose(pictures) != 0);
+    const bool failed = fclose(manifest) != 0;
+    return fclose(pictures) != 0 || failed;
 }
