@@ -232,8 +232,10 @@ def check_mutants(builder, files):
             key = f"{path}: {term}"
             count += 1
             if result == NOTICED or key in NEEDLESS:
-                print(f"     {path}:{line_of(text, begin)}: {term}: "
-                      f"{said.count(chr(10)) + 1} lines", flush=True)
+                why = f"{said.count(chr(10)) + 1} lines" \
+                    if result == NOTICED else "has a reason"
+                print(f"     {path}:{line_of(text, begin)}: {term}: {why}",
+                      flush=True)
                 continue
             failed += 1
             print(f"FAIL {path}:{line_of(text, begin)}: {term}: {result}",

@@ -181,7 +181,8 @@ def hash_fields(plain, hashed):
                  **{f"header.{name}": 1})
         head_row(hashed, "open.9", f"{name}=0-with-hash", DATA,
                  **{f"header.{name}": 0})
-    for count, bits in ((2, 9), (3, 8), (5, 7), (8, 7)):
+    # A shift by 33 must not pass as one by 1.
+    for count, bits in ((2, 9), (3, 8), (5, 7), (8, 7), (9, 1), (1, 33)):
         head_row(hashed, "open.9", f"{count}-tables-of-2^{bits}", DATA,
                  header__hash_levels=count, header__hash_log2_entries=bits)
 
