@@ -13,8 +13,8 @@ files that are cut and joined,
               README lists the same formats as the help
   import      a file that was encoded from PLY splats is drawn as an independent
               renderer draws the splats; a sequence of SPZ files gives as many
-              frames; a film in .splat4d gives the file that the same splats in
-              PLY give; an invalid PLY is reported
+              frames; a film in .splat4d or .4dgs gives the file that the same
+              splats in PLY give; an invalid PLY is reported
   cut         frames that were cut from a file draw the same pixels, from the
               same coded bytes
   join        the parts of a file, joined, are the file; in another order they
@@ -41,6 +41,7 @@ import struct
 import subprocess
 import sys
 import tempfile
+import zlib
 
 import splats
 from verdict import SAGA, SAGA_DEC, Verdicts, crc32c, read
@@ -600,6 +601,45 @@ def film_of(places, still):
             head).ljust(at, b"\0") + section + group
 
 
+def stream_4dgs(number, rows):
+    """Returns a stream of .4dgs, packed by zlib."""
+    data = zigzag([x for row in rows for x in row])
+    planes = zlib.compress(bytes(x >> 8 * b & 255 for b in range(4)
+                                 for x in data))
+    return struct.pack("<5BIQ", number, 4, 0, 0, len(rows[0]), len(rows),
+                       len(planes)) + planes
+
+
+def film_4dgs_of(places, still, fps):
+    """Returns the film of film_of in .4dgs: a chunk and a window for each
+    frame, in which nothing moves or fades."""
+    def text(s):
+        return struct.pack("<I", len(s)) + s
+
+    def record(kind, content):
+        return struct.pack("<BQ", kind, len(content)) + content
+
+    n, magic = len(still), b"\x894DGS1\r\n"
+    spans = [(t / fps, (t + 1) / fps) for t in range(len(places))]
+    film = magic + record(1, text(b"") + text(b"") + struct.pack(
+        "<dQd", len(places) / fps, n * len(places), 0.05) +
+        text(b"gaussian-birth") + bytes(6 * 8 + 2 + 4))
+    film += record(3, text(b"uniform-v1") + struct.pack(
+        "<11d", 0, 0, 0, 0.125, 0.25, 1 / 128, 1 / 255, 1 / 255, 1, 1, 1) +
+        bytes(5))
+    film += record(4, struct.pack("<I", len(spans)) +
+                   b"".join(struct.pack("<2d", *span) for span in spans))
+    for t, frame in enumerate(places):
+        streams = b"".join(stream_4dgs(k, rows) for k, rows in enumerate((
+            frame, [s[8:] for s in still], [[3]] * n, [[0] * 3] * n,
+            [[s[1], s[0] - s[1], s[2] - s[1]] for s in still],
+            [[s[3]] for s in still], [[0] * 3] * n, [[0]] * n, [[0]] * n,
+            [[1]] * n, [[t]] * n)))
+        film += record(5, struct.pack("<ddII", *spans[t], 0, n) + text(b"") +
+                       struct.pack("<QQ", len(streams), len(streams)) + streams)
+    return film + record(2, bytes(20)) + magic
+
+
 def check_import_film(tmp):
     still = [(200, i, 255 - i, 250, 255, 128, 128, 128, -3, -4, -5)
              for i in range(60)]
@@ -619,9 +659,15 @@ def check_import_film(tmp):
     saga("import", tmp + "/plys", "-o", tmp + "/b.saga", "--fps", "12", *more)
     if read(tmp + "/a.saga") != read(tmp + "/b.saga"):
         complain("a film is not encoded as its frames are")
-    write(tmp + "/bad.splat4d", film_of(places, still)[:-9])
-    saga("import", tmp + "/bad.splat4d", "-o", tmp + "/refused.saga",
-         status=1, says="copy it again")
+    write(tmp + "/film.4dgs", film_4dgs_of(places, still, 12))
+    saga("import", tmp + "/film.4dgs", "-o", tmp + "/c.saga", "--fps", "12",
+         *more)
+    if read(tmp + "/c.saga") != read(tmp + "/b.saga"):
+        complain("a film in .4dgs is not encoded as its frames are")
+    for film in (film_of(places, still), film_4dgs_of(places, still, 12)):
+        bad = write(tmp + "/bad.any", film[:-9])
+        saga("import", bad, "-o", tmp + "/refused.saga", status=1,
+             says="copy it again")
 
 
 def check_import_refused(tmp):

@@ -44,8 +44,8 @@ typedef struct {
     const char *splats;      /* a file, or a folder of a sequence */
     char **path;             /* (n_files) */
     int n_files, n_frames;
-    saga_bytes bytes;        /* of the film */
-    saga_splat4d *film;      /* all frames, or NULL: each frame is a file */
+    saga_bytes bytes;        /* of the sequence */
+    saga_cloud_sequence *sequence; /* or NULL: each frame is a file */
     saga_cloud first;        /* splats of the first frame */
     saga_import_cameras cameras;
     saga_capture capture;
@@ -130,9 +130,9 @@ static bool list_files(session *s)
     return ok;
 }
 
-static bool is_film(const char *path)
+static bool is_sequence(const char *path)
 {
-    uint8_t first[SAGA_SPLAT4D_HEAD_NBYTES];
+    uint8_t first[SAGA_SEQUENCE_HEAD_NBYTES];
     saga_bytes bytes = { first, 0 };
     FILE *const f = fopen(path, "rb");
 
@@ -140,26 +140,28 @@ static bool is_film(const char *path)
         bytes.nbytes = fread(first, 1, sizeof first, f);
         fclose(f);
     }
-    return saga_is_splat4d(&bytes);
+    return saga_is_sequence(&bytes);
 }
 
-/* Opens a film of several frames, if the only file is one. */
-static bool open_film(session *s)
+/* Opens a sequence, if the only file is one. */
+static bool open_sequence(session *s)
 {
     s->n_frames = s->n_files;
-    if (s->n_files > 1 || !is_film(s->path[0]))
+    if (s->n_files > 1 || !is_sequence(s->path[0]))
         return true;
     if (!saga_read_file(&s->bytes, s->path[0], &s->error))
         return false;
-    s->film = saga_splat4d_open(&s->bytes, s->path[0], &s->error);
-    s->n_frames = s->film ? saga_splat4d_n_frames(s->film) : 0;
-    return s->film != NULL;
+    s->sequence = saga_sequence_open(&s->bytes, s->path[0], s->o->fps,
+                                     &s->error);
+    s->n_frames = s->sequence ? saga_sequence_n_frames(s->sequence) : 0;
+    return s->sequence != NULL;
 }
 
 static bool read_first(session *s)
 {
-    return s->film ? saga_splat4d_read(&s->first, s->film, 0, &s->error)
-                   : saga_cloud_read(&s->first, s->path[0], &s->error);
+    return s->sequence
+        ? saga_sequence_read(&s->first, s->sequence, 0, &s->error)
+        : saga_cloud_read(&s->first, s->path[0], &s->error);
 }
 
 /* --- Training ------------------------------------------------------------ */
@@ -233,9 +235,9 @@ static bool train(session *s)
 static bool draw(session *s)
 {
     const saga_cloud_source source = {
-        .path = s->path, .film = s->film, .n_frames = s->n_frames,
-        .fps = !isnan(s->o->fps) ? s->o->fps
-             : s->film ? saga_splat4d_fps(s->film) : 30.0,
+        .path = s->path, .sequence = s->sequence, .n_frames = s->n_frames,
+        .fps = s->sequence ? saga_sequence_fps(s->sequence)
+             : isnan(s->o->fps) ? 30.0 : s->o->fps,
         .shot = s->cameras.shot, .n_shots = s->cameras.n_shots,
         .progress = saga_meter_progress, .progress_user = &s->meter
     };
@@ -271,7 +273,7 @@ static void end(session *s)
     saga_params_free(&s->given);
     saga_capture_free(&s->capture);
     saga_cloud_free(&s->first);
-    saga_splat4d_free(s->film);
+    saga_sequence_free(s->sequence);
     saga_bytes_free(&s->bytes);
     free(s->cameras.shot);
     for (int i = 0; i < s->n_files; i++)
@@ -288,7 +290,7 @@ static int import(session *s)
      * reported early. */
     if (saga_output_open_alone(&s->out, s->o->out, &s->error)) {
         status = SAGA_EXIT_DATA;
-        ok = list_files(s) && open_film(s) && read_first(s) &&
+        ok = list_files(s) && open_sequence(s) && read_first(s) &&
              saga_import_find_cameras(&s->cameras) && draw(s) && train(s);
         saga_meter_end(&s->meter);
         if (!ok)
@@ -364,7 +366,7 @@ static const saga_cli_option option_list[] = {
       "(default 2)", saga_cli_int, offsetof(options, level), 0, 3 },
     { "--fps", "F",
       "frames per second of a sequence (default 30, or that of\n"
-      "the .splat4d file)",
+      "the .splat4d file); a .4dgs file is sampled with it",
       saga_cli_real, offsetof(options, fps), 0, 0 },
     { "--seed", "N", "seed of all random numbers (default 1)", saga_cli_int,
       offsetof(options, seed), 0, INT32_MAX },
@@ -380,10 +382,10 @@ const saga_command saga_command_import = {
     "Codes splats that another program trained; no pictures are needed.\n"
     "SPLATS is a file, or a folder with a file for each frame in the order of\n"
     "the names, in one of the formats that `saga help export` lists, or a\n"
-    "sequence in a file NAME.splat4d of version 1. A single file of splats\n"
-    "keeps them: networks are fitted to them and then improved. A sequence is\n"
-    "trained anew, as one segment, because most files do not say which splats\n"
-    "of two frames belong together.\n"
+    "sequence in a file NAME.splat4d or NAME.4dgs of version 1. A single file\n"
+    "of splats keeps them: networks are fitted to them and then improved. A\n"
+    "sequence is trained anew, as one segment, because most files do not say\n"
+    "which splats of two frames belong together.\n"
     "\n"
     "The training compares pictures that are drawn from the splats, for\n"
     "cameras all round the scene. What none of these cameras sees comes out\n"

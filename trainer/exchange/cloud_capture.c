@@ -276,8 +276,8 @@ static bool read_frame(saga_capture *c, saga_canvas *canvas,
     saga_cloud cloud;
     bool ok;
 
-    if (!(s->film ? saga_splat4d_read(&cloud, s->film, number, error)
-                  : saga_cloud_read(&cloud, s->path[number], error)))
+    if (!(s->sequence ? saga_sequence_read(&cloud, s->sequence, number, error)
+                      : saga_cloud_read(&cloud, s->path[number], error)))
         return false;
     add_points(c, &cloud, s->n_frames);
     ok = draw_frame(c, canvas, &cloud, number, error);

@@ -9,13 +9,13 @@
 
 #include "capture.h"
 #include "cloud.h"
-#include "cloud_splat4d.h"
+#include "cloud_sequence.h"
 #include "splat.h"
 
 /* The splats, and the cameras for which they are drawn. */
 typedef struct saga_cloud_source {
-    char **path;             /* (n_frames), or the path of the film */
-    saga_splat4d *film;      /* or NULL: each frame is a file */
+    char **path;             /* (n_frames), or the path of the sequence */
+    saga_cloud_sequence *sequence; /* or NULL: each frame is a file */
     int n_frames;
     double fps;
     const saga_shot *shot;   /* (n_shots) name, size, lens, place */
