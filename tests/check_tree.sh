@@ -18,6 +18,8 @@
 #   text        files are ASCII, without tabs (except in a Makefile) and
 #               trailing blanks, and end with a newline; lines of C have at most
 #               80 columns, except in generated tables (*_tables.h)
+#   length      files of common, decoder, trainer, reference, tools and ports
+#               have at most 600 lines
 # It reads the files that git would add, or the whole folder without git.
 set -eu
 cd "${1:-$(dirname "$0")/..}"
@@ -164,5 +166,10 @@ tr '\n' '\0' <"$tmp/source" | LC_ALL=C xargs -0 awk -v lines="$tmp/lines" '
               if (f[2] in n && n[f[2]] != f[1])
                   print f[2] ": no newline at the end" } }' >"$tmp/bad"
 verdict text
+
+# ---- length
+awk '$2 ~ /^(common|decoder|trainer|reference|tools|ports)\// && $1 > 600 {
+         print $2 ": " $1 " lines" }' "$tmp/lines" >"$tmp/bad"
+verdict length
 
 [ ! -e "$tmp/failed" ]
