@@ -68,7 +68,10 @@ NEEDLESS = {
 }
 
 # Changes that give the same decoder, with the reason: FILE: LINE -> CHANGE.
-EQUIVALENT = {}
+EQUIVALENT = {
+    "decoder/blend.c: if (cpu > SAGA_CPU_X4) {":
+        "the plain loop gives the same bits as the vectors it replaces",
+}
 
 
 # --- Building ----------------------------------------------------------------
