@@ -69,6 +69,8 @@ NEEDLESS = {
 
 # Changes that give the same decoder, with the reason: FILE: LINE -> CHANGE.
 EQUIVALENT = {
+    "decoder/animate.c: bits |= (uint64_t)(v[i] <= 0 ? -v[i] : v[i]);":
+        "-0 is 0",
     "decoder/blend.c: if (cpu > SAGA_CPU_X4) {":
         "the plain loop gives the same bits as the vectors it replaces",
 }
