@@ -351,6 +351,7 @@ static int find_colours(const parts *m, saga_decoder *dec, uint32_t n,
     uint32_t n_new = 0, i;
     int k;
 
+    /* Lists the primitives whose colours are not kept, with their middles. */
     for (i = 0; i < n; i++) {
         colour *const c = m->colours + m->prim[i];
 
@@ -363,6 +364,7 @@ static int find_colours(const parts *m, saga_decoder *dec, uint32_t n,
             m->middle[n_new][k] = c->middle[k];
         m->list[n_new++] = m->prim[i];
     }
+    /* Computes these together, and keeps them. */
     if (saga_colours_at(m->sorted, dec, m->list, n_new, from,
                         (const int32_t (*)[3])m->middle))
         return 0;

@@ -524,6 +524,8 @@ const web_gaussian *saga_web_gaussians(int32_t t)
     web.looked.width = 0;
     if (!web.dec || !reach(web.input, (uint64_t)n * sizeof *first))
         return NULL;
+    /* All primitives are there, so that their order stays; those that are not
+     * seen at this time have an opacity of 0. */
     for (i = 0; i < n; i++)
         first[i] = (web_gaussian){ .at = { .q0_q20 = INVISIBLE_Q0 } };
     for (i = 0; i < n; i += RUN) {

@@ -232,7 +232,7 @@ static void put_bands(uint8_t **at, int number)
     }
 }
 
-/* What a film has in other films' places. */
+/* The values in which a film differs from others. */
 typedef struct {
     const char *model, *scheme, *codec, *colours;
     int extra;               /* another record before the chunks */

@@ -20,7 +20,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* What a line is about. */
+/* The segment, time and camera of a line. */
 typedef struct saga_stages_at {
     uint32_t segment;
     int32_t t;

@@ -169,6 +169,7 @@ static bool take_record(saga_4dgs *f, int kind, saga_cursor *c,
     if (f->has_head != (kind != HEADER))
         return saga_4dgs_damaged(f, "it does not begin with its only header",
                                  error);
+    /* Kinds that are not here have no splats and are skipped. */
     switch (kind) {
     case HEADER:
         return take_head(f, c, error);
@@ -412,6 +413,7 @@ bool saga_4dgs_read(saga_cloud *cloud, const saga_4dgs *film, int frame,
     bool ok = true;
 
     *cloud = (saga_cloud){ .n = 0 };
+    /* Room for all splats of the chunks that this moment is in. */
     for (size_t i = 0; i < film->n_chunks; i++)
         n += is_seen(&film->chunks[i], time) ? film->chunks[i].n : 0;
     if (n > MOST_SPLATS)
@@ -420,6 +422,7 @@ bool saga_4dgs_read(saga_cloud *cloud, const saga_4dgs *film, int frame,
                          MOST_SPLATS);
     if (!saga_cloud_alloc(cloud, (size_t)n, film->degree, error))
         return false;
+    /* Only those that are seen are put; put() counts them. */
     cloud->n = 0;
     for (size_t i = 0; i < film->n_chunks && ok; i++)
         if (is_seen(&film->chunks[i], time))

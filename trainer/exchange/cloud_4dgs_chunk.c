@@ -80,6 +80,8 @@ static bool take_stream(saga_4dgs_numbers *to, const saga_4dgs *f,
     if (codec > 1)
         return saga_fail(error, f->path, "export it with deflate or zstd",
                          "has a stream that is packed by codec %d", codec);
+    /* A size that no packing can have made is refused before it is allocated.
+     * A stream may come once. */
     if (c->failed || !fits || mode > CONSTANT || to->value ||
         (width != 1 && width != 2 && width != 4) ||
         nbytes / (codec ? ZSTD_RATIO : ZLIB_RATIO) > saga_left(&packed))
@@ -89,6 +91,7 @@ static bool take_stream(saga_4dgs_numbers *to, const saga_4dgs *f,
         saga_alloc(symbols, sizeof *to->value, f->path, error), channels,
         mode == CONSTANT
     };
+    /* Symbols are unpacked, then made numbers. */
     ok = planes && to->value &&
          (unpack(planes, nbytes, &packed, codec) ||
           saga_4dgs_damaged(f, "a stream", error));

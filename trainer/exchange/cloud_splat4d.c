@@ -198,6 +198,7 @@ static bool take_groups(saga_splat4d *f, const json_t *root,
                             error);
     if (!f->groups)
         return false;
+    /* Each group begins behind the one before, and the last ends the film. */
     for (int i = 0; i < f->n_groups && ok; i++) {
         const json_t *const of = json_array_get(list, (size_t)i);
         group *const g = &f->groups[i];
@@ -367,6 +368,8 @@ static bool enter(saga_splat4d *f, int number, saga_error *error)
     unsigned seen = 0;
     bool ok = saga_take(&c, (size_t)n * 11) != NULL;
 
+    /* Until the group is whole there is no frame, and changes of the group
+     * before do not go on. */
     f->frame = -1;
     for (int k = 0; k < N_ATTRIBUTES; k++)
         drop(&f->attributes[k].change);
