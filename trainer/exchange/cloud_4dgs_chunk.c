@@ -2,12 +2,11 @@
 #include "cloud_4dgs_chunk.h"
 
 #include "alloc.h"
+#include "byte_planes.h"
 
 #include <stdlib.h>
 #include <zlib.h>
 #include <zstd.h>
-
-enum { ZLIB_RATIO = 1032, ZSTD_RATIO = 1 << 15 }; /* highest of packing */
 
 static const int n_channels[N_ATTRIBUTES] = { 3, 3, 1, 3, 3, 1, 3, 1, 1, 1, 1 };
 
@@ -48,11 +47,8 @@ static void join_planes(saga_4dgs_numbers *to, const uint8_t *planes, size_t n,
     const size_t channels = (size_t)to->channels;
 
     for (size_t i = 0; i < n; i++) {
-        uint32_t x = 0;
+        uint32_t x = saga_plane_sign(saga_plane_number(planes, n, width, i));
 
-        for (int k = 0; k < width; k++)
-            x |= (uint32_t)planes[(size_t)k * n + i] << 8 * k;
-        x = x >> 1 ^ (0 - (x & 1));
         if (differences && i >= channels)
             x += (uint32_t)to->value[i - channels];
         to->value[i] = (int32_t)x;
@@ -84,7 +80,8 @@ static bool take_stream(saga_4dgs_numbers *to, const saga_4dgs *f,
      * A stream may come once. */
     if (c->failed || !fits || mode > CONSTANT || to->value ||
         (width != 1 && width != 2 && width != 4) ||
-        nbytes / (codec ? ZSTD_RATIO : ZLIB_RATIO) > saga_left(&packed))
+        nbytes / (codec ? SAGA_ZSTD_RATIO : SAGA_DEFLATE_RATIO) >
+            saga_left(&packed))
         return saga_4dgs_damaged(f, "the head of a stream", error);
     planes = saga_alloc(nbytes, 1, f->path, error);
     *to = (saga_4dgs_numbers){

@@ -2,6 +2,7 @@
 #include "cloud_splat4d.h"
 
 #include "alloc.h"
+#include "byte_planes.h"
 #include "cloud_files.h"
 #include "json_memory.h"
 
@@ -12,9 +13,7 @@
 enum {
     HEAD_NBYTES = SAGA_SPLAT4D_HEAD_NBYTES, /* in front of the JSON */
     MOST_SPLATS = 1 << 26,
-    MOST_FRAMES = 65535,
-    ZSTD_RATIO = 1 << 15     /* zstd's highest ratio: a block of 128 kB takes
-                              * at least 4 bytes */
+    MOST_FRAMES = 65535
 };
 
 #define AGAIN "export it again"
@@ -70,18 +69,12 @@ struct saga_splat4d {
 
 static uint32_t number_at(const stream *s, size_t i)
 {
-    uint32_t x = 0;
-
-    for (int k = 0; k < s->width; k++)
-        x |= (uint32_t)s->planes[(size_t)k * s->n + i] << 8 * k;
-    return x;
+    return saga_plane_number(s->planes, s->n, s->width, i);
 }
 
 static int32_t signed_at(const stream *s, size_t i)
 {
-    const uint32_t x = number_at(s, i);
-
-    return (int32_t)(x >> 1 ^ (0 - (x & 1)));
+    return (int32_t)saga_plane_sign(number_at(s, i));
 }
 
 /* Adds with wrapping, so that damaged files overflow nothing. */
@@ -105,7 +98,7 @@ static bool unpack(stream *s, const saga_splat4d *f, size_t n, int width,
 
     *s = (stream){ .n = n, .width = width };
     if (!packed || (width != 1 && width != 2 && width != 4) ||
-        nbytes / ZSTD_RATIO > packed_nbytes)
+        nbytes / SAGA_ZSTD_RATIO > packed_nbytes)
         return saga_fail(error, f->path, COPY, "has a stream of %zu numbers of "
                          "%d bytes in %zu bytes", n, width, packed_nbytes);
     s->planes = saga_alloc(nbytes, 1, f->path, error);

@@ -2,6 +2,7 @@
 #include "cloud_spz.h"
 
 #include "alloc.h"
+#include "byte_planes.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -17,10 +18,7 @@ enum {
     HAS_EXTENSIONS = 2,      /* a flag */
     MOST_EXTENSIONS_NBYTES = 4096,
     COORDINATE_SYSTEM = (int)0xADBE0003, /* type of an extension */
-    MOST_SHIFT = 30,
-    GZIP_RATIO = 1032,       /* deflate's highest ratio */
-    ZSTD_RATIO = 1 << 15     /* zstd's highest ratio: a block of 128 kB
-                              * takes at least 4 bytes */
+    MOST_SHIFT = 30
 };
 
 /* The fields that both headers have, and the arrays that follow. */
@@ -165,7 +163,7 @@ static uint8_t *inflate_all(z_stream *z, spz_head *h, int *axis,
     find_arrays(h);
     /* The counts in the header are limited by the packed size before memory is
      * taken. */
-    arrays = alloc_arrays(h, packed_nbytes, GZIP_RATIO, error);
+    arrays = alloc_arrays(h, packed_nbytes, SAGA_DEFLATE_RATIO, error);
     if (!arrays)
         return NULL;
     if (h->nbytes > UINT32_MAX || !inflate_some(z, arrays, h->nbytes) ||
@@ -242,7 +240,7 @@ static uint8_t *read_zstd(spz_head *h, int *axis, const saga_bytes *bytes,
                   "streams at byte %zu of %zu", p[15], at, bytes->nbytes);
         return NULL;
     }
-    arrays = alloc_arrays(h, bytes->nbytes, ZSTD_RATIO, error);
+    arrays = alloc_arrays(h, bytes->nbytes, SAGA_ZSTD_RATIO, error);
     if (!arrays)
         return NULL;
     if (!unpack_streams(arrays, h,
