@@ -229,8 +229,11 @@ shared: $(SHARED)
 tests: $(TESTS)
 lab-programs: $(LAB)
 bench-programs: $(BENCH)
-# Compiles every file of the tree without linking.
-objects: $(EVERY_OBJ)
+# Compiles every file of the tree without linking, but for those that have an
+# object in the build folder COMPILED.
+COMPILED =
+objects: $(filter-out $(if $(COMPILED),$(patsubst $(COMPILED)/%,$(BUILD)/%, \
+           $(shell find $(COMPILED)/obj -name '*.o'))),$(EVERY_OBJ))
 
 $(LIB): $(COMMON_OBJ) $(DECODER_OBJ)
 $(TRAIN): $(TRAINER_OBJ)

@@ -27,7 +27,7 @@ export UBSAN_OPTIONS=print_stacktrace=1
 # where the machine has none; PATTERN, ZERO: what variables begin with; MEMORY:
 # MemorySanitizer; plain, x4: the path instead of the best one)
 table='
-small gcc-O0               | gcc   | | -O0 |
+all gcc-O0                 | gcc   | | -O0 |
 small gcc-O3               | gcc   | | -O3 |
 small clang-O0-zero        | clang | | -O0 | ZERO
 small clang-O3             | clang | | -O3 |

@@ -236,8 +236,6 @@ many() {
     tree
     build gcc "all tests lab-programs bench-programs
         $build/gcc/check_vectors" CC=gcc
-    # The sanitizers are clang's. Here clang only checks for warnings.
-    build clang objects CC=clang CFLAGS=-fsyntax-only
     check tables "$make" -s BUILD="$build/gcc" CC=gcc WERROR=-Werror tables
     check circles tests/check_circles.sh "$build/gcc"
     check headers tests/check_headers.sh
@@ -275,6 +273,10 @@ many() {
     frozen
     programs gcc CC=gcc
     sanitized
+    # The sanitizers are clang's. What was not built with them is only checked
+    # for clang's warnings.
+    build clang objects CC=clang CFLAGS=-fsyntax-only \
+        COMPILED="$build/sanitize"
     [ "$what" != all ] || check debian tests/cli/check_debian.sh
     [ "$what" != all ] || check double tests/cli/check_double.sh
     check matrix tests/run_matrix.sh "$size"

@@ -76,7 +76,7 @@ static void fail_each(folder *f, const char *name, long least)
     s.crc = crc_of(&c);
     saga_capture_free(&c);
     assert_true(heap_fail_each(load_and_free, &s,
-                               testing_sanitized() ? 5 : 1) > least);
+                               testing_sanitized() ? 7 : 1) > least);
 }
 
 /* --- nerfstudio ---------------------------------------------------------- */

@@ -246,7 +246,7 @@ static void assert_depth(const table *t, uint32_t n)
 TEST(damaged_streams_should_only_give_a_status)
 {
     const uint64_t seed = testing_seed(0);
-    const uint32_t n = testing_count(1200, 10000);
+    const uint32_t n = testing_count(1000, 10000);
     const int verbose = getenv("SAGA_TEST_VERBOSE") != NULL;
     table t = { 0 };
     base b = { 0 };

@@ -62,7 +62,7 @@ static inline const char *folder_file(folder *f, const char *name)
 /* Runs a shell command in the folder. */
 static inline void folder_run(folder *f, const char *format, ...)
 {
-    char command[1200];
+    char command[2400];
     va_list args;
     int n = snprintf(command, sizeof command, "cd '%s' && ", f->path);
 
