@@ -140,10 +140,10 @@ TOOLS = $(addprefix $(BUILD)/,saga-dec saga-play saga gen_tables)
 TESTS := $(addprefix $(BUILD)/,$(notdir $(TESTS_SRC:.c=)))
 # Programs for the scripts of lab/. Those for files set coarse features to zero,
 # fit the entropy networks again, count the bytes of an order-0 coder, measure
-# the times of parts, and try number formats. make_shared trains with shared
-# anchors.
+# the times of parts, and try number formats. make_paper trains the paper's model
+# without its parts.
 LAB := $(addprefix $(BUILD)/,make_zeroed make_order0 make_refit make_times \
-         make_formats make_shared)
+         make_formats make_paper)
 # bench_table times all operators, bench_share the parts of decoding a file, and
 # bench_numerics the decoder's operators in several number formats.
 BENCH := $(addprefix $(BUILD)/,bench_table bench_share bench_numerics)

@@ -14,18 +14,20 @@
 # 3,000 iterations and 20 to 30 s, 49 evaluations of 17 s. With half of the
 # iterations, REFIT="--iterations 1500", it took 35 to 45 minutes.
 #
-# Then it measures whether shared anchors pay (make_shared): on each scene of
-# SHARED, NAME:PRIMITIVES, with 14 short renderings after one warm-up and
-# pictures of 160x90. A scene takes about 4 minutes.
+# Then it trains the paper's whole model (`saga encode --model paper`), and the
+# same without one part after the other, on each scene of PAPER,
+# NAME:PRIMITIVES:WARM:RENDER. All rows of a scene continue from one warm-up of
+# WARM iterations (make_paper). A row of room or ring takes 40 s. The scene
+# "large" is the ring filmed by 12 cameras of 960x540 in 60 frames. Its pictures
+# take 20 CPU minutes, its warm-up 9 and a row 6; it is left out if PAPER does
+# not name it:
 #
-# Last it trains the paper's whole model (`saga encode --model paper`) and the
-# same without one part after the other on each scene of PAPER,
-# NAME:PRIMITIVES:LAMBDA,LAMBDA: 56 trainings of 10 to 20 s.
+#     PAPER='room:2000:3600:4800 ring:2000:3600:4800 large:100000:3600:1000'
 #
 # Environment: LAMBDAS (the rates, the lowest first), TRAIN (more options of
-# `saga encode`) and REFIT (of make_refit); for shared anchors SHARED_SYNTH
-# (options of `saga synth`) and SHARED_ITERATIONS (of each training), which count
-# for the paper's model, too.
+# `saga encode`) and REFIT (of make_refit); for the paper's model PAPER,
+# PAPER_SYNTH (options of `saga synth`) and PAPER_ROWS (ROW:FACTOR, as
+# make_paper's).
 set -euo pipefail
 saga=$1
 folder=$2
@@ -104,47 +106,40 @@ for slots in 32 64 128 256 512; do
     variant "$at" "slots$slots" --keep --ablate "slots=$slots"
 done
 
-read -ra shared_synth <<<"${SHARED_SYNTH:---size 160x90}"
+# --- The paper's model
 
-# render SCENE: renders its capture in $at if it is not there.
-render() {
-    at=$folder/shared.$1
-    [ -d "$at" ] || "$saga" synth "$at" --scene "$1" --threads "$threads" \
-        "${shared_synth[@]}"
+# Options of `saga synth` for a scene of PAPER.
+synth_of() {
+    case $1 in
+    large) echo --scene ring --size 960x540 --cameras 12 --frames 60 ;;
+    *) echo --scene "$1" "${PAPER_SYNTH:---size 160x90}" ;;
+    esac
 }
 
-for scene in ${SHARED:-room:2000 ring:3000}; do
-    render "${scene%%:*}"
-    [ -f "$at.json" ] || OMP_NUM_THREADS=1 into "$at.json" \
-        "$bin/make_shared" "$at" "${scene#*:}" "${SHARED_ITERATIONS:-2400}"
-done
-
-# part NAME OPTIONS...: trains a model on $scene at each of its rates.
-part() {
-    local name=$1 primitives lambdas lambda to
-    shift
-    IFS=: read -r _ primitives lambdas <<<"$scene"
-    for lambda in ${lambdas//,/ }; do
-        to=$folder/paper/${scene%%:*}/$name.$lambda
-        [ ! -f "$to.json" ] || continue
-        rm -f "$to.saga.ckpt"
-        OMP_NUM_THREADS=1 into "$to.json" "$saga" encode "$at" -o "$to.saga" \
-            --lambda "$lambda" --primitives "$primitives" \
-            --iterations "${SHARED_ITERATIONS:-2400}" --threads 1 --json "$@"
+# Each row at some prices, in units of that which `saga encode` would choose. At
+# the same price flat files are better and larger, so theirs are higher.
+factors="4 0.25"
+rows=${PAPER_ROWS:-$(
+    for row in full nearest no-hash raw-networks plain-update no-bank no-fuse \
+        slots=32 slots=128 slots=256 slots=512; do
+        printf "$row:%s " $factors
     done
-}
-
-for scene in ${PAPER:-room:2000:700,200,60 ring:2000:7000,700,200,60}; do
-    render "${scene%%:*}"
-    mkdir -p "$folder/paper/${scene%%:*}"
-    part full --model paper
-    part flat
-    part nearest --model paper --ablate nearest
-    part no-hash --model paper --ablate no-hash
-    part raw-networks --model paper --ablate raw-networks
-    part plain-update --model paper --ablate plain-update
-    part no-bank --model paper --ablate no-bank
-    part no-fuse --model paper --ablate no-fuse
+    printf "flat:%s " 64 32 8 4
+)}
+mkdir -p "$folder/paper"
+for scene in ${PAPER:-room:2000:3600:4800 ring:2000:3600:4800}; do
+    IFS=: read -r name primitives warm render <<<"$scene"
+    at=$folder/paper/$name
+    # shellcheck disable=SC2046
+    [ -d "$at" ] || "$saga" synth "$at" --threads "$threads" $(synth_of "$name")
+    # Rows that an earlier run finished are kept.
+    missing=$(for row in $rows; do
+        grep -qs "\"row\": \"${row%:*}\", \"factor\": ${row#*:}," "$at.json" ||
+            echo "$row"
+    done)
+    # shellcheck disable=SC2086
+    [ -z "$missing" ] || OMP_NUM_THREADS=1 "$bin/make_paper" "$at" \
+        "$primitives" "$warm" "$render" "$threads" $missing >>"$at.json"
 done
 
 reports=()
