@@ -289,7 +289,7 @@ NOTES = (
     "one price on the room. There only V1, V2 and V4 say something. On the "
     "large ring whole and plain update, which hardly differ either, are 0.02 to "
     "0.05 dB and at most 1 % of the bytes apart. Its trainings are short, "
-    "however: 1,000 iterations draw 720 pictures 1.4 times, the warm-up has "
+    "however: 1,000 iterations draw 600 pictures 1.7 times, the warm-up has "
     "30.5 dB, and the files are still 4 dB below it.",
     "**V1**, no shared anchors: each primitive has features of its own. On "
     "room and ring that saves a fifth to two fifths of the bytes, since "
@@ -299,15 +299,16 @@ NOTES = (
     "warm-up made it ([lab/start.md](../lab/start.md)), those that share an "
     "anchor as their mean. On the large ring, with four to five bytes for a "
     "primitive, sharing saves 7 %, as in the paper: 14 % at 25.7 dB, nothing at "
-    "26.2. At so high a price most features of its own say nothing. Fewer primitives with features of their own, which were "
-    "better on small scenes ([lab/anchors.md](../lab/anchors.md)), were not "
-    "tried there.",
+    "26.2. We believe that at so high a price few features of its own pay. "
+    "Fewer primitives with features of their own, which were better on small "
+    "scenes ([lab/anchors.md](../lab/anchors.md)), were not tried there.",
     "**V2**, no interpolation of anchors: each primitive reads its own parent "
     "alone. That is better here on all three scenes. With K = 4 few primitives "
     "have a second fine anchor within reach: 500 primitives of the room begin "
     "with 589 neighbours in all.",
     "**V3**, no residual hash: two tables of 256 entries with a network, 2 to "
-    "3 kB. On the large ring it is worth what it costs.",
+    "3 kB. The 1.7 % of the large ring prove nothing, and room and ring "
+    "disagree.",
     "**V4**, uncoded networks: networks are half of a small file. In the "
     "paper's files of megabytes they are 12 %. With 100,000 primitives and "
     "features of their own they would be 4.2 % "

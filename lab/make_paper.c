@@ -16,7 +16,6 @@
  */
 #include "capture_load.h"
 #include "error.h"
-#include "policy.h"
 #include "train.h"
 #include "train_state.h"
 
@@ -52,9 +51,8 @@ static bool choose(saga_train *t, const char *row, double factor,
     t->o.n_coarse = t->o.n_fine = 0;
     saga_options_derive(&t->o);
     t->o.progress = NULL;
-    t->lambda = factor * saga_policy_lambda(t->recent_mse,
-                                            saga_pictures_pixels(&t->pictures),
-                                            t->o.n_primitives);
+    saga_train_settle_price(t);
+    t->lambda *= factor;
     return true;
 }
 
