@@ -424,6 +424,7 @@ $(BUILD)/check_init: $(OBJ)/tests/stream/check_init.o $(LIB)
 FUZZ := $(addprefix $(BUILD)/,$(notdir $(patsubst %.c,%,$(wildcard \
           tests/*/fuzz_*.c))))
 $(BUILD)/fuzz_decode: $(OBJ)/tests/stream/fuzz_decode.o
+$(BUILD)/fuzz_segment: $(OBJ)/tests/stream/fuzz_segment.o
 $(BUILD)/fuzz_input: $(OBJ)/tests/capture/fuzz_input.o
 $(BUILD)/fuzz_http: $(OBJ)/tests/cli/fuzz_http.o
 $(BUILD)/fuzz_path: $(OBJ)/tests/cli/fuzz_path.o $(addprefix \

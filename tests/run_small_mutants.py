@@ -11,9 +11,9 @@ random: makes N changes of one operator or number each, in the source files of
 common/ and decoder/, drawn with SEED (default: the commit's hash). Tables that
 have only numbers are left out, since a test compares each with its formula. A
 change that no vector notices is tested on the vectors in a build without SIMD,
-under sanitizers, and then by the unit tests of common/, decoder/ and stream/. Prints the changes that
-nothing notices, and fails if they are more than 5 % of those that EQUIVALENT
-does not list.
+under sanitizers, and then by the unit tests of common/, decoder/ and stream/.
+Prints the changes that nothing notices, and fails if they are more than 5 % of
+those that EQUIVALENT does not list.
 
 For a change, one file is compiled again and linked with the rest, and
 check_vectors runs: for `checks` only on the files that must be refused, for

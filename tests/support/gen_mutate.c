@@ -890,7 +890,7 @@ typedef struct {
     mutate_result *result;
     saga_decoder *dec;
     saga_info info;
-    uint8_t *head;               /* a copy of the head's exact size */
+    const uint8_t *head;         /* a copy of the head's exact size */
     size_t n_head;
     uint64_t *r;
 } player;
@@ -1050,6 +1050,15 @@ static void look_around(player *p)
         look(p, &c, 1);
     odd_camera(&c, p->r);
     look(p, &c, 0);
+}
+
+void mutate_look(mutate_result *result, saga_decoder *dec,
+                 const saga_info *info, const uint8_t *bytes, size_t n,
+                 uint64_t *r)
+{
+    player p = { result, dec, *info, bytes, n, r };
+
+    look_around(&p);
 }
 
 static uint32_t owner_of(const player *p)
@@ -1254,9 +1263,11 @@ void mutate_play(mutate_result *result, const uint8_t *bytes, size_t n,
                p.info.decode_macs + p.info.base_macs > MAX_MACS) {
         refuse(result, MUTATE_AT_SIZE, SAGA_OK);
     } else {
-        p.n_head = p.info.head_nbytes < n ? p.info.head_nbytes : n;
-        p.head = copy_of(all, p.n_head);
+        const size_t n_head = p.info.head_nbytes < n ? p.info.head_nbytes : n;
+        FREED uint8_t *const exact = copy_of(all, n_head);
+
+        p.head = exact;
+        p.n_head = n_head;
         play_file(&p, all, n);
-        free(p.head);
     }
 }

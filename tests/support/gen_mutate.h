@@ -120,4 +120,11 @@ typedef struct mutate_result {
 void mutate_play(mutate_result *result, const uint8_t *bytes, size_t n,
                  uint64_t *r);
 
+/* What mutate_play does with a segment that dec has decoded: asks for all of
+ * its primitives and draws two views. bytes[0..n): the head, which *info
+ * describes. Of *result it changes broken, stage, status and crc. */
+void mutate_look(mutate_result *result, saga_decoder *dec,
+                 const saga_info *info, const uint8_t *bytes, size_t n,
+                 uint64_t *r);
+
 #endif
