@@ -34,6 +34,10 @@ if [ "$what" = all ]; then
     size=all
     timeout=14400
 fi
+# The python3 of a version manager is a script that takes longer than most of
+# what it starts, so that its directory comes after that of the interpreter.
+python=$(python3 -c 'import sys; print(sys.executable)')
+[ "$python" = "$(command -v python3)" ] || PATH=$(dirname "$python"):$PATH
 # In `make test` each program runs in one configuration: tests of memory and bad
 # input run under the sanitizers, all others, which are about numbers, at full
 # speed.

@@ -702,6 +702,9 @@ PYTHON
 says_plan() {
     local text=$1 pid i
     shift
+    # Messages of the call before would seem to be those of this one, whose
+    # shell, killed before it has become saga, removes $tmp.
+    : >"$tmp/err"
     "$saga" encode "$tmp/wide" -o "$tmp/wide.saga" --preset fast "$@" \
         >"$tmp/out" 2>"$tmp/err" </dev/null &
     pid=$!

@@ -69,8 +69,8 @@ int testing_run(void);
 
 /* Returns the number in SAGA_TEST_SEED, or `otherwise` if it is not set. */
 uint64_t testing_seed(uint64_t otherwise);
-/* Returns the number in SAGA_TEST_COUNT; if it is not set, `many` with
- * SAGA_TEST_LONG and `few` without. */
+/* Returns the number in SAGA_TEST_COUNT; if it is not set, `few`, or with
+ * SAGA_TEST_LONG `many`, of which sanitized programs make an eighth. */
 uint32_t testing_count(uint32_t few, uint32_t many);
 bool testing_long(void);
 /* Returns whether SAGA_TEST_SANITIZED is set; then tests of numerical results
