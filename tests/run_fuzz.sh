@@ -24,7 +24,6 @@ mkdir -p "$build"
 corpus() { # corpus NAME: the folders that a fuzzer begins with
     case $1 in
     decode) echo tests/corpus vectors/good ;;
-    segment) ;; # it takes segments of vectors/v1 itself
     *) echo "tests/corpus/$1" ;;
     esac
 }
