@@ -15,20 +15,39 @@ enum { N_SLOTS = 5 };
 
 /* --- A bank -------------------------------------------------------------- */
 
+/* Behind each array of a bank is a gap of so many bytes, which stay painted. */
+enum { GAP = 16, N_GAPS = 5, PAINT = 0xa5 };
+
 static saga_bank bank_of(uint32_t n_slots, uint32_t width)
 {
     uint8_t *block;
     saga_bank m = { .n_slots = n_slots, .width = width, .hidden = 8 };
+    const uint32_t nbytes = saga_bank_lay(&m, NULL) + N_GAPS * GAP;
 
-    block = must(aligned_alloc(16, saga_bank_lay(&m, NULL)));
-    memset(block, 0xa5, saga_bank_lay(&m, NULL));
+    block = must(aligned_alloc(16, nbytes));
+    memset(block, PAINT, nbytes);
     saga_bank_lay(&m, block);
+    m.column += GAP / 2;
+    m.embedding += 2 * GAP / 2;
+    m.score += 3 * GAP / 4;
+    m.weight += 4 * GAP / 2;
+    m.round = (saga_round *)(void *)((uint8_t *)m.round + N_GAPS * GAP);
     saga_bank_start(&m);
     return m;
 }
 
 static void drop(saga_bank *m)
 {
+    const uint32_t n = m->n_slots;
+    const void *const gap[N_GAPS] = {
+        m->slot + n * saga_mlp_pad(m->width), m->column + n * m->width,
+        m->embedding + n * m->hidden, m->score + n, m->weight + n
+    };
+    uint8_t paint[GAP];
+
+    memset(paint, PAINT, GAP);
+    for (int i = 0; i < N_GAPS; i++)
+        assert_memory_equal(gap[i], paint, GAP);
     free(m->slot);
 }
 
