@@ -85,6 +85,12 @@ EQUIVALENT = {
     "common/fine.c: for (rank = 0; rank < sc->n.fine && "
     "!saga_tally_add(sc->net.tally, 1);":
         "a watch is called a few units earlier",
+    "decoder/splats.c: if (cpu == SAGA_CPU_AVX2 && n % 4 == 0)":
+        "no path is better than AVX2",
+    "decoder/raster.c: __builtin_prefetch((const uint8_t *)(s + 1) + 1);":
+        "a prefetch has no result",
+    "common/syntax_segment.c: c, saga_at_symbol(SAGA_SYM_N_PRIM, rank, 1), "
+    "&sc->models->n_prim,": "only encoders read the place of a symbol",
     "decoder/splats.c: if (cpu >= SAGA_CPU_X4 && n % 2 != 0)":
         "it is compiled on other machines only",
     "common/mlp.c: room = limit - (int32_t)(bias < 1 ? -bias : bias) - "
