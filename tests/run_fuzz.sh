@@ -28,16 +28,6 @@ corpus() { # corpus NAME: the folders that a fuzzer begins with
     esac
 }
 
-# Of fuzz_segment, whose runs take a tenth of a millisecond, libFuzzer's look at
-# all of its inputs and at leaks would take more than the runs. The decoder
-# frees nothing, so that ASan need not keep much of what was freed.
-options() { # options NAME: libFuzzer's
-    [ "$1" != segment ] || echo -entropic=0 -detect_leaks=0
-}
-kept() { # kept NAME: MiB of freed memory that ASan keeps
-    [ "$1" = segment ] && echo 1 || echo 256
-}
-
 for name in $names; do
     # libFuzzer is clang's. No threads: forks and timeouts would not see them.
     # Traces of comparisons, from which libFuzzer guesses values that a program
@@ -54,10 +44,18 @@ for name in $names; do
     fi
     mkdir -p "$build/$name"
     log=$build/$name.txt
-    asan=allocator_may_return_null=1:quarantine_size_mb=$(kept "$name")
-    # shellcheck disable=SC2046
+    asan=allocator_may_return_null=1
+    options=
+    # A run of fuzz_segment takes a tenth of a millisecond, less than libFuzzer's
+    # look at all of its inputs and at leaks. The decoder frees nothing, so that
+    # ASan need not keep much of what was freed.
+    if [ "$name" = segment ]; then
+        asan=$asan:quarantine_size_mb=1
+        options='-entropic=0 -detect_leaks=0'
+    fi
+    # shellcheck disable=SC2046,SC2086
     ASAN_OPTIONS=$asan "$build/fuzz_$name" -max_len=12000 -timeout=60 \
-        -rss_limit_mb=4000 $(options "$name") \
+        -rss_limit_mb=4000 $options \
         -max_total_time=$((60 * minutes)) -print_final_stats=1 \
         -artifact_prefix="$build/$name.fault." "$build/$name" \
         $(corpus "$name") >"$log" 2>&1 </dev/null

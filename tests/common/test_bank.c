@@ -15,7 +15,7 @@ enum { N_SLOTS = 5 };
 
 /* --- A bank -------------------------------------------------------------- */
 
-/* Behind each array of a bank is a gap of so many bytes, which stay painted. */
+/* Painted bytes follow each array of a bank; nothing may change them. */
 enum { GAP = 16, N_GAPS = 5, PAINT = 0xa5 };
 
 static saga_bank bank_of(uint32_t n_slots, uint32_t width)

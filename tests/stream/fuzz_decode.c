@@ -26,15 +26,6 @@ size_t LLVMFuzzerCustomMutator(uint8_t *data, size_t n, size_t most,
 /* libFuzzer's own changes, which may change the length up to `most`. */
 size_t LLVMFuzzerMutate(uint8_t *data, size_t n, size_t most);
 
-static void *must(void *p)
-{
-    if (!p) {
-        fprintf(stderr, "fuzz_decode: out of memory\n");
-        exit(2);
-    }
-    return p;
-}
-
 /* The checksum of all pictures and statuses so far. */
 static uint32_t total;
 
@@ -51,7 +42,7 @@ static void tell(void)
 /* Returns a signed copy of an input, which the caller frees. */
 static uint8_t *signed_copy(const uint8_t *data, size_t n)
 {
-    uint8_t *const copy = must(malloc(n + 1));
+    uint8_t *const copy = mutate_must(malloc(n + 1));
 
     if (n)
         memcpy(copy, data, n);
@@ -117,13 +108,13 @@ static uint8_t *read_file(const char *path, size_t *n)
 
     if (!f)
         return NULL;
-    p = must(malloc(cap));
+    p = mutate_must(malloc(cap));
     *n = 0;
     while ((got = fread(p + *n, 1, cap - *n, f)) > 0) {
         *n += got;
         if (*n == cap) {
             cap *= 2;
-            p = must(realloc(p, cap));
+            p = mutate_must(realloc(p, cap));
         }
     }
     fclose(f);

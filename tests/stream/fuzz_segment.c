@@ -50,15 +50,6 @@ static void tell(void)
            "%lu drew\n", n_films, n_played, n_entered, n_drawn);
 }
 
-static void *must(void *p)
-{
-    if (!p) {
-        fprintf(stderr, "fuzz_segment: out of memory\n");
-        exit(2);
-    }
-    return p;
-}
-
 /* Opens the film of a file; returns 0 if it is not small. */
 static int open_film(film *f, const char *path)
 {
@@ -76,7 +67,7 @@ static int open_film(film *f, const char *path)
         saga_find(&f->segment, bytes, f->info.head_nbytes, 0, 1) ||
         f->segment.nbytes > MAX_SEGMENT)
         return 0;
-    work = must(aligned_alloc(SAGA_WORK_ALIGN, f->info.work_nbytes));
+    work = mutate_must(aligned_alloc(SAGA_WORK_ALIGN, f->info.work_nbytes));
     if (saga_open(&f->dec, work, f->info.work_nbytes, bytes,
                   f->info.head_nbytes, NULL) == SAGA_OK)
         return 1;
@@ -113,19 +104,10 @@ static const film *film_of(uint8_t byte)
  */
 static void sign(uint8_t *p, size_t n, uint32_t owner)
 {
-    size_t at = 0;
+    size_t at = 0, k;
 
-    while (n - at >= SAGA_CHUNK_NBYTES) {
-        saga_io io = { p + at, NULL, 0 };
-        saga_chunk chunk;
-
-        saga_chunk_io(&io, &chunk);
-        if (chunk.nbytes > n - at - SAGA_CHUNK_NBYTES)
-            return;
-        fx_store32_le(p + at + 8, saga_chunk_crc(owner, &chunk,
-                                                 p + at + SAGA_CHUNK_NBYTES));
-        at += SAGA_CHUNK_NBYTES + chunk.nbytes;
-    }
+    while ((k = mutate_sign_chunk(p + at, n - at, owner)) > 0)
+        at += k;
 }
 
 /* saga_decode calls this when it decodes the first symbol. */
@@ -140,7 +122,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
     const film *const f = film_of(n ? data[0] : 0);
     const size_t nbytes = n ? n - 1 : 0;
     /* A copy of exact size, so that ASan sees every read past its end. */
-    uint8_t *const copy = must(malloc(nbytes + (nbytes == 0)));
+    uint8_t *const copy = mutate_must(malloc(nbytes + (nbytes == 0)));
     uint64_t r = saga_crc32c(0, data, n);
     saga_segment segment = f->segment;
     mutate_result result = { .stage = MUTATE_DRAWN };
@@ -203,7 +185,7 @@ static size_t change_payload(uint8_t *data, size_t n, size_t most, size_t at,
     const size_t payload = nbytes - SAGA_CHUNK_NBYTES;
     const size_t from = SAGA_CHUNK_NBYTES + (size_t)(gen_random(r) % payload);
     const size_t behind = n - at - nbytes, room = nbytes - from + most - n;
-    uint8_t *const part = must(malloc(room));
+    uint8_t *const part = mutate_must(malloc(room));
     size_t k = nbytes - from;
 
     memcpy(part, data + at + from, k);

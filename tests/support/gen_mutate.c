@@ -25,7 +25,7 @@ const char *const mutate_stage_text[MUTATE_N_STAGES] = {
     "prim", "view", "drawn"
 };
 
-static void *must(void *p)
+void *mutate_must(void *p)
 {
     if (!p) {
         fprintf(stderr, "gen_mutate: out of memory\n");
@@ -38,7 +38,7 @@ static void *must(void *p)
  */
 static uint8_t *copy_of(const uint8_t *p, size_t n)
 {
-    uint8_t *const q = must(malloc(n ? n : 1));
+    uint8_t *const q = mutate_must(malloc(n ? n : 1));
 
     if (n)
         memcpy(q, p, n);
@@ -194,7 +194,7 @@ static uint8_t *join(const mutate_file *f, size_t *n, int link)
     *n = at;
     for (uint32_t i = 0; i < f->n_parts; i++)
         *n += SAGA_CHUNK_NBYTES + f->part[i].n;
-    out = must(malloc(*n + 1));
+    out = mutate_must(malloc(*n + 1));
     memcpy(out, f->header, at);
     if (link && f->n_parts > f->segments) {
         link_base(f, out);
@@ -215,9 +215,23 @@ uint8_t *mutate_join(const mutate_file *f, size_t *n)
     return join(f, n, 1);
 }
 
+size_t mutate_sign_chunk(uint8_t *p, size_t n, uint32_t owner)
+{
+    saga_io io = { p, NULL, 0 };
+    saga_chunk chunk;
+
+    if (n < SAGA_CHUNK_NBYTES)
+        return 0;
+    saga_chunk_io(&io, &chunk);
+    if (chunk.nbytes > n - SAGA_CHUNK_NBYTES)
+        return 0;
+    fx_store32_le(p + 8, saga_chunk_crc(owner, &chunk, p + SAGA_CHUNK_NBYTES));
+    return SAGA_CHUNK_NBYTES + (size_t)chunk.nbytes;
+}
+
 void mutate_sign(uint8_t *bytes, size_t n)
 {
-    uint64_t at;
+    size_t at, k;
     uint32_t owner;
 
     if (n < SAGA_HEADER_NBYTES)
@@ -227,20 +241,10 @@ void mutate_sign(uint8_t *bytes, size_t n)
         return;
     gen_stream_sign_header(bytes);
     owner = fx_load32_le(bytes + at - 4);
-    for (uint32_t i = 0; n - at >= SAGA_CHUNK_NBYTES; i++) {
-        saga_io io = { bytes + at, NULL, 0 };
-        saga_chunk chunk;
-
-        saga_chunk_io(&io, &chunk);
-        if (chunk.nbytes > n - at - SAGA_CHUNK_NBYTES)
-            return;
-        chunk.crc = saga_chunk_crc(owner, &chunk,
-                                   bytes + at + SAGA_CHUNK_NBYTES);
-        fx_store32_le(bytes + at + 8, chunk.crc);
+    for (uint32_t i = 0; (k = mutate_sign_chunk(bytes + at, n - at, owner)) > 0;
+         i++, at += k)
         if (i == NETS_CHUNK || (i > NETS_CHUNK && i < 5 && has_base(bytes)))
-            owner = chunk.crc;
-        at += SAGA_CHUNK_NBYTES + chunk.nbytes;
-    }
+            owner = fx_load32_le(bytes + at + 8);
 }
 
 /* --- Walking a segment with a witness ------------------------------------ */
@@ -316,7 +320,7 @@ static int head_open(head *h, const uint8_t *header, size_t n,
         saga_plan_make(&h->plan, &h->header, 0) ||
         h->plan.work_nbytes > 64u << 20)
         return 0;
-    h->params = must(aligned_alloc(16, h->plan.nets.nbytes + 16));
+    h->params = mutate_must(aligned_alloc(16, h->plan.nets.nbytes + 16));
     saga_range_dec_init(&range, payload, n_payload);
     if (saga_syntax_networks(&h->plan.nets, h->params, &range.coder) &&
         saga_range_dec_finish(&range))
@@ -396,7 +400,7 @@ static void set_counts(const mutate_part *segment, uint32_t layer,
 
 static void resize(mutate_part *part, size_t n)
 {
-    part->p = must(realloc(part->p, n ? n : 1));
+    part->p = mutate_must(realloc(part->p, n ? n : 1));
     if (n > part->n)
         memset(part->p + part->n, 0, n - part->n);
     part->n = n;
@@ -409,7 +413,7 @@ static int fit_chunk(const saga_scaffold *sc, int chunk, mutate_part *part,
                      saga_counts *n, int *again)
 {
     const size_t size = part->n + PAD;
-    uint8_t *const padded = must(calloc(size + 1, 1));
+    uint8_t *const padded = mutate_must(calloc(size + 1, 1));
     saga_range_dec range;
     witness w;
     int ok;
@@ -756,7 +760,8 @@ static int damage_file(mutate_file *f, mutate_class c, uint64_t *r)
  */
 static void fit_networks(mutate_file *f)
 {
-    FREED uint8_t *const padded = must(calloc(f->part[1].n + PAD + 1, 1));
+    FREED uint8_t *const padded =
+        mutate_must(calloc(f->part[1].n + PAD + 1, 1));
     saga_header h;
     saga_plan plan;
     size_t n;
@@ -767,7 +772,7 @@ static void fit_networks(mutate_file *f)
     ok = !saga_head_read(&h, bytes, f->header_nbytes) &&
          !saga_plan_make(&plan, &h, 0) && plan.work_nbytes <= 64u << 20;
     if (ok)
-        params = must(aligned_alloc(16, plan.nets.nbytes + 16));
+        params = mutate_must(aligned_alloc(16, plan.nets.nbytes + 16));
     for (int attempt = 0; attempt < 4 && ok; attempt++) {
         saga_range_dec range;
 
@@ -975,7 +980,7 @@ static void draw(player *p, const saga_camera *c, uint32_t n_splats)
     const size_t line = 3u * c->width * (bits == 16 ? 2u : 1u);
     const size_t nbytes = line * c->height;
     const uint32_t budget = 1 + pick(p->r, pick(p->r, 2) ? 300 : 100000);
-    FREED uint8_t *const pixels = must(malloc(nbytes));
+    FREED uint8_t *const pixels = mutate_must(malloc(nbytes));
     const saga_picture picture = { pixels, line, nbytes, bits };
     saga_job job;
     saga_status s;
@@ -988,7 +993,7 @@ static void draw(player *p, const saga_camera *c, uint32_t n_splats)
     job.list_capacity = 1 + pick(p->r, 50);
     job.scratch_nbytes = SAGA_JOB_NBYTES(job.tile, job.list_capacity) *
                          (1 + pick(p->r, 3));
-    job.scratch = must(malloc(job.scratch_nbytes));
+    job.scratch = mutate_must(malloc(job.scratch_nbytes));
     do {
         s = saga_draw(p->dec, &job, &picture, budget);
         calls++;
@@ -1223,8 +1228,8 @@ static void play_segments(player *p, const uint8_t *bytes, size_t n)
 
 static void play_file(player *p, const uint8_t *bytes, size_t n)
 {
-    FREED uint8_t *const work = must(aligned_alloc(SAGA_WORK_ALIGN,
-                                                   p->info.work_nbytes));
+    FREED uint8_t *const work =
+        mutate_must(aligned_alloc(SAGA_WORK_ALIGN, p->info.work_nbytes));
     saga_segment seg;
     const saga_status found = saga_find(&seg, p->head, p->n_head, 0, 1);
     saga_status s;

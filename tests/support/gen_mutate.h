@@ -15,6 +15,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
+/* Returns p, or ends the program if memory is short. */
+void *mutate_must(void *p);
+
 /* --- A file in pieces ---------------------------------------------------- */
 
 enum { MUTATE_PARTS = 5 + (1 + 3 * GEN_MAX_LAYERS) * GEN_MAX_SEGMENTS };
@@ -49,6 +52,10 @@ uint8_t *mutate_join(const mutate_file *f, size_t *n);
 /* Computes the CRCs of the header and of all chunks anew, as far as the lengths
  * in the bytes are plausible. */
 void mutate_sign(uint8_t *bytes, size_t n);
+
+/* Computes the CRC of the chunk at p[0..n) anew, which continues that of its
+ * owner. Returns the chunk's length with its header, or 0 if n is less. */
+size_t mutate_sign_chunk(uint8_t *p, size_t n, uint32_t owner);
 
 /* --- Damage -------------------------------------------------------------- */
 
@@ -120,7 +127,7 @@ typedef struct mutate_result {
 void mutate_play(mutate_result *result, const uint8_t *bytes, size_t n,
                  uint64_t *r);
 
-/* What mutate_play does with a segment that dec has decoded: asks for all of
+/* Looks at a segment that dec has decoded, as mutate_play does: asks for all of
  * its primitives and draws two views. bytes[0..n): the head, which *info
  * describes. Of *result it changes broken, stage, status and crc. */
 void mutate_look(mutate_result *result, saga_decoder *dec,
