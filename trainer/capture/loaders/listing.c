@@ -10,6 +10,7 @@
 #include "file.h"
 #include "notes.h"
 #include "picture.h"
+#include "picture_turn.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -32,8 +33,42 @@ static void source_free(saga_source *s, int n_frames)
     free(s->video);
 }
 
+void saga_source_turn(saga_source *source, double width, double height)
+{
+    const int w = source->width;
+    if (source->upright || !saga_turn_wanted(source->orientation, w,
+                                             source->height, width, height))
+        return;
+    source->upright = true;
+    source->width = source->height;
+    source->height = w;
+}
+
+void saga_listing_note_turns(saga_listing *listing)
+{
+    static const char *const done[2] = {
+        "but are used as they are stored, which is how they were calibrated",
+        "and are turned, because they were calibrated so"};
+    for (int upright = 0; upright < 2; upright++) {
+        const saga_source *first = NULL;
+        int n = 0;
+        for (int i = 0; i < listing->n_sources; i++) {
+            const saga_source *const s = &listing->sources[i];
+            if (s->orientation < 2 || s->upright != (upright == 1))
+                continue;
+            first = first ? first : s;
+            n++;
+        }
+        if (n > 0)
+            saga_note(listing->notes, "orientation: the files of %d cameras "
+                      "ask to be shown turned (%s: EXIF %d) %s", n,
+                      first->name, first->orientation, done[upright]);
+    }
+}
+
 bool saga_source_fit(saga_source *source, double width, double height)
 {
+    saga_source_turn(source, width, height);
     const double sx = source->width / width, sy = source->height / height;
     if (!(fabs(sx / sy - 1.0) <= 0.01))
         return false;

@@ -13,7 +13,10 @@
 
 typedef struct saga_source {
     char name[SAGA_NAME_NBYTES];
-    int width, height;        /* size of the files' pictures */
+    int width, height;        /* size of the files' pictures, after turning */
+    int orientation;          /* how the files ask to be shown
+                               * (picture_turn.h), */
+    bool upright;             /* and whether they are */
     saga_lens lens;           /* the lens at this size */
     double rotation[9], translation[3];
     double near_depth, far_depth;
@@ -66,10 +69,15 @@ char *saga_listing_join(const saga_listing *listing, const char *folder,
  * fewer frames. */
 bool saga_listing_late(saga_listing *listing, const char *text,
                        saga_error *error);
-/* Scales the lens of a source, which is for pictures of width x height, to the
- * size of its pictures. Returns false, and changes nothing, if the ratio of the
- * sides differs by more than 1 %: then the pictures were cropped, which scaling
- * cannot undo. */
+/* Turns the pictures of a source, by the rule of picture_turn.h, for a
+ * calibration with pictures of width x height. */
+void saga_source_turn(saga_source *source, double width, double height);
+/* Notes which sources ask to be shown turned, and which are. */
+void saga_listing_note_turns(saga_listing *listing);
+/* Turns the pictures of a source for a lens that is for pictures of width x
+ * height, and scales the lens to their size. Returns false, and changes
+ * nothing, if the ratio of the sides differs by more than 1 %: then the
+ * pictures were cropped, which scaling cannot undo. */
 bool saga_source_fit(saga_source *source, double width, double height);
 void saga_listing_free(saga_listing *listing);
 /* Drops sources without any picture in frames first..end-1, and notes this.

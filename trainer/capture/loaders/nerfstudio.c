@@ -100,6 +100,8 @@ static bool fill_lens(const saga_transforms *r, saga_source *s,
                       const saga_entry *e)
 {
     const saga_entry_camera *const k = &e->key;
+    if (k->width > 0.0 && k->height > 0.0)
+        saga_source_turn(s, k->width, k->height);
     if ((k->width != 0.0 && k->width != s->width) ||
         (k->height != 0.0 && k->height != s->height))
         return saga_fail(r->error, r->path, "correct w and h together with "
