@@ -690,6 +690,12 @@ def check_import_refused(tmp):
     saga("import", tmp + "/none", "-o", out, status=2,
          says="cannot be opened")
     saga("import", good, status=2, says="-o OUT is missing")
+    # The first frame is that with the smallest number.
+    os.mkdir(tmp + "/unpadded")
+    for k in 2, 10:
+        write(tmp + "/unpadded/f%d.PLY" % k, b"no")
+    write(tmp + "/unpadded/._f1.PLY", b"no")
+    saga("import", tmp + "/unpadded", "-o", out, status=1, says="/f2.PLY: ")
     os.mkdir(tmp + "/empty")
     saga("import", tmp + "/empty", "-o", out, status=1,
          says="has no file of splats")

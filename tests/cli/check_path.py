@@ -176,9 +176,9 @@ def check_nerfstudio(tmp):
 # Each row has name, size, fx fy cx cy, quaternion w x y z, centre. The ids are
 # not in the order of names.
 IMAGES = [
-    ("b.jpg", (80, 50), (70.5, 71.25, 41.5, 24.75), (30, 1, -2, 1),
+    ("a 10.jpg", (80, 50), (70.5, 71.25, 41.5, 24.75), (30, 1, -2, 1),
      (0.5, 0.25, -3)),
-    ("a 1.jpg", (96, 60), (80, 80, 48, 30), (9, 2, 2, 4), (1.5, -0.5, -4)),
+    ("a 2.jpg", (96, 60), (80, 80, 48, 30), (9, 2, 2, 4), (1.5, -0.5, -4)),
     ("c.jpg", (96, 60), (80, 80, 48, 30), (5, 0, -1, 0), (-1, 0, -4)),
 ]
 
@@ -243,7 +243,8 @@ def colmap_camera(image):
 
 
 def check_colmap(tmp):
-    ordered = sorted(IMAGES)
+    # Names count as numbers where they are: 2 comes before 10.
+    ordered = [IMAGES[1], IMAGES[0], IMAGES[2]]
     for name in (write_text(tmp + "/text", IMAGES),
                  write_binary(tmp + "/binary", IMAGES)):
         render("-o", tmp + "/colmap%d.png", "--path", name)

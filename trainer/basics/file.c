@@ -2,13 +2,16 @@
 #include "file.h"
 
 #include "alloc.h"
+#include "order.h"
 
+#include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -51,25 +54,55 @@ bool saga_folder_has(const char *folder, const char *name)
     return n > 0 && n < PATH_MAX && saga_path_is_file(path);
 }
 
-DIR *saga_folder_open(const char *folder, saga_error *error)
+static bool add_name(saga_names *names, const char *name, const char *folder,
+                     saga_error *error)
 {
-    DIR *const dir = opendir(folder);
-    if (!dir)
-        saga_fail_errno(error, folder, "check its permissions",
-                        "folder cannot be read");
-    return dir;
+    if ((names->n & (names->n - 1)) == 0) { /* the capacity is the next power of
+                                             * two */
+        char **const more =
+            saga_realloc(names->at, names->n ? 2 * names->n : 1, sizeof *more,
+                         folder, error);
+        if (!more)
+            return false;
+        names->at = more;
+    }
+    names->at[names->n] = saga_string_copy(name, error);
+    names->n += names->at[names->n] != NULL;
+    return !saga_failed(error);
 }
 
-bool saga_folder_try(DIR **dir, const char *folder, saga_error *error)
+bool saga_folder_list(saga_names *names, const char *folder,
+                      bool (*wanted)(const char *name), saga_error *error)
 {
-    *dir = opendir(folder);
-    return *dir || errno != ENOMEM || saga_no_memory(0, folder, error);
+    DIR *const dir = opendir(folder);
+    bool ok = true;
+    *names = (saga_names){0};
+    if (!dir)
+        return errno == ENOENT || errno == ENOTDIR ||
+               saga_fail_errno(error, folder, "check its permissions",
+                               "folder cannot be read");
+    for (struct dirent *e; ok && (e = readdir(dir)) != NULL;)
+        if (e->d_name[0] != '.' && wanted(e->d_name))
+            ok = add_name(names, e->d_name, folder, error);
+    closedir(dir);
+    /* readdir has no defined order. */
+    if (names->n > 0)
+        qsort(names->at, names->n, sizeof *names->at, saga_by_name);
+    return ok;
+}
+
+void saga_names_free(saga_names *names)
+{
+    for (size_t i = 0; i < names->n; i++)
+        free(names->at[i]);
+    free(names->at);
+    *names = (saga_names){0};
 }
 
 bool saga_has_suffix(const char *s, const char *suffix)
 {
     const size_t n = strlen(s), m = strlen(suffix);
-    return n >= m && strcmp(s + n - m, suffix) == 0;
+    return n >= m && strcasecmp(s + n - m, suffix) == 0;
 }
 
 char *saga_path_beside(const char *path, const char *other)

@@ -7,7 +7,6 @@
 
 #include "error.h"
 
-#include <dirent.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -22,14 +21,23 @@ bool saga_path_is_file(const char *path);
 bool saga_path_is_folder(const char *path);
 /* Tells whether the folder has a regular file with this name. */
 bool saga_folder_has(const char *folder, const char *name);
+/* Compares without regard to case: cameras write .MP4 and .JPG. */
 bool saga_has_suffix(const char *s, const char *suffix);
 
-/* Opens a folder for readdir. Returns NULL with *error set if it cannot be
- * read. The caller closes it. */
-DIR *saga_folder_open(const char *folder, saga_error *error);
-/* Opens a folder like saga_folder_open, or sets *dir to NULL if it does not
- * exist. Returns false only if memory is short. */
-bool saga_folder_try(DIR **dir, const char *folder, saga_error *error);
+/* The names of files and folders in a folder. */
+typedef struct saga_names {
+    char **at;                /* (n) */
+    size_t n;
+} saga_names;
+
+/* Lists the names in a folder that `wanted` accepts, in the order of
+ * saga_compare_names. Names that begin with "." are left out: systems put files
+ * of their own beside the user's (._cam0.mp4, .DS_Store). A folder that does
+ * not exist has no names; one that cannot be read is an error. The caller frees
+ * the names, also on failure. */
+bool saga_folder_list(saga_names *names, const char *folder,
+                      bool (*wanted)(const char *name), saga_error *error);
+void saga_names_free(saga_names *names);
 
 /* Returns the real path of a file if, after links are followed, it is in the
  * folder of `other` or in a folder below; otherwise NULL. The caller frees

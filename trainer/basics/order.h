@@ -1,11 +1,20 @@
 /* SPDX-License-Identifier: MIT
  *
- * Comparison, median and quantiles of doubles; lists of what is nearest.
+ * The order of names; comparison, median and quantiles of doubles; lists of
+ * what is nearest.
  */
 #ifndef SAGA_ORDER_H
 #define SAGA_ORDER_H
 
 #include <stddef.h>
+
+/* Compares two names in natural order: numbers in them by value, so that f2
+ * comes before f10, and everything else by its bytes. Of equal numbers the one
+ * with more zeros in front is first. Returns 0 only for equal names. All files,
+ * frames and cameras that names put in order have this order. */
+int saga_compare_names(const char *a, const char *b);
+/* Compares two names, given as char **, for qsort. */
+int saga_by_name(const void *a, const void *b);
 
 /* Compares two doubles for qsort; the smaller comes first. */
 int saga_by_value(const void *a, const void *b);

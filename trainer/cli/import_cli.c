@@ -16,7 +16,6 @@
 #include "policy.h"
 #include "train.h"
 
-#include <dirent.h>
 #include <errno.h>
 #include <inttypes.h>
 #include <math.h>
@@ -58,11 +57,6 @@ typedef struct {
 
 /* --- Files --------------------------------------------------------------- */
 
-static int by_name(const void *a, const void *b)
-{
-    return strcmp(*(char *const *)a, *(char *const *)b);
-}
-
 static bool add_file(session *s, const char *folder, const char *name)
 {
     char **const path = saga_realloc(s->path, (size_t)s->n_files + 1,
@@ -75,39 +69,42 @@ static bool add_file(session *s, const char *folder, const char *name)
     return path[s->n_files] && ++s->n_files;
 }
 
-/* Adds the files of a folder that have a format's suffix. All must have the
- * same suffix, so that other files in the folder do not become frames. */
-static bool list_folder(session *s, DIR *dir)
+static bool is_splats(const char *name)
 {
-    const char *const folder = s->splats;
-    const saga_cloud_format *first = NULL;
-    bool ok = true;
+    return saga_cloud_format_of(name) != NULL;
+}
 
-    /* Files of other kinds are ignored, but two formats of splats are
-     * ambiguous. */
-    for (struct dirent *e; ok && (e = readdir(dir)) != NULL;) {
-        const saga_cloud_format *const f = saga_cloud_format_of(e->d_name);
+/* Adds the files of a folder, of which all must have the same format, so that
+ * other files in the folder do not become frames. */
+static bool add_files(session *s, const saga_names *names)
+{
+    const saga_cloud_format *const first = names->n
+        ? saga_cloud_format_of(names->at[0]) : NULL;
+    char known[SAGA_SUFFIXES_NBYTES];
 
-        if (!f)
-            continue;
-        first = first ? first : f;
+    saga_cloud_suffixes(known);
+    if (!first)
+        return saga_fail(&s->error, s->splats, "give a folder with a file for "
+                         "each frame", "has no file of splats (%s)", known);
+    if (names->n > MOST_FILES)
+        return saga_fail(&s->error, s->splats, "take fewer", "has more than %d "
+                         "files of splats", MOST_FILES);
+    for (size_t i = 0; i < names->n; i++) {
+        const saga_cloud_format *const f = saga_cloud_format_of(names->at[i]);
+
         if (f != first)
-            ok = saga_fail(&s->error, folder, "leave only one format in the "
-                           "folder", "has files of different formats (%s, %s)",
-                           first->suffix, f->suffix);
-        else if (s->n_files == MOST_FILES)
-            ok = saga_fail(&s->error, folder, "take fewer", "has more than %d "
-                           "files of splats", MOST_FILES);
-        else
-            ok = add_file(s, folder, e->d_name);
+            return saga_fail(&s->error, s->splats, "leave only one format in "
+                             "the folder", "has files of different formats "
+                             "(%s, %s)", first->suffix, f->suffix);
+        if (!add_file(s, s->splats, names->at[i]))
+            return false;
     }
-    return ok;
+    return true;
 }
 
 static bool list_files(session *s)
 {
-    char known[SAGA_SUFFIXES_NBYTES];
-    DIR *dir;
+    saga_names names;
     bool ok;
 
     if (!saga_path_is_folder(s->splats))
@@ -115,18 +112,9 @@ static bool list_files(session *s)
     /* A still as SOG may be a folder, too. */
     if (saga_folder_has(s->splats, "meta.json"))
         return add_file(s, s->splats, "meta.json");
-    dir = opendir(s->splats);
-    if (!dir)
-        return saga_fail_errno(&s->error, s->splats, "check its permissions",
-                               "cannot be opened");
-    ok = list_folder(s, dir);
-    closedir(dir);
-    saga_cloud_suffixes(known);
-    if (ok && !s->n_files)
-        ok = saga_fail(&s->error, s->splats, "give a folder with a file for "
-                       "each frame", "has no file of splats (%s)", known);
-    if (ok)
-        qsort(s->path, (size_t)s->n_files, sizeof *s->path, by_name);
+    ok = saga_folder_list(&names, s->splats, is_splats, &s->error) &&
+         add_files(s, &names);
+    saga_names_free(&names);
     return ok;
 }
 
@@ -381,11 +369,11 @@ const saga_command saga_command_import = {
     "makes a file of splats from any trainer (PLY, ...)",
     "Codes splats that another program trained; no pictures are needed.\n"
     "SPLATS is a file, or a folder with a file for each frame in the order of\n"
-    "the names, in one of the formats that `saga help export` lists, or a\n"
-    "sequence in a file NAME.splat4d or NAME.4dgs of version 1. A single file\n"
-    "of splats keeps them: networks are fitted to them and then improved. A\n"
-    "sequence is trained anew, as one segment, because most files do not say\n"
-    "which splats of two frames belong together.\n"
+    "the names (f2 before f10), in one of the formats that `saga help export`\n"
+    "lists, or a sequence in a file NAME.splat4d or NAME.4dgs of version 1. A\n"
+    "single file of splats keeps them: networks are fitted to them and then\n"
+    "improved. A sequence is trained anew, as one segment, because most files\n"
+    "do not say which splats of two frames belong together.\n"
     "\n"
     "The training compares pictures that are drawn from the splats, for\n"
     "cameras all round the scene. What none of these cameras sees comes out\n"

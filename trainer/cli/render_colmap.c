@@ -7,6 +7,7 @@
 
 #include "alloc.h"
 #include "colmap.h"
+#include "order.h"
 #include "pose.h"
 
 #include <math.h>
@@ -17,7 +18,7 @@ static int by_name(const void *a, const void *b)
 {
     const saga_colmap_image *const x = a, *const y = b;
 
-    return strcmp(x->name, y->name);
+    return saga_compare_names(x->name, y->name);
 }
 
 /* Sets a path's lens. A distorting lens becomes the pinhole to which a

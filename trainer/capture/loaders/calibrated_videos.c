@@ -41,8 +41,8 @@ typedef struct calibration {
     saga_listing *listing;
     const char *path;         /* path of the TOML file */
     double (*sizes)[2];       /* (n_sources) size of the calibrated pictures */
-    char **videos;            /* (n_videos) paths, sorted */
-    int n_videos;
+    char *videos_folder;
+    saga_names videos;        /* in that folder */
     saga_error *error;
 } calibration;
 
@@ -62,30 +62,24 @@ static bool is_calibration(const char *name)
 
 /* Sets *file to a calibration in a folder, NULL if there is none, and *n to
  * their number. Caliscope exports one calibration in two forms, of which the
- * first counts. Returns false only if memory is short. */
+ * first counts. Returns false only on an error. */
 static bool find_file(char **file, int *n, const char *folder,
                       saga_error *error)
 {
     static const char first[] = "camera_array.toml";
-    DIR *dir;
-    bool ok = true;
+    saga_names names = {0};
     *file = NULL;
     /* A file of this name takes precedence over all others. */
     *n = saga_folder_has(folder, first);
     if (*n == 1)
         return (*file = saga_path_join(folder, first, error)) != NULL;
-    if (!saga_folder_try(&dir, folder, error))
-        return false;
-    for (struct dirent *e; dir && ok && (e = readdir(dir)) != NULL;) {
-        if (!is_calibration(e->d_name))
-            continue;
-        free(*file);
-        *file = saga_path_join(folder, e->d_name, error);
+    bool ok = saga_folder_list(&names, folder, is_calibration, error);
+    if (ok && names.n > 0) {
+        *file = saga_path_join(folder, names.at[0], error);
         ok = *file != NULL;
-        *n += ok;
     }
-    if (dir)
-        closedir(dir);
+    *n = (int)names.n;
+    saga_names_free(&names);
     return ok;
 }
 
@@ -268,64 +262,18 @@ static bool read_cameras(calibration *c)
 
 /* ------------------------------------------------------------------- videos */
 
-static bool is_video(const char *name)
-{
-    static const char *const endings[] = {".mp4", ".mov", ".avi", ".mkv",
-                                          ".webm"};
-    const char *const dot = strrchr(name, '.');
-    /* macOS leaves a file "._cam_0.mp4" beside each file on foreign disks. */
-    const size_t n = name[0] == '.' ? 0 : sizeof endings / sizeof endings[0];
-    for (size_t i = 0; dot && i < n; i++)
-        if (strcasecmp(dot, endings[i]) == 0)
-            return true;
-    return false;
-}
-
-static int by_text(const void *a, const void *b)
-{
-    return strcmp(*(char *const *)a, *(char *const *)b);
-}
-
-/* Adds the videos of a folder, which need not exist. */
-static bool add_videos(calibration *c, const char *folder)
-{
-    DIR *dir;
-    if (!saga_folder_try(&dir, folder, c->error))
-        return false;
-    bool ok = true;
-    for (struct dirent *e; dir && ok && (e = readdir(dir)) != NULL;) {
-        if (!is_video(e->d_name))
-            continue;
-        /* The list grows by one; its paths are freed with the calibration. */
-        char **const more = saga_realloc(c->videos, (size_t)c->n_videos + 1,
-                                         sizeof *more, folder, c->error);
-        ok = more != NULL;
-        c->videos = ok ? more : c->videos;
-        if (ok)
-            c->videos[c->n_videos] = saga_path_join(folder, e->d_name,
-                                                    c->error);
-        ok = ok && c->videos[c->n_videos];
-        c->n_videos += ok;
-    }
-    if (dir)
-        closedir(dir);
-    /* readdir has no defined order. */
-    if (c->n_videos > 0)
-        qsort(c->videos, (size_t)c->n_videos, sizeof *c->videos, by_text);
-    return ok;
-}
-
 /* Finds the videos beside the calibration, or in a folder there. */
 static bool find_videos(calibration *c, const char *folder)
 {
-    static const char *const parts[] = {"videos", "synchronized_videos"};
-    bool ok = add_videos(c, folder);
-    for (size_t i = 0; ok && c->n_videos == 0 && i < 2; i++) {
-        char *const path = saga_path_join(folder, parts[i], c->error);
-        ok = path && add_videos(c, path);
-        free(path);
+    static const char *const parts[] = {"", "/videos", "/synchronized_videos"};
+    const size_t n = strlen(folder) + sizeof "/synchronized_videos";
+    bool ok = (c->videos_folder = saga_alloc(n, 1, folder, c->error)) != NULL;
+    for (size_t i = 0; ok && c->videos.n == 0 && i < 3; i++) {
+        (void)snprintf(c->videos_folder, n, "%s%s", folder, parts[i]);
+        ok = saga_folder_list(&c->videos, c->videos_folder, saga_is_video_name,
+                              c->error);
     }
-    if (!ok || c->n_videos > 0)
+    if (!ok || c->videos.n > 0)
         return ok;
     return saga_fail(c->error, folder, "put them there", "has a calibration "
                      "but no videos beside it, nor in videos/ or "
@@ -362,9 +310,9 @@ enum { N_RULES = sizeof rules / sizeof *rules };
 
 static bool belongs(const calibration *c, int rule, int camera, int video)
 {
-    const char *const base = strrchr(c->videos[video], '/') + 1;
-    return rules[rule](c->listing->sources[camera].name, base,
-                       (size_t)(strrchr(base, '.') - base));
+    const char *const name = c->videos.at[video];
+    return rules[rule](c->listing->sources[camera].name, name,
+                       (size_t)(strrchr(name, '.') - name));
 }
 
 /* Returns the only video that belongs to a camera and to no other camera, or
@@ -372,7 +320,7 @@ static bool belongs(const calibration *c, int rule, int camera, int video)
 static int video_of(const calibration *c, int rule, int camera)
 {
     int found = -1;
-    for (int v = 0; v < c->n_videos; v++)
+    for (int v = 0; v < (int)c->videos.n; v++)
         if (belongs(c, rule, camera, v)) {
             if (found >= 0)
                 return -1;
@@ -406,25 +354,26 @@ static bool give_videos(calibration *c, const char *folder)
     const int rule = best_rule(c);
     if (rule < 0)
         return saga_fail(c->error, folder, "name each video as its camera, for "
-                         "example cam_0.mp4", "no name of its %d videos "
+                         "example cam_0.mp4", "no name of its %zu videos "
                          "contains that of one of the %d cameras; the first "
                          "camera is %s",
-                         c->n_videos, l->n_sources, l->sources[0].name);
+                         c->videos.n, l->n_sources, l->sources[0].name);
     /* Each camera takes the video that the rule gives it; the other videos are
      * only counted. */
-    int n_used = 0;
+    size_t n_used = 0;
     for (int i = 0; i < l->n_sources; i++) {
         const int v = video_of(c, rule, i);
         if (v < 0)
             continue;
-        l->sources[i].video = saga_string_copy(c->videos[v], c->error);
+        l->sources[i].video = saga_path_join(c->videos_folder,
+                                              c->videos.at[v], c->error);
         if (!l->sources[i].video)
             return false;
         n_used++;
     }
-    if (n_used < c->n_videos)
-        saga_note(l->notes, "videos: %d of %d belong to no camera of the "
-                  "calibration", c->n_videos - n_used, c->n_videos);
+    if (n_used < c->videos.n)
+        saga_note(l->notes, "videos: %zu of %zu belong to no camera of the "
+                  "calibration", c->videos.n - n_used, c->videos.n);
     return true;
 }
 
@@ -518,9 +467,8 @@ static bool list(saga_listing *listing, const char *folder,
                        strrchr(file, '/') + 1);
     ok = ok && read_cameras(&c) && find_videos(&c, folder) &&
          give_videos(&c, folder) && fill_in(&c, options);
-    for (int i = 0; i < c.n_videos; i++)
-        free(c.videos[i]);
-    free(c.videos);
+    saga_names_free(&c.videos);
+    free(c.videos_folder);
     free(c.sizes);
     free(file);
     return ok;

@@ -24,6 +24,7 @@
 #include "file.h"
 #include "moments.h"
 #include "notes.h"
+#include "order.h"
 #include "picture.h"
 
 #include <stdio.h>
@@ -76,7 +77,7 @@ static int by_name(const void *a, const void *b)
 {
     const image_pointer x = *(const image_pointer *)a;
     const image_pointer y = *(const image_pointer *)b;
-    return strcmp(x->name, y->name);
+    return saga_compare_names(x->name, y->name);
 }
 
 static int by_pose_and_name(const void *a, const void *b)

@@ -11,6 +11,7 @@
 #include "file.h"
 #include "moments.h"
 #include "notes.h"
+#include "order.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -30,22 +31,18 @@ static bool is_frame_name(const char *name)
 static bool find_frame_folders(saga_finds *finds, const char *path,
                                saga_error *error)
 {
-    DIR *dir;
-    /* A path that cannot be opened has no frame folders. */
-    bool ok = saga_folder_try(&dir, path, error);
-    for (struct dirent *e; dir && ok && (e = readdir(dir)) != NULL;) {
+    saga_names names;
+    bool ok = saga_folder_list(&names, path, is_frame_name, error);
+    for (size_t i = 0; ok && i < names.n; i++) {
         uint64_t number;
-        if (!is_frame_name(e->d_name) ||
-            !saga_last_number(e->d_name, strlen(e->d_name), &number))
-            continue;
-        char *const folder = saga_path_join(path, e->d_name, error);
+        (void)saga_last_number(names.at[i], strlen(names.at[i]), &number);
+        char *const folder = saga_path_join(path, names.at[i], error);
         if (folder && !saga_path_is_folder(folder))
             free(folder);
         else
             ok = saga_finds_add(finds, 0, number, folder, error);
     }
-    if (dir)
-        closedir(dir);
+    saga_names_free(&names);
     return ok;
 }
 
@@ -54,7 +51,7 @@ static int by_number(const void *a, const void *b)
     const saga_found *const x = a, *const y = b;
     if (x->moment != y->moment)
         return x->moment < y->moment ? -1 : 1;
-    return strcmp(x->path, y->path);
+    return saga_compare_names(x->path, y->path);
 }
 
 /* Replaces a list of one path by one with room for n. A list that is NULL stays

@@ -140,30 +140,34 @@ static bool parse_depth(const char *s, miv_camera *c)
     return c->depth_bits > 0;
 }
 
+static bool is_raw(const char *name)
+{
+    return saga_has_suffix(name, ".yuv");
+}
+
 /* Finds the texture and the depth of a camera in the folder. */
 static bool find_files(const miv_reader *r, miv_camera *c)
 {
     const size_t n = strlen(c->name);
-    DIR *const dir = saga_folder_open(r->folder, r->error);
-    bool ok = true;
-    if (!dir)
-        return false;
-    for (struct dirent *e; ok && (e = readdir(dir)) != NULL;) {
+    saga_names names;
+    bool ok = saga_folder_list(&names, r->folder, is_raw, r->error);
+    for (size_t i = 0; ok && i < names.n; i++) {
+        const char *const name = names.at[i];
         char **to = NULL;
-        if (strncmp(e->d_name, c->name, n) != 0)
+        if (strncmp(name, c->name, n) != 0)
             continue;
         /* The "_" after the name keeps camera v1 from taking files of v10. */
-        if (!c->video && strncmp(e->d_name + n, "_texture_", 9) == 0 &&
-            parse_texture(e->d_name + n + 9, &c->info))
+        if (!c->video && strncmp(name + n, "_texture_", 9) == 0 &&
+            parse_texture(name + n + 9, &c->info))
             to = &c->video;
-        else if (!c->depth && strncmp(e->d_name + n, "_depth_", 7) == 0 &&
-                 parse_depth(e->d_name + n + 7, c))
+        else if (!c->depth && strncmp(name + n, "_depth_", 7) == 0 &&
+                 parse_depth(name + n + 7, c))
             to = &c->depth;
         if (to)
-            *to = saga_path_join(r->folder, e->d_name, r->error);
+            *to = saga_path_join(r->folder, name, r->error);
         ok = !to || *to;
     }
-    closedir(dir);
+    saga_names_free(&names);
     return c->video || !ok ? ok :
            saga_fail(r->error, r->folder, "name it NAME_texture_WxH_"
                      "yuv420p10le.yuv or NAME_texture_WxH_yuv420p.yuv",
@@ -470,37 +474,30 @@ static bool add_cameras(miv_reader *r)
 
 /* --------------------------------------------------------------- the folder */
 
-/* Returns the name of the first file in a folder, by name, that has a suffix,
- * or NULL if there is none. */
-static char *first_with(const char *folder, const char *suffix,
-                        saga_error *error)
+static bool is_json(const char *name)
 {
-    DIR *dir;
-    char *best = NULL;
-    bool ok = saga_folder_try(&dir, folder, error);
-    for (struct dirent *e; dir && ok && (e = readdir(dir)) != NULL;) {
-        /* readdir has no defined order; the first by name is the same
-         * everywhere. */
-        if (!saga_has_suffix(e->d_name, suffix) ||
-            (best && strcmp(best, e->d_name) < 0))
-            continue;
-        free(best);
-        best = saga_string_copy(e->d_name, error);
-        ok = best != NULL;
-    }
-    if (dir)
-        closedir(dir);
-    return best;
+    return saga_has_suffix(name, ".json");
+}
+
+/* Returns the path of the first JSON file in a folder; NULL if there is none,
+ * or no video without a header beside it. The caller frees it. */
+static char *find_json(const char *folder, saga_error *error)
+{
+    saga_names raw, json = {0};
+    char *path = NULL;
+    if (saga_folder_list(&raw, folder, is_raw, error) && raw.n > 0 &&
+        saga_folder_list(&json, folder, is_json, error) && json.n > 0)
+        path = saga_path_join(folder, json.at[0], error);
+    saga_names_free(&raw);
+    saga_names_free(&json);
+    return path;
 }
 
 static bool is_there(const char *folder, saga_error *error)
 {
-    char *const texture = first_with(folder, ".yuv", error);
-    char *const json = texture ? first_with(folder, ".json", error) : NULL;
-    const bool there = json != NULL;
-    free(texture);
+    char *const json = find_json(folder, error);
     free(json);
-    return there;
+    return json != NULL;
 }
 
 static bool list(saga_listing *listing, const char *folder,
@@ -508,8 +505,8 @@ static bool list(saga_listing *listing, const char *folder,
 {
     miv_reader r = {.listing = listing, .folder = folder, .error = error,
                     .frame = options->first_frame};
-    char *const json = first_with(folder, ".json", error);
-    r.path = json ? saga_path_join(folder, json, error) : NULL;
+    char *const json = find_json(folder, error);
+    r.path = json;
     r.root = r.path ? saga_json_read(r.path, error) : NULL;
     /* All sources must be known before their names, frame counts and held-out
      * views are settled. */
@@ -528,7 +525,6 @@ static bool list(saga_listing *listing, const char *folder,
                   "depth is used",
                   r.n_left_out);
     json_decref(r.root);
-    free(r.path);
     free(json);
     return ok;
 }

@@ -4,10 +4,10 @@
 #include "alloc.h"
 #include "error.h"
 #include "file.h"
+#include "order.h"
 
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 
 /* Only the last 18 digits of a number count, because they always fit in 64
  * bits. */
@@ -25,15 +25,27 @@ bool saga_last_number(const char *s, size_t n, uint64_t *number)
     return n > first;
 }
 
+static bool ends_with(const char *name, const char *const *endings, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        if (saga_has_suffix(name, endings[i]))
+            return true;
+    return false;
+}
+
 bool saga_is_picture_name(const char *name)
 {
     static const char *const endings[] = {".png", ".jpg", ".jpeg", ".webp",
                                           ".tif", ".tiff", ".exr"};
-    const char *const dot = strrchr(name, '.');
-    for (size_t i = 0; dot && i < sizeof endings / sizeof endings[0]; i++)
-        if (strcasecmp(dot, endings[i]) == 0)
-            return true;
-    return false;
+    return ends_with(name, endings, sizeof endings / sizeof *endings);
+}
+
+bool saga_is_video_name(const char *name)
+{
+    static const char *const endings[] = {".mp4", ".mov", ".m4v", ".mkv",
+                                          ".webm", ".avi", ".ts", ".mts",
+                                          ".m2ts"};
+    return ends_with(name, endings, sizeof endings / sizeof *endings);
 }
 
 bool saga_finds_add(saga_finds *finds, int source, uint64_t moment, char *path,
@@ -58,22 +70,19 @@ bool saga_finds_add(saga_finds *finds, int source, uint64_t moment, char *path,
 bool saga_finds_add_folder(saga_finds *finds, int source, const char *folder,
                            saga_error *error)
 {
-    DIR *const dir = saga_folder_open(folder, error);
-    if (!dir)
-        return false;
-    bool ok = true;
-    for (struct dirent *e; ok && (e = readdir(dir)) != NULL;) {
+    saga_names names;
+    bool ok = saga_folder_list(&names, folder, saga_is_picture_name, error);
+    for (size_t i = 0; ok && i < names.n; i++) {
+        const char *const name = names.at[i];
         uint64_t moment;
-        if (!saga_is_picture_name(e->d_name))
-            continue;
         /* strrchr finds a dot, because saga_is_picture_name requires an
          * extension. */
-        const size_t n = (size_t)(strrchr(e->d_name, '.') - e->d_name);
-        (void)saga_last_number(e->d_name, n, &moment);
+        (void)saga_last_number(name, (size_t)(strrchr(name, '.') - name),
+                               &moment);
         ok = saga_finds_add(finds, source, moment,
-                            saga_path_join(folder, e->d_name, error), error);
+                            saga_path_join(folder, name, error), error);
     }
-    closedir(dir);
+    saga_names_free(&names);
     return ok;
 }
 
@@ -92,7 +101,7 @@ static int by_moment(const void *a, const void *b)
         return x->moment < y->moment ? -1 : 1;
     if (x->source != y->source)
         return x->source < y->source ? -1 : 1;
-    return strcmp(x->path, y->path);
+    return saga_compare_names(x->path, y->path);
 }
 
 /* Returns the number of different moments in sorted finds. */

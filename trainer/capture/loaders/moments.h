@@ -27,6 +27,8 @@ bool saga_last_number(const char *s, size_t n, uint64_t *number);
 /* Tells by a file name's extension whether it is a still picture that can be
  * read. */
 bool saga_is_picture_name(const char *name);
+/* Tells by a file name's extension whether it is a video. */
+bool saga_is_video_name(const char *name);
 
 /* Adds a picture. It takes ownership of path, also on failure. path may be
  * NULL, which means that its allocation failed. */

@@ -34,21 +34,11 @@ static bool is_camera_video(const char *name)
 
 static bool is_there(const char *folder, saga_error *error)
 {
-    DIR *dir;
-    bool found = false;
-    if (!saga_folder_try(&dir, folder, error))
-        return false;
-    for (struct dirent *e; dir && !found && (e = readdir(dir)) != NULL;)
-        found = is_camera_video(e->d_name);
-    if (dir)
-        closedir(dir);
+    saga_names names;
+    const bool found =
+        saga_folder_list(&names, folder, is_camera_video, error) && names.n > 0;
+    saga_names_free(&names);
     return found;
-}
-
-static int by_name(const void *a, const void *b)
-{
-    const saga_source *const x = a, *const y = b;
-    return strcmp(x->video, y->video);
 }
 
 static bool add_video(saga_listing *listing, const char *folder,
@@ -73,17 +63,11 @@ static bool add_video(saga_listing *listing, const char *folder,
 static bool list_videos(saga_listing *listing, const char *folder,
                         saga_error *error)
 {
-    DIR *const dir = saga_folder_open(folder, error);
-    if (!dir)
-        return false;
-    bool ok = true;
-    for (struct dirent *e; ok && (e = readdir(dir)) != NULL;)
-        if (is_camera_video(e->d_name))
-            ok = add_video(listing, folder, e->d_name, error);
-    closedir(dir);
-    if (ok && listing->n_sources > 0)
-        qsort(listing->sources, (size_t)listing->n_sources,
-              sizeof *listing->sources, by_name);
+    saga_names names;
+    bool ok = saga_folder_list(&names, folder, is_camera_video, error);
+    for (size_t i = 0; ok && i < names.n; i++)
+        ok = add_video(listing, folder, names.at[i], error);
+    saga_names_free(&names);
     for (int i = 0; ok && i < listing->n_sources; i++)
         ok = saga_probe_video(&listing->sources[i], listing, error);
     /* A single camera is needed for training, so that it is not held out. */

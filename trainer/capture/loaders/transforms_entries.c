@@ -8,6 +8,8 @@
 #include "alloc.h"
 #include "error.h"
 #include "file.h"
+#include "moments.h"
+#include "order.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -179,16 +181,6 @@ static bool read_entry(saga_transforms *r, int index)
 
 /* ------------------------------------------------------------- all entries */
 
-static bool is_video(const char *file)
-{
-    static const char *const endings[] = {".mp4", ".mov", ".mkv", ".webm",
-                                          ".avi", ".m4v", ".MP4", ".MOV"};
-    for (size_t i = 0; i < sizeof endings / sizeof endings[0]; i++)
-        if (saga_has_suffix(file, endings[i]))
-            return true;
-    return false;
-}
-
 bool saga_transforms_read_entries(saga_transforms *r)
 {
     const json_t *const frames = json_object_get(r->root, "frames");
@@ -215,7 +207,7 @@ bool saga_transforms_check_kinds(saga_transforms *r)
 {
     int n_videos = 0;
     for (int i = 0; i < r->n_entries; i++)
-        n_videos += is_video(r->entries[i].file) ? 1 : 0;
+        n_videos += saga_is_video_name(r->entries[i].file) ? 1 : 0;
     r->videos = n_videos > 0;
     return n_videos == 0 || n_videos == r->n_entries ||
            saga_fail(r->error, r->path, "list either pictures or videos",
@@ -239,7 +231,7 @@ static int entry_order(const void *a, const void *b)
         return x->view < y->view ? -1 : 1;
     if (x->time != y->time)
         return x->time < y->time ? -1 : 1;
-    return strcmp(x->file, y->file);
+    return saga_compare_names(x->file, y->file);
 }
 
 void saga_transforms_sort(saga_transforms *r)
