@@ -333,6 +333,9 @@ static real clamped(real x, double lo, double hi)
     return (double)x < lo ? (real)lo : (double)x > hi ? (real)hi : x;
 }
 
+/* How far primitives may be from their place: 0 unless too many share one. */
+static double may_move;
+
 /* Checks that every primitive occurs once, in its place, under an anchor of its
  * cell. */
 static void check_prims(const saga_scene *s, const uint32_t *source,
@@ -351,8 +354,9 @@ static void check_prims(const saga_scene *s, const uint32_t *source,
         assert_in_range(rank, a->first_prim, a->first_prim + a->n_prim - 1u);
         check_inside(s, s->prim_x + 4 * rank, &s->coarse[a->parent]);
         for (uint32_t i = 0; i < 3; i++)
-            assert_true(s->prim_x[4 * rank + i] ==
-                        clamped(f->p.mean[3 * at + i], -1, 1 - 0x1p-23));
+            assert_true(fabs((double)s->prim_x[4 * rank + i] -
+                             (double)clamped(f->p.mean[3 * at + i], -1,
+                                             1 - 0x1p-23)) <= may_move);
         if (saga_is_dynamic(&s->model))
             assert_true(s->prim_x[4 * rank + 3] ==
                         clamped(f->p.t_centre[at], 0, 1 - 0x1p-16));
@@ -508,8 +512,7 @@ static void model_vary(saga_model *m, uint64_t *seed)
     l[1].n_groups = (uint8_t)(1 + uniform(seed) * 16);
 }
 
-/* A scene may be refused only because of a budget or a cell that is too full.
- */
+/* A scene may be refused only because of a budget. */
 TEST(hierarchy_should_be_valid_when_limits_vary)
 {
     uint64_t seed = 7;
@@ -533,9 +536,8 @@ TEST(hierarchy_should_be_valid_when_limits_vary)
             check_scene(&s, source, &f, &u.o);
             built++;
         } else {
-            assert_true(strstr(error.message, "budget") ||
-                        strstr(error.message, "deepest"));
-            assert_true(round % 3 || strstr(error.message, "deepest"));
+            assert_non_null(strstr(error.message, "budget"));
+            assert_true(round % 3);
         }
     }
     printf("%u of 300 built\n", (unsigned)built);
@@ -752,8 +754,14 @@ TEST(hierarchy_should_split_further_when_too_many)
     build();
     assert_true(max_depth_t() > 0);
 
+    /* A cell without time has room for a part of them. The others go to the
+     * cells around: 300 fill at most a block of four cells a side, of which
+     * there are 2^16 along the cube's side of 2. */
+    limit(SAGA_TOOL_VIEW, 300, 300);
+    may_move = 4 * 0x1p-15;
+    build();
+    may_move = 0;
     limit(SAGA_TOOL_VIEW, 20, 300);
-    refuse("primitive 0: too many share its deepest cell");
 
     for (uint32_t i = 0; i < f.n; i++)
         f.p.mean[3 * i] = (real)(0.5 + (i & 1u) * 0x1p-15);

@@ -38,9 +38,6 @@ bool saga_tree_init(saga_tree *t, uint32_t n, const saga_hierarchy_options *o,
         saga_tree_free(t);
         return false;
     }
-    /* The root has all candidates; splits will sort them by node. */
-    for (uint32_t i = 0; i < n; i++)
-        t->order[i] = i;
     return true;
 }
 
@@ -457,16 +454,17 @@ static bool within(const saga_tree *t, const char *which, uint32_t need,
                      budget);
 }
 
-/* Grows the tree. When no node is too big, a leaf whose split does not pay or
- * fit stays a leaf, and others are still tried. */
-static bool grow(saga_tree *t)
+/* Makes the tree a single leaf. */
+static bool start(saga_tree *t)
 {
     saga_tree_node root = { 0 };
     double time;
 
+    t->n_nodes = t->n_heap = 0;
     if (!reserve_nodes(t, 1))
         return false;
-    /* Starts with a single leaf, and repeats the split that gains most. */
+    for (uint32_t i = 0; i < t->n; i++)
+        t->order[i] = i;
     root.end = t->n;
     t->squares = saga_tree_squares(&time, t, &root);
     find_split(t, &root);
@@ -474,15 +472,28 @@ static bool grow(saga_tree *t)
     t->n_leaves = 1;
     t->need = saga_tree_need(t, t->n);
     push(t, 0);
+    return true;
+}
+
+/* Grows the tree by the split that gains most, again and again. When no node is
+ * too big, a leaf whose split does not pay or fit stays a leaf, and others are
+ * still tried. */
+static bool grow(saga_tree *t)
+{
+    if (!start(t))
+        return false;
     while (t->n_heap > 0) {
         const uint32_t id = pop(t);
         const saga_tree_node *const nd = &t->node[id];
 
         if (is_too_big(t, nd)) {
-            if (nd->best.kind == 0)
-                return saga_fail(t->error, NULL, "try another --seed",
-                                 "primitive %u: too many share its deepest "
-                                 "cell", t->order[nd->begin]);
+            /* Too many lie in one deepest cell, as points that coincide do.
+             * They are moved apart, and the tree grows anew. */
+            if (nd->best.kind == 0) {
+                if (!saga_tree_spread(t) || !start(t))
+                    return false;
+                continue;
+            }
         } else if (!is_worth_it(t, nd)) {
             continue;
         }

@@ -76,19 +76,24 @@ typedef struct saga_tree {
     uint32_t *leaf;                  /* (n_leaves) leaves by rank */
 } saga_tree;
 
-/* Allocates a tree of n candidates, all zero, and sets `order` to their
- * indices. Takes the limits on depths and children from o. The tree keeps o and
- * error, which must outlive it. Returns false with *error set if memory is
- * short. */
+/* Allocates a tree of n candidates, all zero. Takes the limits on depths and
+ * children from o. The tree keeps o and error, which must outlive it. Returns
+ * false with *error set if memory is short. */
 bool saga_tree_init(saga_tree *t, uint32_t n, const saga_hierarchy_options *o,
                     saga_error *error);
 void saga_tree_free(saga_tree *t);
 
 /* Grows the tree from the candidates and their weights. Sets `squares` and all
- * members after it. Returns false with the error set if the budgets are too
- * small, a deepest cell has more candidates than a leaf can have, or memory is
- * short. saga_tree_free must be called in either case. */
+ * members after it. Candidates of a deepest cell that has more of them than a
+ * leaf can have are moved apart before. Returns false with the error set if the
+ * budgets are too small or memory is short. saga_tree_free must be called in
+ * either case. */
 bool saga_tree_grow(saga_tree *t);
+
+/* Moves candidates out of deepest cells that have more of them than a leaf can
+ * have, into cells around. Returns false with the error set if there is no room
+ * for them, or no memory. */
+bool saga_tree_spread(saga_tree *t);
 
 /* Sets mean to the weighted mean of phi over a node's candidates. Returns their
  * weight. */
