@@ -33,8 +33,9 @@
 #               that were reported, with the reported quality by `saga eval`; a
 #               file without layers is refused
 #   parts       two ranks that train one segment each, joined by `saga join`,
-#               make the bytes of a single process; parts that do not fit each
-#               other are refused
+#               make the bytes of a single process, in any order; a part that
+#               is finished is left alone, with status 0; parts that do not fit
+#               each other, are missing or are given twice are refused
 #   log         --log writes every tenth iteration, as CSV and as JSON lines;
 #               the log of a resumed run equals that of a run that was not
 #               stopped
@@ -152,6 +153,9 @@ for signal in INT TERM; do
     says '--iterations 3000, not 2000'
     expect 0 cap -o s.saga --primitives 150 --iterations 3000 --resume
     cmp -s s.saga s.whole || complain "$signal: resumed to another file"
+    expect 0 cap -o s.saga --primitives 150 --iterations 3000 --resume
+    says 's.saga is already finished'
+    cmp -s s.saga s.whole || complain "$signal: finished to another file"
     leaves s.saga s.whole
     rm -f s.saga
 done
@@ -161,7 +165,7 @@ grep -q 'starts from the beginning' err || complain "--resume of nothing: $(cat 
 cmp -s s.saga whole.saga || complain "--resume of nothing: another file"
 echo 'of another capture' >s.saga
 expect 2 cap -o s.saga "${small[@]}" --resume
-says 's.saga exists, but there is no checkpoint s.saga.ckpt to continue from; leave --resume'
+says 's.saga exists and is not a file of this command, and there is no checkpoint s.saga.ckpt'
 grep -qx 'of another capture' s.saga || complain "--resume overwrites a file"
 leaves s.saga s.whole
 rm -f s.saga s.whole
@@ -451,10 +455,42 @@ rank() {
 rank 0 2 &
 rank 1 2
 wait
-"$saga" join part_0.saga part_1.saga -o joined.saga >out 2>err ||
-    complain "join: $(cat err)"
-cmp -s joined.saga seg.saga || complain "two ranks: another file"
 grep -q '"segment": 1' part_1.json || complain "JSON: no segment"
+rank 0 1 # a scheduler runs finished jobs again
+grep -q 'part_0.saga is already finished' part_0.err || complain "$(cat part_0.err)"
+expect 0 cap -o nets "${small[@]}" --segment 2 --networks-only --resume
+says 'nets is already finished'
+expect 2 cap -o part_0.saga "${small[@]}" --segment 2 --only 1 --networks nets \
+    --resume
+says 'part_0.saga exists and is not the part of this command'
+# join STATUS SAYS [OPTION]: joins both parts, in the wrong order.
+join() {
+    "$saga" join part_1.saga part_0.saga -o joined.saga ${3-} >out 2>err
+    [ $? = "$1" ] && grep -q -e "$2" out err ||
+        complain "join, not '$2': $(cat out err)"
+}
+join 0 'joined.saga: '
+cmp -s joined.saga seg.saga || complain "two ranks: another file"
+[ ! -e joined.saga.part ] || complain "a whole film is a part"
+# In a film of four segments these two parts are 0 and 3, or 0 and 1.
+sed -i 's/ of 2$/ of 4/' part_?.saga.part
+join 1 'these are missing: 2 to 3; give'
+join 0 'these are missing: 2 to 3' --allow-gaps
+grep -qx 'segments 0:2 of 4' joined.saga.part || complain "joined: no record"
+sed -i 's/1:2/3:4/' part_1.saga.part
+join 1 'these are missing: 1 to 2; give'
+join 0 'these are missing: 1 to 2' --allow-gaps
+[ ! -e joined.saga.part ] || complain "a film with a hole is a part"
+sed -i 's/3:4/0:1/' part_1.saga.part
+join 1 'part_.*saga: holds segment 0, as part_'
+sed -i 's/0:1/1:2/; s/^training .*/training 01234567/' part_1.saga.part
+join 1 'part_1.saga: is of another training than part_0.saga'
+sed 's/^file .*/file 01234567/' part_0.saga.part >part_1.saga.part
+join 1 'part_1.saga.part: is the record of another file'
+echo 'saga part 1' >part_1.saga.part
+join 1 'part_1.saga.part: is no record of a part'
+rm part_1.saga.part
+join 1 'part_1.saga: has no record part_1.saga.part'
 expect 2 cap -o x.saga "${small[@]}" --segment 2 --only 0
 says '--networks FILE go together'
 expect 2 cap -o x.saga "${small[@]}" --segment 2 --only 2 --networks nets

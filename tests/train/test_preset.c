@@ -245,6 +245,41 @@ TEST(plan_should_leave_what_is_given)
     assert_int_equal(o.n_iterations, 0);
 }
 
+/* docs/bitstream.md, section 5, with the tools' features and colours: a
+ * primitive takes 72 bytes, 16 for its colours, and 168 or 136 for its anchors
+ * and offset. The rest of level 2's 32 MiB is less than 200 kB. */
+TEST(plan_should_not_ask_for_more_than_a_level_has_room_for)
+{
+    static const struct { saga_train_motion motion; double each; } of[] = {
+        { SAGA_TRAIN_MOVING, 72 + 16 + 168 },
+        { SAGA_TRAIN_STILL, 72 + 16 + 136 }
+    };
+
+    for (size_t i = 0; i < sizeof of / sizeof of[0]; i++) {
+        saga_train_options o = { .n_bytes = 3000000, .n_segments = 1,
+                                 .level = 2, .motion = of[i].motion };
+        saga_plan_reasons why;
+        double bytes;
+
+        saga_plan(&o, &why, &room.capture, saga_preset_at(0));
+        bytes = of[i].each * o.n_primitives;
+        assert_true(bytes < 33554432 - 40000 && bytes > 33554432 - 200000);
+        assert_non_null(strstr(why.primitives, "level 2 has room for no more"));
+        assert_true(why.wanted > 200000);
+    }
+}
+
+/* What can never fit is refused before anything is trained. */
+TEST(train_should_refuse_at_once_what_a_level_has_no_room_for)
+{
+    saga_train_options o = tiny_options(159000, 1, 1);
+    saga_error error = { "" };
+
+    assert_null(saga_train_new(&room.capture, &o, &error));
+    assert_non_null(strstr(error.message, "159000 primitives need more of a "
+                           "decoder's memory or work than level 2 has"));
+}
+
 /* A rest of half a segment or more must become a segment of its own. A segment
  * must have at least a second, even if less than that is said to fit in
  * memory. */

@@ -386,6 +386,15 @@ static bool resume_fails(const saga_train_options *o, const char *says)
     return ok;
 }
 
+static bool resumes_to(const saga_train_options *o, const trained *whole)
+{
+    trained r = tiny_finish(tiny_resume(&room.capture, o));
+    const bool ok = tiny_same(&r, whole);
+
+    free(r.bytes);
+    return ok;
+}
+
 static saga_train_options stop_in_rendering(void)
 {
     return stop_at(tiny_defaults(),
@@ -396,7 +405,7 @@ TEST(train_should_refuse_a_checkpoint_of_other_options)
 {
     static const char *const says[] = {
         "--seed 1, not 7", "--lambda 0, not 0.25", "--iterations 100, not 101",
-        "--level 2, not 3", "--layers 1, not 2",
+        "--level 2, not 1", "--layers 1, not 2",
         "begun with --ablate 'slots=32', not 'groups=4,raw-networks'",
         "/nowhere/x.ckpt", "--model auto, not paper"
     };
@@ -409,7 +418,7 @@ TEST(train_should_refuse_a_checkpoint_of_other_options)
     p[0].seed = 7;
     p[1].lambda = 0.25;
     p[2].n_render++;
-    p[3].level = 3;
+    p[3].level = 1;
     p[4].n_layers = 2;
     p[5].ablate = "groups=4,raw-networks";
     p[6].checkpoint = "/nowhere/x.ckpt";
@@ -417,6 +426,37 @@ TEST(train_should_refuse_a_checkpoint_of_other_options)
     p[7].n_coarse = p[7].n_fine = 150; /* as it was derived */
     for (int i = 0; i < MANY; i++)
         assert_true(resume_fails(&p[i], says[i]));
+}
+
+/* What a warm-up does not depend on may change until it ends: a training that
+ * continues with other options must give the file of one that began with
+ * them. After the warm-up a higher level is no contradiction, since the file
+ * keeps to its limits, too. */
+TEST(train_should_continue_with_what_is_not_decided_yet)
+{
+    enum { MANY = 4 };
+    saga_train_options with[MANY];
+
+    for (int i = 0; i < MANY; i++)
+        with[i] = tiny_layered();
+    with[0].level = 3;
+    with[1].lambda = 3;
+    with[2].n_layers = 1;
+    with[3].n_bytes = 9000;
+    for (int i = 0; i < MANY; i++) {
+        tiny_stop warm = { SAGA_TRAIN_WARM, 3, 0, 0 };
+        tiny_stop late = { SAGA_TRAIN_RENDER, 3, 0, 0 };
+        const trained whole = tiny_train(&room.capture, &with[i]);
+
+        stop_at(tiny_layered(), warm);
+        with[i].checkpoint = room.checkpoint;
+        assert_true(resumes_to(&with[i], &whole));
+        free(whole.bytes);
+        if (i == 0 || i == 3) {
+            stop_at(tiny_layered(), late);
+            free(tiny_finish(tiny_resume(&room.capture, &with[i])).bytes);
+        }
+    }
 }
 
 /* Writes the first n bytes, one of them changed (none if at >= n). */

@@ -77,6 +77,8 @@ static json_t *forecast_of(const saga_forecast *f)
     saga_put_int(o, "scale", f->scale);
     saga_put_int(o, "n_segments", f->n_segments);
     saga_put_int(o, "n_primitives", f->n_primitives);
+    saga_put_int(o, "level", f->level);
+    saga_put_real(o, "n_wanted", f->n_wanted);
     saga_put_int(o, "n_iterations", f->n_iterations);
     saga_put_int(o, "n_teachers", f->n_teachers);
     saga_put_real(o, "cpu_minutes", f->minutes);
@@ -162,6 +164,8 @@ static const saga_line text[] = {
     { "", "forecast", "  --preset {preset:%-9s}{n_primitives:%7d} primitives"
       "{n_iterations:%7d} iterations{/minutes:%6.0f} CPU minutes"
       "{least_kb:%6.0f} to {most_kb:%.0f} kB\n" },
+    { "n_wanted>0", "forecast", "    level {level} has room for no more of the "
+      "{n_wanted:%.0f} primitives that suit the capture\n" },
     { "scale>1", "forecast", "    with pictures reduced to 1/{scale} of their "
       "size, to save time\n" },
     { "n_teachers>0", "forecast", "    with {n_teachers} teachers: extra "

@@ -75,6 +75,8 @@ static void forecast(saga_forecast *f, const saga_capture *c,
         pixels += (double)view[v].width * view[v].height / c->n_views;
     f->preset = preset->name;
     f->n_primitives = (int)o.n_primitives;
+    f->level = o.level;
+    f->n_wanted = why.wanted;
     f->n_iterations = o.n_iterations;
     /* The plan is for one segment; minutes and bytes are for all segments. */
     f->n_teachers = teachers_of(c, preset);
@@ -339,9 +341,10 @@ static bool put_page(FILE *to, const char *name, const saga_survey *s,
     for (int i = 0; saga_forecast_of(&f, c, i); i++)
         fprintf(to, "<tr><td>--preset %s<td>%d primitives<td>%d iterations<td>"
                 "%.0f CPU minutes<td>%.0f to %.0f kB<td>pictures at 1/%d<td>"
-                "%d teachers\n",
+                "%d teachers<td>%s\n",
                 f.preset, f.n_primitives, f.n_iterations, ceil(f.minutes),
-                f.least_kb, f.most_kb, f.scale, f.n_teachers);
+                f.least_kb, f.most_kb, f.scale, f.n_teachers,
+                f.n_wanted > 0 ? "the level has room for no more" : "");
     fputs("</table><h2>Decisions while loading</h2><pre>", to);
     put_escaped(to, c->notes);
     fputs("</pre></html>\n", to);

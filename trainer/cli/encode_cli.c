@@ -33,8 +33,9 @@ static int make(saga_encode_session *s)
 {
     int status = saga_encode_open(s);
 
-    if (!status)
-        status = saga_encode_train(s);
+    if (status || s->finished)
+        return status;
+    status = saga_encode_train(s);
     if (!status)
         status = saga_encode_write(s);
     /* A file that holds only networks has nothing to decode. */
@@ -59,7 +60,7 @@ static int encode(saga_encode_session *s)
 {
     const int status = make(s);
 
-    if (status)
+    if (status || s->finished)
         return status;
     /* The file is written and was decoded, so the checkpoint is not needed. */
     unlink(s->checkpoint);
@@ -266,9 +267,10 @@ static const saga_cli_option option_list[] = {
       saga_cli_int, AT(every), 0, 1000000 },
     { "--resume", NULL,
       "continue from FILE.saga.ckpt; give the other options as\n"
-      "before. The result is the same as without the break. A\n"
-      "file that is finished is left as it is", saga_cli_flag, AT(resume), 0,
-      0 },
+      "before. The result is the same as without the break. The\n"
+      "--size may be another, and until the warm-up ends --level,\n"
+      "--lambda and --layers too. A file that is finished is\n"
+      "left as it is, with status 0", saga_cli_flag, AT(resume), 0, 0 },
     { "--log", "FILE",
       "record the training: a line for every tenth iteration, as\n"
       "CSV in FILE.csv or as JSON lines in FILE.jsonl;\n"

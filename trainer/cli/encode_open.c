@@ -9,7 +9,10 @@
 #include "alloc.h"
 #include "clock.h"
 #include "file.h"
+#include "level_room.h"
 #include "motion.h"
+#include "part_record.h"
+#include "saga.h"
 #include "sweep.h"
 #include "warm_up.h"
 
@@ -36,20 +39,49 @@ static int check_output(saga_encode_session *s)
     return SAGA_EXIT_OK;
 }
 
-/* Refuses --resume if the file exists without a checkpoint. Such a file is
- * finished and may be from another capture, so --resume must not replace it.
- * Files of a sweep are recognised by their results instead. */
-static int check_finished(const saga_encode_session *s)
+/* Tells whether the output is what this command would have made, as far as the
+ * file says so: networks, a film, or the part of --only. */
+static bool is_made(saga_encode_session *s)
+{
+    const saga_encode_options *const o = s->o;
+    saga_error none = { "" };
+    saga_part_record part = { 0, 0, 0, 0 };
+    saga_bytes bytes = { NULL, 0 };
+    saga_info info;
+    bool ok;
+
+    if (o->networks_only)
+        return saga_train_stopped_in(o->output, &none) >= 0;
+    ok = saga_read_file(&bytes, o->output, &none) &&
+         saga_probe(&info, bytes.data, bytes.nbytes) == SAGA_OK &&
+         saga_part_read(&part, o->output, bytes.data, bytes.nbytes, &none);
+    saga_bytes_free(&bytes);
+    return ok && (o->only < 0 ? part.count == 0
+                  : part.count > 0 && part.first == (uint32_t)o->only &&
+                    part.end == part.first + 1);
+}
+
+/* If the file exists without a checkpoint, --resume has nothing left to do, and
+ * must not replace the file, which may be from another capture. A scheduler
+ * that runs a finished job again gets status 0. Files of a sweep are recognised
+ * by their results instead. */
+static int check_finished(saga_encode_session *s)
 {
     struct stat info;
 
     if (!s->o->resume || s->o->sweep || saga_path_is_file(s->checkpoint) ||
         stat(s->o->output, &info) != 0 || info.st_size == 0)
         return SAGA_EXIT_OK;
-    return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s exists, but there is "
-                          "no checkpoint %s to continue from; leave --resume "
-                          "out to replace the file, or name another one",
-                          s->o->output,
+    s->finished = is_made(s);
+    if (s->finished)
+        return saga_cli_error(SAGA_EXIT_OK, "encode: %s is already finished; "
+                              "leave --resume out to make it again",
+                              s->o->output);
+    return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s exists and is not %s "
+                          "of this command, and there is no checkpoint %s to "
+                          "continue from; leave --resume out to replace the "
+                          "file, or name another one", s->o->output,
+                          s->o->only < 0 ? "a file" : "the part",
                           s->checkpoint);
 }
 
@@ -149,17 +181,34 @@ static int look_at_capture(saga_encode_session *s)
     return choose_scale(s);
 }
 
-/* Sets *first to the segment with the most change, which makes the networks. */
+/* Reports a segment that has not the cameras of those before, since a file has
+ * one rig. */
+static int check_views(const saga_encode_session *s, int segment, int n_views)
+{
+    return s->capture.n_views == n_views ? SAGA_EXIT_OK
+        : saga_cli_error(SAGA_EXIT_DATA, "encode: %d cameras have pictures in "
+                         "segment %d, %d in those before; give a longer "
+                         "--segment, or leave those cameras out",
+                         s->capture.n_views, segment, n_views);
+}
+
+/* Sets *first to the segment with the most change, which makes the networks.
+ * All segments are read for it, so that what cannot be read is found before
+ * anything is trained. */
 static int find_first(saga_encode_session *s, int *first)
 {
     double most = -1;
+    int n_views = 0;
 
     *first = 0;
     /* A single segment needs no measurement. */
     for (int i = 0; i < s->n_segments && s->n_segments > 1; i++) {
-        const int status = saga_encode_load(s, i);
+        int status = saga_encode_load(s, i);
         double change;
 
+        n_views = i ? n_views : s->capture.n_views;
+        if (!status)
+            status = check_views(s, i, n_views);
         if (status)
             return status;
         change = saga_plan_change(&s->capture);
@@ -184,14 +233,15 @@ static int find_stopped(saga_encode_session *s, saga_train_options *t)
     return SAGA_EXIT_OK;
 }
 
-/* Returns the number of primitives of one file of a sweep, where n is the
- * number for a single file. */
-static uint32_t primitives_of(const saga_encode_session *s, uint32_t n)
+/* Returns the number of primitives of one file of a sweep, where t has that of
+ * a single file. */
+static uint32_t primitives_of(const saga_encode_session *s,
+                              const saga_train_options *t)
 {
     /* s->part is the fraction of the largest file's number. That number is
      * SAGA_SWEEP_STEP n, so the fourth of the five files has n. */
-    const double most = fmin(SAGA_SWEEP_STEP * n,
-                             saga_caps[s->o->level].n_prim);
+    const double most = saga_room_sure(t, (uint32_t)fmin(
+        SAGA_SWEEP_STEP * t->n_primitives, UINT32_MAX));
 
     return (uint32_t)fmax(1, rint(s->part * most));
 }
@@ -202,7 +252,7 @@ static void plan(saga_encode_session *s, saga_train_options *t, bool resume)
     saga_plan(t, &s->why, &s->capture, s->preset);
     t->n_teachers = saga_plan_teachers(s->preset, &s->whole);
     if (s->part > 0 && (s->o->primitives || !resume)) {
-        t->n_primitives = primitives_of(s, t->n_primitives);
+        t->n_primitives = primitives_of(s, t);
         snprintf(s->why.primitives, sizeof s->why.primitives,
                  "%u primitives in this file", t->n_primitives);
     }
@@ -293,8 +343,9 @@ int saga_encode_open(saga_encode_session *s)
      * training. */
     if (!status)
         status = check_checkpoint(s);
-    if (!status)
-        status = saga_encode_synchronise(s);
+    if (status || s->finished)
+        return status;
+    status = saga_encode_synchronise(s);
     if (!status)
         status = look_at_capture(s);
     if (!status)

@@ -7,6 +7,8 @@
 
 #include "cli.h"
 #include "file.h"
+#include "model.h"
+#include "part_record.h"
 #include "splice.h"
 
 #include <math.h>
@@ -28,9 +30,7 @@ static int train_segment(saga_encode_session *s)
     saga_encode_complain(s);
     if (status == SAGA_STOPPED)
         return saga_encode_stopped(s);
-    return status ? saga_cli_error(SAGA_EXIT_DATA, "encode: %s",
-                                   s->error.message)
-                  : SAGA_EXIT_OK;
+    return status ? saga_encode_failed(s, SAGA_EXIT_DATA) : SAGA_EXIT_OK;
 }
 
 /* Reports whether there is a base and why, as soon as that is decided. */
@@ -66,6 +66,19 @@ static bool goes_on(const saga_encode_session *s, int *next)
     return *next >= 0 && (*next == SAGA_TRAIN_BASE || !s->o->networks_only);
 }
 
+/* Warns if the tools that the training chose have left less room than was
+ * sure, which happens only if --primitives asks for more than that. */
+static void tell_left_out(const saga_encode_session *s)
+{
+    const uint32_t n = saga_train_report_of(s->train)->n_left_out;
+
+    if (n)
+        saga_cli_error(0, "encode: level %d has no room for %u of the "
+                       "primitives, the faintest, which are left out%s",
+                       s->o->level, n, s->o->level < SAGA_N_PROFILES - 1
+                       ? "; a higher --level has" : "");
+}
+
 int saga_encode_train(saga_encode_session *s)
 {
     int status = train_segment(s), next;
@@ -76,11 +89,12 @@ int saga_encode_train(saga_encode_session *s)
     while (!status && goes_on(s, &next)) {
         status = saga_encode_load(s, next);
         if (!status && !saga_train_next(s->train, &s->capture, &s->error))
-            return saga_cli_error(SAGA_EXIT_DATA, "encode: %s",
-                                  s->error.message);
+            return saga_encode_failed(s, SAGA_EXIT_DATA);
         if (!status)
             status = train_segment(s);
     }
+    if (!status)
+        tell_left_out(s);
     return status;
 }
 
@@ -130,13 +144,20 @@ static bool write_all(saga_encode_session *s)
     size_t n;
     const uint8_t *const bytes = saga_train_bytes(s->train, &n);
 
+    /* A file of this name may have been a part. */
+    saga_part_forget(s->o->output);
     return write_bytes(s, bytes, n);
 }
 
 static bool write_part(saga_encode_session *s)
 {
+    const uint32_t only = (uint32_t)s->o->only;
+    const saga_part_record record = { only, only + 1,
+                                      (uint32_t)s->n_segments, 0 };
     saga_bytes part = { NULL, 0 };
     const bool ok = take_out(&part, s) &&
+                    saga_part_write(s->o->output, part.data, part.nbytes,
+                                    &record, &s->error) &&
                     write_bytes(s, part.data, part.nbytes);
 
     saga_bytes_free(&part);

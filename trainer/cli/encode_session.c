@@ -64,6 +64,15 @@ bool saga_encode_training(void *user, const saga_train_progress *p)
     return !*s->signal;
 }
 
+int saga_encode_failed(const saga_encode_session *s, int status)
+{
+    return saga_path_is_file(s->checkpoint)
+        ? saga_cli_error(status, "encode: %s; %s is kept, and the same command "
+                         "with --resume goes on from there", s->error.message,
+                         s->checkpoint)
+        : saga_cli_error(status, "encode: %s", s->error.message);
+}
+
 int saga_encode_stopped(const saga_encode_session *s)
 {
     if (saga_path_is_file(s->checkpoint))
@@ -134,7 +143,7 @@ int saga_encode_not_loaded(const saga_encode_session *s)
     if (*s->signal)
         return saga_cli_error(SAGA_EXIT_USAGE, "encode: stopped while loading "
                               "the capture; nothing was written");
-    return saga_cli_error(SAGA_EXIT_DATA, "encode: %s", s->error.message);
+    return saga_encode_failed(s, SAGA_EXIT_DATA);
 }
 
 /* Loads the pictures of a segment, which replace those of the previous one. */
@@ -174,8 +183,7 @@ static int open_base(saga_encode_session *s)
     }
     saga_capture_free(&s->capture);
     if (!status && !(ok && saga_still_finish(&s->capture, &still, &s->error)))
-        status = saga_cli_error(SAGA_EXIT_DATA, "encode: %s",
-                                s->error.message);
+        status = saga_encode_failed(s, SAGA_EXIT_DATA);
     saga_still_free(&still);
     return status;
 }

@@ -54,6 +54,7 @@ typedef struct saga_encode_session {
     saga_ablation ablation;
     saga_capture whole;          /* the capture's listing, without pictures */
     int n_segments;
+    bool finished;               /* --resume found the finished file */
     int scale; /* pictures are loaded at 1/scale of their size */
     char *late;                  /* what was found instead of --late; NULL:
                                   * nothing was looked for */
@@ -123,6 +124,10 @@ bool saga_encode_training(void *session, const saga_train_progress *p);
 /* Warns that a checkpoint could not be written. Training continues, so that the
  * user may free space on the disk. */
 void saga_encode_complain(saga_encode_session *s);
+
+/* Reports the error, and how to go on if there is a checkpoint. Returns
+ * `status`. */
+int saga_encode_failed(const saga_encode_session *s, int status);
 
 /* Reports that training was stopped on request, and which files remain. */
 int saga_encode_stopped(const saga_encode_session *s);

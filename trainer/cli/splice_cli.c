@@ -9,6 +9,7 @@
 #include "error.h"
 #include "file.h"
 #include "output.h"
+#include "part_record.h"
 #include "saga.h"
 #include "splice.h"
 
@@ -21,8 +22,8 @@ enum { MOST_PARTS = SAGA_CLI_MOST_ARGUMENTS };
 typedef struct {
     const char *out;
     int n_layers;           /* layers that cut keeps; 0: all */
+    bool allow_gaps;        /* join films although parts are missing */
 } options;
-
 
 static bool has_sound(const uint8_t *bytes, size_t n)
 {
@@ -43,8 +44,37 @@ static void tell_sound(const uint8_t *bytes, size_t n,
         printf("The sound is left out; `saga mux` can add it again.\n");
 }
 
+/* Sorts parts that were trained apart, and refuses a film with gaps. Sets *all
+ * to what the film is recorded to hold; its count is 0 if it is a whole film,
+ * or of unknown segments. */
+static int arrange(saga_part_record *all, const options *o,
+                   saga_splice_part *part, int n_parts)
+{
+    saga_error error = { "" };
+    char missing[200];
+    bool inside;
+
+    if (!saga_part_arrange(all, missing, sizeof missing, &inside, part,
+                           n_parts, &error))
+        return saga_cli_error(SAGA_EXIT_DATA, "join: %s", error.message);
+    if (missing[0] && !o->allow_gaps)
+        return saga_cli_error(SAGA_EXIT_DATA, "join: of %" PRIu32 " segments, "
+                              "numbered from 0, these are missing: %s; give "
+                              "their parts too, or --allow-gaps", all->count,
+                              missing);
+    if (missing[0])
+        saga_cli_error(0, "join: of %" PRIu32 " segments, numbered from 0, "
+                       "these are missing: %s", all->count, missing);
+    /* A film with a gap inside holds no run of segments, and can be no part of
+     * a later join. */
+    if (!missing[0] || inside)
+        all->count = 0;
+    return SAGA_EXIT_OK;
+}
+
 static int write_splice(const char *command, const char *path,
-                        const saga_splice_part *part, int n_parts)
+                        const saga_splice_part *part, int n_parts,
+                        const saga_part_record *record)
 {
     saga_error error = { "" };
     uint8_t *bytes;
@@ -53,11 +83,16 @@ static int write_splice(const char *command, const char *path,
 
     if (!saga_splice(&bytes, &n, part, n_parts, &error))
         status = SAGA_EXIT_DATA;
-    else if (!saga_output_write(path, bytes, n, &error))
+    else if ((record->count &&
+              !saga_part_write(path, bytes, n, record, &error)) ||
+             !saga_output_write(path, bytes, n, &error))
         status = SAGA_EXIT_USAGE;
     if (status) {
         saga_cli_error(status, "%s: %s", command, error.message);
     } else {
+        /* A file of this name may have been a part. */
+        if (!record->count)
+            saga_part_forget(path);
         printf("%s: %zu bytes\n", path, n);
         tell_sound(bytes, n, part, n_parts);
     }
@@ -66,14 +101,15 @@ static int write_splice(const char *command, const char *path,
 }
 
 /* Reads the files part[].name, splices them, and frees them. */
-static int splice_files(const char *command, const char *path,
+static int splice_files(const char *command, const options *o,
                         saga_splice_part *part, int n_parts)
 {
+    saga_part_record record = { 0, 0, 0, 0 };
     saga_bytes file[MOST_PARTS] = { { NULL, 0 } };
     saga_error error = { "" };
     int status = SAGA_EXIT_OK;
 
-    if (!path)
+    if (!o->out)
         return saga_cli_error(SAGA_EXIT_USAGE, "%s: -o OUT is missing; see "
                               "`saga help %s`", command, command);
     /* All files stay in memory, because the parts point into them. */
@@ -84,8 +120,10 @@ static int splice_files(const char *command, const char *path,
         part[i].bytes = file[i].data;
         part[i].nbytes = file[i].nbytes;
     }
+    if (!status && n_parts > 1)
+        status = arrange(&record, o, part, n_parts);
     if (!status)
-        status = write_splice(command, path, part, n_parts);
+        status = write_splice(command, o->out, part, n_parts, &record);
     for (int i = 0; i < n_parts; i++)
         saga_bytes_free(&file[i]);
     return status;
@@ -94,7 +132,7 @@ static int splice_files(const char *command, const char *path,
 static int run_cut(int argc, char **argv)
 {
     static const saga_cli_option frames = { .min = 0, .max = INT32_MAX };
-    options o = { NULL, 0 };
+    options o = { .out = NULL };
     const char *argument[2];
     saga_cli_pair range = { 0, 0 };
     saga_splice_part part = { .name = NULL };
@@ -110,12 +148,12 @@ static int run_cut(int argc, char **argv)
     part.first = (uint32_t)range.a;
     part.end = (uint32_t)range.b;
     part.n_layers = (uint32_t)o.n_layers;
-    return splice_files("cut", o.out, &part, 1);
+    return splice_files("cut", &o, &part, 1);
 }
 
 static int run_join(int argc, char **argv)
 {
-    options o = { NULL, 0 };
+    options o = { .out = NULL };
     const char *name[MOST_PARTS + 1] = { NULL };
     saga_splice_part part[MOST_PARTS];
     int n = 0;
@@ -125,7 +163,7 @@ static int run_join(int argc, char **argv)
         return status;
     for (; name[n]; n++)
         part[n] = (saga_splice_part){ .name = name[n] };
-    return splice_files("join", o.out, part, n);
+    return splice_files("join", &o, part, n);
 }
 
 static const saga_cli_option option_list[] = {
@@ -133,6 +171,15 @@ static const saga_cli_option option_list[] = {
       0, 0 },
     { "--layers", "K", "keep only the first K layers of each segment",
       saga_cli_int, offsetof(options, n_layers), 1, SAGA_MAX_LAYERS }
+};
+
+static const saga_cli_option join_list[] = {
+    { "-o", "OUT", "the file to write", saga_cli_text, offsetof(options, out),
+      0, 0 },
+    { "--allow-gaps", NULL,
+      "join parts of `saga encode --only` although some are\n"
+      "missing, and say which", saga_cli_flag, offsetof(options, allow_gaps),
+      0, 0 }
 };
 
 const saga_command saga_command_cut = {
@@ -157,9 +204,13 @@ const saga_command saga_command_join = {
     "Writes a .saga file that shows A, then B and so on, without decoding.\n"
     "The files must have the same networks, model, cameras and frame rate.\n"
     "This is so if `saga cut` cut them from one file, or if `saga encode\n"
-    "--only` made them for one capture. Any order is allowed, and a file may\n"
-    "be given twice. Files of separate encodings have different networks, and\n"
-    "are refused. Sound is left out. At most 1,024 files are joined at once;\n"
-    "join more in several steps.\n",
-    option_list, 1, run_join, NULL
+    "--only` made them for one capture. Files of separate encodings have\n"
+    "different networks, and are refused. Sound is left out. At most 1,024\n"
+    "files are joined at once; join more in several steps.\n"
+    "\n"
+    "Pieces of `saga cut` may be given in any order, and more than once.\n"
+    "Parts of `saga encode --only` have a record, FILE.part, beside them.\n"
+    "They are joined in the order of their segments, and a segment that is\n"
+    "missing or there twice is an error.\n",
+    join_list, 2, run_join, NULL
 };

@@ -71,10 +71,6 @@ bool saga_pack_base(saga_packed *file, saga_quantise_report *report,
                     saga_scene *decoded, const saga_pack_input *in,
                     saga_error *error);
 
-/* pack_level.c: returns false, with the quantity in *error, if the file needs
- * more than the level allows. */
-bool saga_pack_within(const saga_info *info, int level, saga_error *error);
-
 /* Frees what the file holds and makes it empty; it may be empty. */
 void saga_packed_free(saga_packed *file);
 

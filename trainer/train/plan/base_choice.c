@@ -12,7 +12,6 @@
  */
 #include "base_choice.h"
 
-#include "model.h"
 #include "policy.h"
 #include "saga.h"
 #include "splat_animate.h"
@@ -130,15 +129,16 @@ static double times_for(int n)
  * segment beside it. It is above 1 where a size was asked for: what the base
  * saves is spent on more primitives, up to the level's limit on those drawn
  * together. */
-static double filling(const saga_train_options *o, double base, double kept)
+static double filling(const saga_base_question *q, double base, double kept)
 {
+    const saga_train_options *const o = q->options;
     const double n = o->n_segments;
 
     /* x is the number of primitives in the file without a base, over that with
      * one. */
     return o->n_bytes == 0 ? 1
          : fmin(pow(n * o->n_primitives / (base + n * kept), MORE_POWER),
-                saga_caps[o->level].n_prim / (base + kept));
+                q->room / (base + kept));
 }
 
 void saga_plan_base(saga_train_base *b, const saga_base_question *q)
@@ -165,10 +165,10 @@ void saga_plan_base(saga_train_base *b, const saga_base_question *q)
     /* The segments' primitives come first; the base gets what the level's limit
      * leaves, because they are drawn together. */
     kept = fmax(n - b->n_still, LEAST_KEPT * n);
-    more = filling(o, b->n_still * times, kept);
+    more = filling(q, b->n_still * times, kept);
     b->n_kept = (uint32_t)ceil(more * kept);
     b->n_prim = (uint32_t)fmin(more * (b->n_still * times),
-                               saga_caps[o->level].n_prim - b->n_kept);
+                               (double)q->room - b->n_kept);
     b->saved = SAGA_PRIMITIVE_BITS / 8 *
                ((n - b->n_kept) * o->n_segments - b->n_prim);
 }

@@ -38,6 +38,8 @@ typedef struct saga_base_question {
     const saga_ablation *ablation;
     bool wanders;                /* the capture is from one moving camera */
     bool moves;                  /* anything in the scene moves */
+    uint32_t room;               /* primitives that the level has room for, of
+                                  * base and segment together */
     saga_splat_params flat;      /* (n) the warm-up's primitives at its end */
     uint32_t n;
 } saga_base_question;

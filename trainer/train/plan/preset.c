@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "preset.h"
 
+#include "level_room.h"
 #include "model.h"
 #include "motion.h"
 
@@ -183,11 +184,28 @@ static extent extent_of(const saga_capture *c)
 
 /* --- The plan ------------------------------------------------------------ */
 
-static uint32_t within_level(double n, int level)
+/* Returns the number of primitives, within what the level has room for. */
+static uint32_t within_level(const saga_train_options *o, double n)
 {
-    const saga_level_caps *const caps = &saga_caps[level];
+    return saga_room_sure(o, (uint32_t)fmin(fmax(rint(n), LEAST_PRIMITIVES),
+                                            UINT32_MAX));
+}
 
-    return (uint32_t)fmin(fmax(rint(n), LEAST_PRIMITIVES), caps->n_prim);
+/* Sets the number of primitives, and says so if the level is what limits it.
+ * Returns whether it does. */
+static bool limit(saga_train_options *o, saga_plan_reasons *why, double wanted)
+{
+    const bool higher = o->level < SAGA_N_PROFILES - 1;
+
+    o->n_primitives = within_level(o, wanted);
+    if (o->n_primitives >= rint(wanted))
+        return false;
+    snprintf(why->primitives, sizeof why->primitives, "%u primitives: level "
+             "%d has room for no more of the %.0f that suit the capture%s",
+             o->n_primitives, o->level, wanted, higher
+             ? "; a higher --level has" : "");
+    why->wanted = wanted;
+    return true;
 }
 
 /* Returns the number of pixels of a still that count for its primitives. */
@@ -196,9 +214,11 @@ static double of_still(double pixels, double largest)
     return fmin(pixels, STILL_VIEWS * largest);
 }
 
-static void plan_primitives(saga_train_options *o, char *why, size_t n,
+static void plan_primitives(saga_train_options *o, saga_plan_reasons *reasons,
                             const saga_capture *c, const saga_preset *p)
 {
+    char *const why = reasons->primitives;
+    const size_t n = sizeof reasons->primitives;
     const extent e = extent_of(c);
     const double pixels = c->n_frames == 1 || c->moves
         ? of_still(e.pixels, e.largest) : e.pixels;
@@ -209,16 +229,15 @@ static void plan_primitives(saga_train_options *o, char *why, size_t n,
     /* If a file size is given, it alone determines the number of primitives,
      * which the segments share equally. */
     if (o->n_bytes) {
-        o->n_primitives = within_level(
-            saga_plan_primitives_of_size((double)o->n_bytes) / o->n_segments,
-            o->level);
-        snprintf(why, n, "%u primitives, chosen for the size",
-                 o->n_primitives);
+        if (!limit(o, reasons, saga_plan_primitives_of_size(
+                                   (double)o->n_bytes) / o->n_segments))
+            snprintf(why, n, "%u primitives, chosen for the size",
+                     o->n_primitives);
         return;
     }
-    o->n_primitives = within_level(
-        p->primitives * saga_plan_primitives(pixels, changing, seconds),
-        o->level);
+    if (limit(o, reasons, p->primitives *
+                          saga_plan_primitives(pixels, changing, seconds)))
+        return;
     /* k is the length of the sentence so far, if it was not cut. */
     k = snprintf(why, n, "%u primitives: one for every %.0f of the %.0f pixels "
                  "of %s views at a time", o->n_primitives,
@@ -261,10 +280,10 @@ static double still_iterations(const saga_train_options *o,
     /* The number of primitives follows the smaller pictures, unless it or the
      * size was given. */
     if (o->n_primitives == 0)
-        n = within_level(o->n_bytes
+        n = within_level(o, o->n_bytes
             ? saga_plan_primitives_of_size((double)o->n_bytes)
             : p->primitives * saga_plan_primitives(part * of_still(
-                  c->learned_pixels, c->largest_pixels), 0, 0), o->level);
+                  c->learned_pixels, c->largest_pixels), 0, 0));
     return p->still_minutes / saga_plan_minutes(
         n, 1, part * c->learned_pixels / c->n_learned);
 }
@@ -295,8 +314,7 @@ void saga_plan(saga_train_options *o, saga_plan_reasons *why,
 {
     memset(why, 0, sizeof *why);
     if (o->n_primitives == 0)
-        plan_primitives(o, why->primitives, sizeof why->primitives, capture,
-                        preset);
+        plan_primitives(o, why, capture, preset);
     if (o->n_iterations == 0 && !(o->minutes > 0))
         plan_iterations(o, why->iterations, sizeof why->iterations, capture,
                         preset);

@@ -39,6 +39,8 @@ const saga_preset *saga_preset_called(const char *name);
  * open. */
 typedef struct saga_plan_reasons {
     char primitives[160], iterations[160];
+    double wanted;               /* primitives that suit the capture, if the
+                                  * level has no room for them; otherwise 0 */
 } saga_plan_reasons;
 
 /* A segment has at most this many frames. */
@@ -81,8 +83,9 @@ void saga_plan_nbytes(double *least, double *most, double n_primitives,
 double saga_plan_primitives_of_size(double n_bytes);
 
 /* Sets n_primitives and n_iterations of *o where they are 0, from n_bytes, the
- * preset and the pictures of the first segment to be trained, within the
- * level's limits. If o->minutes is set, n_iterations stays 0. */
+ * preset and the pictures of the first segment to be trained. The number of
+ * primitives is one that the level has room for, whatever tools are chosen. If
+ * o->minutes is set, n_iterations stays 0. */
 void saga_plan(saga_train_options *o, saga_plan_reasons *why,
                const saga_capture *capture, const saga_preset *preset);
 

@@ -15,7 +15,6 @@
  */
 #include "size.h"
 
-#include "model.h"
 #include "saga.h"
 
 #include <math.h>
@@ -133,5 +132,5 @@ uint32_t saga_size_share(const saga_size_terms *t, int n_done,
      * more than the level allows. */
     return (uint32_t)fmin(fmin(fmax(left / of_one, n / MOST_UNLIKE),
                                MOST_UNLIKE * (n + base) - base),
-                          saga_caps[t->options->level].n_prim - base);
+                          t->room - base);
 }

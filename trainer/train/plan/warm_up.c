@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "warm_up.h"
 
-#include "model.h"
+#include "level_room.h"
 #include "policy.h"
 
 #include <math.h>
@@ -92,5 +92,5 @@ uint32_t saga_plan_count(const saga_train_options *o, const saga_flat *warm,
                                     saga_pictures_pixels(pictures), n);
     return (uint32_t)fmin(
         rint(fmin(fmax(wanted, (n + MOST_CHANGE - 1) / MOST_CHANGE),
-                  (double)MOST_CHANGE * n)), saga_caps[o->level].n_prim);
+                  (double)MOST_CHANGE * n)), saga_room_sure(o, UINT32_MAX));
 }

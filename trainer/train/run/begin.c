@@ -7,6 +7,7 @@
 
 #include "alloc.h"
 #include "exposure_match.h"
+#include "level_room.h"
 #include "scene_model.h"
 #include "warm_up.h"
 
@@ -119,6 +120,21 @@ bool saga_train_same_views(const saga_train *t, const saga_capture *capture,
 
 /* --- Making and freeing --------------------------------------------------- */
 
+/* Checks that the primitives fit the level at least with none of the picture's
+ * tools. What the tools then take from the room is left out by begin_fit.c. */
+static bool check_room(const saga_train *t, saga_error *error)
+{
+    const uint32_t n = t->o.n_primitives;
+    const uint32_t most = saga_room_of_tools(&t->o, &t->ablation, 0, n);
+
+    return most == n ||
+           saga_fail(error, NULL, t->o.level < SAGA_N_PROFILES - 1
+                     ? "take fewer, or a higher --level" : "take fewer",
+                     "%u primitives need more of a decoder's memory or work "
+                     "than level %d has; it has room for %u", n, t->o.level,
+                     saga_room_sure(&t->o, n));
+}
+
 bool saga_train_set_up(saga_train *t, saga_error *error)
 {
     saga_flat_options *const f = &t->flat_options;
@@ -127,6 +143,8 @@ bool saga_train_set_up(saga_train *t, saga_error *error)
         !saga_options_ablation(&t->ablation, &t->o, error))
         return false;
     saga_options_derive(&t->o);
+    if (!check_room(t, error))
+        return false;
     t->lambda = t->o.lambda;
     t->room = saga_plan_room(&t->o);
     t->explained = (double)NAN;

@@ -38,6 +38,7 @@ static uint32_t of_segment(const saga_train *t, uint32_t anchors)
 }
 
 static bool build(saga_train *t, uint32_t *source,
+                  const saga_splat_params *kept,
                   const saga_splat_params *pool, uint32_t n,
                   saga_error *error)
 {
@@ -45,7 +46,7 @@ static bool build(saga_train *t, uint32_t *source,
     const saga_hierarchy_pool all = { pool, score, n };
     const saga_layers_terms layers = {
         saga_train_in_base(t) ? 1 : (uint32_t)t->o.n_layers, &t->pictures,
-        saga_flat_params(t->flat), n
+        *kept, n
     };
     saga_hierarchy_options o;
     saga_model model;
@@ -67,17 +68,94 @@ static bool build(saga_train *t, uint32_t *source,
     return ok;
 }
 
+typedef struct {
+    float score;
+    uint32_t index;
+} scored;
+
+/* Orders by score, the highest first, and by index where scores are equal. */
+static int compare(const void *a, const void *b)
+{
+    const scored *const x = a, *const y = b;
+
+    if (x->score < y->score || x->score > y->score)
+        return x->score > y->score ? -1 : 1;
+    return x->index < y->index ? -1 : x->index > y->index;
+}
+
+static int compare_index(const void *a, const void *b)
+{
+    const uint32_t x = *(const uint32_t *)a, y = *(const uint32_t *)b;
+
+    return x < y ? -1 : x > y;
+}
+
+/* Sets index[0..n) to the n primitives of the warm-up that are most opaque, in
+ * their order. */
+static bool keep_opaque(uint32_t *index, uint32_t n,
+                        const saga_splat_params *flat, uint32_t n_flat,
+                        saga_error *error)
+{
+    float *const score = scores_of(flat, n_flat, error);
+    scored *const list = saga_alloc(n_flat, sizeof *list, "the targets",
+                                    error);
+    const bool ok = score && list;
+
+    for (uint32_t i = 0; ok && i < n_flat; i++)
+        list[i] = (scored){ score[i], i };
+    if (ok)
+        qsort(list, n_flat, sizeof *list, compare);
+    for (uint32_t i = 0; ok && i < n; i++)
+        index[i] = list[i].index;
+    if (ok)
+        qsort(index, n, sizeof *index, compare_index);
+    free(list);
+    free(score);
+    return ok;
+}
+
+/* Sets *kept to the primitives that the fit begins with: those of the warm-up,
+ * or if the level has no room for all, copies of as many as it has. The chosen
+ * tools decide how many these are, so that it is not known before. */
+static bool keep(saga_splat_params *kept, uint32_t *n, saga_train *t,
+                 saga_error *error)
+{
+    const saga_splat_params flat = saga_flat_params(t->flat);
+    const uint32_t all = saga_flat_count(t->flat);
+    /* The base of the segments has its place already. */
+    const uint32_t base = t->backdrop.n;
+    uint32_t *index;
+    bool ok;
+
+    *kept = flat;
+    *n = saga_train_room(t, all + base) - base;
+    if (*n == all)
+        return true;
+    if (t->o.given)
+        return saga_fail(error, NULL, "take a higher --level", "%u splats "
+                         "need more of a decoder's memory or work than level "
+                         "%d has; it has room for %u", all, t->o.level, *n);
+    if (t->report.n_left_out < all - *n)
+        t->report.n_left_out = all - *n;
+    index = saga_alloc(*n, sizeof *index, "the targets", error);
+    ok = index && keep_opaque(index, *n, &flat, all, error) &&
+         saga_params_gather(kept, &flat, index, *n, error);
+    free(index);
+    return ok;
+}
+
 /* Makes the hierarchy, and its targets in order of ranks, from the warm-up's
  * primitives. */
 static bool propose(saga_train *t, saga_error *error)
 {
-    const saga_splat_params flat = saga_flat_params(t->flat);
-    const uint32_t n = saga_flat_count(t->flat);
-    uint32_t *const source = saga_alloc(n, sizeof *source, "the targets",
-                                        error);
-    saga_splat_params pool;
-    bool ok = saga_params_gather(&pool, &flat, NULL, n, error) && source;
+    saga_splat_params kept, pool;
+    uint32_t n, *source;
+    bool ok;
 
+    if (!keep(&kept, &n, t, error))
+        return false;
+    source = saga_alloc(n, sizeof *source, "the targets", error);
+    ok = saga_params_gather(&pool, &kept, NULL, n, error) && source;
     /* Attributes without a tool are removed first, so that the tree does not
      * depend on them. */
     if (ok && t->dynamic && t->flat_options.temporal) {
@@ -85,12 +163,14 @@ static bool propose(saga_train *t, saga_error *error)
         saga_targets_centre(&pool, n);
     } else if (ok)
         saga_targets_freeze(&pool, n);
-    ok = ok && build(t, source, &pool, n, error);
+    ok = ok && build(t, source, &kept, &pool, n, error);
     /* A base has no temporal attributes, even if the model of the file has. */
     t->scene.still = saga_train_in_base(t);
     ok = ok &&
          saga_params_gather(&t->target, &pool, source, t->scene.n.prim, error);
     saga_params_free(&pool);
+    if (n < saga_flat_count(t->flat))
+        saga_params_free(&kept);
     free(source);
     return ok;
 }

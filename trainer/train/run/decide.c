@@ -5,6 +5,7 @@
  */
 #include "train_state.h"
 
+#include "level_room.h"
 #include "motion.h"
 #include "size.h"
 
@@ -20,6 +21,19 @@ void saga_train_model(saga_model *m, const saga_train *t)
     const saga_model_terms terms = terms_of(t);
 
     saga_plan_model(m, &terms, t->tools | t->pictures.tools);
+}
+
+uint32_t saga_train_room(const saga_train *t, uint32_t n)
+{
+    saga_model m;
+
+    if (t->file.encoder)
+        m = t->file.networks.scene.model;
+    else
+        saga_train_model(&m, t);
+    /* Base and segment are counted together, as one segment. */
+    m.tools &= ~(uint32_t)SAGA_TOOL_BASE;
+    return saga_room_of_model(&t->o, &m, n);
 }
 
 /* --- At the end of the first warm-up ------------------------------------- */
@@ -69,6 +83,7 @@ static void choose_base(saga_train *t)
 
     q.flat = saga_flat_params(t->flat);
     q.n = saga_flat_count(t->flat);
+    q.room = saga_train_room(t, UINT32_MAX);
     saga_plan_base(&t->base, &q);
 }
 
@@ -97,14 +112,14 @@ bool saga_train_may_have_base(const saga_train *t)
 
 /* --- A size -------------------------------------------------------------- */
 
-static saga_size_terms size_terms(const saga_train *t)
+static saga_size_terms size_terms(const saga_train *t, uint32_t room)
 {
-    return (saga_size_terms){ &t->o, &t->base, &t->report.sizes };
+    return (saga_size_terms){ &t->o, &t->base, room, &t->report.sizes };
 }
 
 bool saga_train_steer(saga_train *t, saga_error *error)
 {
-    const saga_size_terms terms = size_terms(t);
+    const saga_size_terms terms = size_terms(t, 0);
     /* Only the first turn is steered, since all turns use its networks and its
      * step. */
     const double over = t->o.n_bytes && t->turn == 0
@@ -121,12 +136,15 @@ bool saga_train_steer(saga_train *t, saga_error *error)
 
 uint32_t saga_train_share(const saga_train *t)
 {
-    const saga_size_terms terms = size_terms(t);
     const int n_done = t->turn - (t->base.n_prim ? 2 : 0);
+    saga_size_terms terms;
 
     /* The training for the networks has all primitives, as if there were no
      * base. */
-    return t->turn == 0 ? t->o.n_primitives
-         : saga_train_in_base(t) ? t->base.n_prim
-         : saga_size_share(&terms, n_done, t->n_finished);
+    if (t->turn == 0)
+        return t->o.n_primitives;
+    if (saga_train_in_base(t))
+        return t->base.n_prim;
+    terms = size_terms(t, saga_train_room(t, UINT32_MAX));
+    return saga_size_share(&terms, n_done, t->n_finished);
 }

@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
  * Packs the trained state and fills the report with quality, counts and prices.
- * The first segment is packed before it is trained too, to check that it stays
- * within the limits of its level.
  */
 #include "train_state.h"
 
@@ -218,8 +216,6 @@ static bool pack(saga_train *t, int level, manner how, saga_error *error)
                   saga_fit_weight_bits(&r->weight_bits, t->fit, error));
 }
 
-/* --- Levels -------------------------------------------------------------- */
-
 /* Reads t->report.info with the decoder. If it refuses the bytes, frees them
  * and returns false. */
 static bool probe(saga_train *t, saga_error *error)
@@ -230,27 +226,8 @@ static bool probe(saga_train *t, saga_error *error)
         return true;
     free(t->bytes);
     t->bytes = NULL;
-    return saga_fail(error, NULL, s == SAGA_ERR_LEVEL
-                     ? "take fewer --primitives or --layers" : "report it",
-                     "the decoder refuses the file: %s", saga_status_text(s));
-}
-
-/* The check precedes the training of the first segment, since the needs of a
- * file follow from counts and network shapes. The other segments have about the
- * same. */
-bool saga_train_check_level(saga_train *t, saga_error *error)
-{
-    /* The scene is packed at the highest level, which has the widest limits,
-     * and then compared with the level in the options. In this way the error
-     * message has both the need and the limit. */
-    const bool ok = t->turn > 0 ||
-                    (pack(t, SAGA_N_PROFILES - 1, TRIAL, error) &&
-                     probe(t, error) &&
-                     saga_pack_within(&t->report.info, t->o.level, error));
-
-    free(t->bytes);
-    t->bytes = NULL;
-    return ok;
+    return saga_fail(error, NULL, "report it", "the decoder refuses the file: "
+                     "%s", saga_status_text(s));
 }
 
 bool saga_train_measure_size(saga_train *t, saga_error *error)

@@ -156,26 +156,39 @@ static bool read_finished(saga_train *t, saga_checkpoint *c,
     return !c->failed;
 }
 
-/* Takes over the number of primitives that the warm-up settled on. */
+/* Takes over the number of primitives that the warm-up settled on. The numbers
+ * of anchors follow from it and the level. */
 static bool adopt_primitives(saga_train *t, const saga_train_header *h)
 {
-    const saga_level_caps *const caps = &saga_caps[t->o.level];
-
-    if (h->primitives < 1 || h->primitives > caps->n_prim ||
-        h->coarse > caps->n_coarse || h->fine > caps->n_fine)
+    if (h->primitives < 1 || h->primitives > saga_caps[t->o.level].n_prim)
         return false;
     t->o.n_primitives = (uint32_t)h->primitives;
-    t->o.n_coarse = (uint32_t)h->coarse;
-    t->o.n_fine = (uint32_t)h->fine;
+    t->o.n_coarse = t->o.n_fine = 0;
+    saga_options_derive(&t->o);
     t->flat_options.n_primitives = t->o.n_primitives;
     return true;
+}
+
+/* Takes over the level for which a model has been made. It keeps to the limits
+ * of higher levels, too. */
+static void adopt_level(saga_train *t, const saga_train_header *h)
+{
+    if (!saga_train_header_settled(h) || t->o.networks ||
+        h->level >= (uint64_t)t->o.level)
+        return;
+    t->o.level = (int)h->level;
+    t->o.n_coarse = (uint32_t)h->coarse;
+    t->o.n_fine = (uint32_t)h->fine;
 }
 
 static bool adopt(saga_train *t, const saga_train_header *h)
 {
     if (t->o.minutes > 0)
         adopt_iterations(t, h);
-    return !t->o.free_count || adopt_primitives(t, h);
+    if (t->o.free_count && !adopt_primitives(t, h))
+        return false;
+    adopt_level(t, h);
+    return true;
 }
 
 static void load_base(saga_train *t, const saga_train_header *h)
@@ -207,8 +220,10 @@ static bool load_turn(saga_train *t, const saga_train_header *h,
         };
     t->explained = h->explained;
     t->changing = h->changing;
-    /* This is lambda as the rule or the steering of the size has set it. */
-    t->lambda = h->chosen_lambda;
+    /* This is lambda as the rule or the steering of the size has set it. In the
+     * warm-up nothing has set it but the option, which may be another now. */
+    if (saga_train_header_settled(h))
+        t->lambda = h->chosen_lambda;
     t->n_finished = h->n_finished;
     return t->turn == 0 || read_finished(t, c, error);
 }

@@ -103,28 +103,43 @@ static bool same_ablation(const char *file, const saga_train_header *h,
                      now->ablate);
 }
 
-/* Compares all options except the pictures. */
+bool saga_train_header_settled(const saga_train_header *h)
+{
+    return h->fitting || h->turn > 0;
+}
+
+/* Compares the options that decide the model when the warm-up has ended. Until
+ * then they may change. */
+static bool same_settled(const char *file, const saga_train_header *h,
+                         const saga_train_header *now, saga_error *error)
+{
+    if (!saga_train_header_settled(h))
+        return true;
+    /* lambda is the option's value; the value that the rule found is
+     * chosen_lambda. */
+    if (h->lambda < now->lambda || h->lambda > now->lambda)
+        return saga_fail(error, file, "give the options it was begun with, or "
+                         "delete it", "was begun with --lambda %g, not %g",
+                         h->lambda, now->lambda);
+    return same(file, "coarse anchors", h->coarse, now->coarse, error) &&
+           same(file, "fine anchors", h->fine, now->fine, error) &&
+           same(file, "--level", h->level, now->level, error) &&
+           same(file, "--layers", h->layers, now->layers, error);
+}
+
+/* Compares the options on which the training depends, except the pictures. The
+ * size is not among them: it is steered to what is asked for now. */
 bool saga_train_header_fits(const saga_train *t, const saga_train_header *h,
                             const char *file, saga_error *error)
 {
     saga_train_header now;
 
-    /* lambda is the option's value; the value that the rule found is
-     * chosen_lambda. */
     saga_train_header_fill(&now, t);
-    if (h->lambda < now.lambda || h->lambda > now.lambda)
-        return saga_fail(error, file, "give the options it was begun with, or "
-                         "delete it", "was begun with --lambda %g, not %g",
-                         h->lambda, now.lambda);
-    return same(file, "--primitives", h->primitives, now.primitives, error) &&
-           same(file, "coarse anchors", h->coarse, now.coarse, error) &&
-           same(file, "fine anchors", h->fine, now.fine, error) &&
+    return same_settled(file, h, &now, error) &&
+           same(file, "--primitives", h->primitives, now.primitives, error) &&
            same(file, "--iterations",
                 h->warm + h->render, now.warm + now.render, error) &&
            same(file, "warm-up iterations", h->warm, now.warm, error) &&
-           same(file, "--size", h->n_bytes, now.n_bytes, error) &&
-           same(file, "--level", h->level, now.level, error) &&
-           same(file, "--layers", h->layers, now.layers, error) &&
            same(file, "teachers", h->teachers, now.teachers, error) &&
            same_model(file, h->paper, now.paper, error) &&
            same(file, "--seed", h->seed, now.seed, error) &&

@@ -36,6 +36,10 @@ void saga_train_header_walk(saga_train_header *h, saga_checkpoint *c);
  * networks. */
 bool saga_train_header_stage(const saga_train_header *h);
 
+/* Tells whether the model of the file is decided, by which time some options
+ * cannot change any more. */
+bool saga_train_header_settled(const saga_train_header *h);
+
 /* Compare a header with the options of t, except for the pictures. Return false
  * with *error set, which names `file`, if one differs. */
 bool saga_train_header_fits(const saga_train *t, const saga_train_header *h,

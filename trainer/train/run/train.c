@@ -192,11 +192,12 @@ static bool begin_rendering(saga_train *t, saga_error *error)
     saga_train_settle_price(t);
     if (!saga_train_decide(t, error))
         return false;
-    /* A scene too large for the level fails here, before the rendering
-     * stage. */
-    return saga_train_begin_fit(t, error) &&
-           saga_fit_start(t->fit, &t->target, error) &&
-           saga_train_check_level(t, error);
+    if (!saga_train_begin_fit(t, error) ||
+        !saga_fit_start(t->fit, &t->target, error))
+        return false;
+    /* What cannot be packed fails here, before the rendering stage. Later turns
+     * have the networks of the first. */
+    return t->turn > 0 || saga_train_measure_size(t, error);
 }
 
 /* Does what follows a stage's iterations. */
@@ -226,6 +227,10 @@ saga_outcome saga_train_run(saga_train *t, saga_error *error)
 
         if (s)
             return s;
+        /* Whatever fails in the conclusion, memory for example, is no reason
+         * to do the iterations again. */
+        if (t->stage < SAGA_TRAIN_PACK)
+            save(t);
         if (!conclude(t, error))
             return SAGA_FAILED;
         /* The stage advances before the checkpoint is written, so that a

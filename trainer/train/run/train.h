@@ -100,6 +100,8 @@ typedef struct saga_train_report {
     double explained;            /* as in motion.h; NaN: it was not measured */
     double changing;             /* as in motion.h */
     saga_train_entropy entropy;
+    uint32_t n_left_out;         /* primitives of the warm-ups for which the
+                                  * level had no room */
     uint32_t n_parameters;       /* number of weights and biases of all
                                   * networks */
     double weight_bits;          /* bits of all weights of the networks that

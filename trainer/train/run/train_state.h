@@ -158,6 +158,10 @@ bool saga_train_load_warm(saga_train *t, saga_checkpoint *c,
 /* decide.c: passes the decisions of plan/ on to the training. */
 /* Makes *m from options, ablation, policy and tools. */
 void saga_train_model(saga_model *m, const saga_train *t);
+/* Returns the largest number of primitives, at most n, that the level has room
+ * for with the model that is known by now: that of the networks, or that of
+ * the tools that were chosen. */
+uint32_t saga_train_room(const saga_train *t, uint32_t n);
 /* Decides, at the end of the first warm-up, whether anything moves, on tools,
  * and on a base. Lambda and policy must be set. Later turns get the tools of
  * the first. */
@@ -172,9 +176,6 @@ bool saga_train_steer(saga_train *t, saga_error *error);
 uint32_t saga_train_share(const saga_train *t);
 
 /* finish.c */
-/* Packs the untrained scene at the highest level and compares the file with the
- * limits of the level in the options. */
-bool saga_train_check_level(saga_train *t, saga_error *error);
 /* Sets the sizes in the report to those that the file would have if training
  * ended here. */
 bool saga_train_measure_size(saga_train *t, saga_error *error);
