@@ -175,8 +175,9 @@ OMP = $(if $(OPENMP),$(OPENMP),-Wno-unknown-pragmas)
 comma := ,
 AS_NEEDED = $(if $(filter Darwin,$(shell uname -s)),,-Wl$(comma)--as-needed)
 HOST_LIBS = $(AS_NEEDED) -lOpenEXRCore $(shell pkg-config --libs jansson \
-              libpng libturbojpeg libwebp libzstd zlib 2>/dev/null || \
-              echo -ljansson -lpng -lturbojpeg -lwebp -lzstd -lz) -lm
+              libpng libtiff-4 libturbojpeg libwebp libzstd \
+              zlib 2>/dev/null || \
+              echo -ljansson -lpng -ltiff -lturbojpeg -lwebp -lzstd -lz) -lm
 # -isystem suppresses warnings in the headers of OpenEXR.
 EXR_INC   = $(patsubst -I%,-isystem %,$(shell pkg-config --cflags-only-I \
               OpenEXR 2>/dev/null))

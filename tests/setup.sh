@@ -12,8 +12,8 @@ set -eu
 test -z "${SAGA_NO_SETUP:-}" || exit 0
 
 packages="gcc g++ make binutils libc6-dev clang lld pkg-config python3
-    libcmocka-dev libjansson-dev libpng-dev libturbojpeg0-dev zlib1g-dev
-    libwebp-dev libzstd-dev libopenexr-dev ffmpeg
+    libcmocka-dev libjansson-dev libpng-dev libtiff-dev libturbojpeg0-dev
+    zlib1g-dev libwebp-dev libzstd-dev libopenexr-dev ffmpeg
     gcc-arm-none-eabi gcc-s390x-linux-gnu libc6-dev-s390x-cross
     qemu-user-static"
 case ${1:-} in

@@ -18,7 +18,10 @@ ROOT = Path(__file__).resolve().parent.parent
 # The name in docs/licences.md of each library, by its file's name.
 ROWS = {
     "libOpenEXRCore-3_1": "OpenEXR", "libjansson": "jansson", "libpng16": "libpng",
-    "libturbojpeg": "libjpeg-turbo", "libwebp": "libwebp", "libzstd": "zstd",
+    "libturbojpeg": "libjpeg-turbo", "libjpeg": "libjpeg-turbo", "libtiff": "libtiff",
+    "libwebp": "libwebp", "libsharpyuv": "libwebp", "libzstd": "zstd",
+    "liblzma": "liblzma", "libdeflate": "libdeflate", "libLerc": "LERC",
+    "libjbig": "JBIG-KIT", "libstdc++": "libgcc",
     "libz": "zlib", "libgomp": "libgomp", "libgcc_s": "libgcc", "libm": "glibc",
     "libc": "glibc", "ld-linux-x86-64": "glibc", "ld-linux-aarch64": "glibc",
 }

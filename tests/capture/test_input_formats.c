@@ -68,13 +68,13 @@ static bytes png_bytes(const png_kind *k, const uint8_t *rows,
 static void read_picture(folder *f, const char *name, int w, int h,
                          uint8_t *rgb)
 {
-    int width = 0, height = 0;
+    const saga_picture_wish wish = { .width = w, .height = h };
+    saga_picture_look look;
 
-    assert_done(saga_picture_probe(folder_file(f, name), &width, &height,
-                                   &error));
-    assert_done(saga_picture_read(folder_file(f, name), w, h, rgb, &error));
-    assert_int_equal(width, w);
-    assert_int_equal(height, h);
+    assert_done(saga_picture_probe(folder_file(f, name), &look, &error));
+    assert_done(saga_picture_read(folder_file(f, name), &wish, rgb, &error));
+    assert_int_equal(look.width, w);
+    assert_int_equal(look.height, h);
 }
 
 static void check_png(folder *f, const png_kind *k, const uint8_t *rows,
@@ -161,11 +161,11 @@ static void refused_picture(folder *f, const char *name, int w, int h,
 {
     saga_error error = { "" };
     uint8_t rgb[3072];
-    int width, height;
+    const saga_picture_wish wish = { .width = w, .height = h };
+    saga_picture_look look;
 
-    assert_false(saga_picture_probe(folder_file(f, name), &width, &height,
-                                    &error) &&
-                 saga_picture_read(folder_file(f, name), w, h, rgb, &error));
+    assert_false(saga_picture_probe(folder_file(f, name), &look, &error) &&
+                 saga_picture_read(folder_file(f, name), &wish, rgb, &error));
     assert_says(&error, name);
     assert_says(&error, what);
     assert_says(&error, "; ");
@@ -372,10 +372,12 @@ TEST_IN_FOLDER(exr_should_be_refused_when_it_is_damaged)
     assert_false(saga_exr_read_depth(folder_file(f, "d.exr"), 2, 3, got,
                                      &error));
     assert_says(&error, "is 3 x 2 pixels, expected 2 x 3");
-    refused_picture(f, "d.exr", 3, 2, "no full-size channel R");
+    refused_picture(f, "d.exr", 3, 2,
+                    "no part with channels R, G and B, but Z");
     b = exr_bytes(rg, 2, 0, 0, 3, 2, data);
     write_bytes(f, "d.exr", &b);
-    refused_picture(f, "d.exr", 3, 2, "no full-size channel B");
+    refused_picture(f, "d.exr", 3, 2,
+                    "no part with channels R, G and B, but G, R");
     error = (saga_error){ "" };
     assert_false(saga_exr_read_depth(folder_file(f, "none.exr"), 3, 2, got,
                                      &error));

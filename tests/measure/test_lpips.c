@@ -150,7 +150,8 @@ static void load(uint8_t *rgb, const char *name)
     char path[80];
 
     snprintf(path, sizeof path, DATA "%s", name);
-    if (!saga_png_read(path, SIDE, SIDE, rgb, &error))
+    if (!saga_picture_read(path, &(saga_picture_wish){
+            .width = SIDE, .height = SIDE }, rgb, &error))
         fail_msg("%s", error.message);
 }
 

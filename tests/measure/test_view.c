@@ -644,7 +644,8 @@ TEST(montage_should_place_pictures_on_grey)
     assert_true(fd >= 0);
     close(fd);
     assert_done(saga_montage_write(path, stills, 3, 2, &error));
-    assert_done(saga_picture_read(path, W, H, rgb, &error));
+    assert_done(saga_picture_read(path, &(saga_picture_wish){
+        .width = W, .height = H }, rgb, &error));
     assert_memory_equal(rgb, one, 6);
     assert_int_equal(rgb[3 * 2], 128);
     assert_memory_equal(rgb + 3 * (2 + SAGA_MONTAGE_GAP), two, 3);

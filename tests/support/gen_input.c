@@ -520,16 +520,20 @@ uint8_t *input_damage(input_kind kind, const uint8_t *p, size_t n,
 
 static int play_picture(input_kind kind, const char *path, saga_error *error)
 {
+    saga_picture_look look;
     uint8_t *rgb;
     float *depth;
     int w, h, ok;
 
-    if (!saga_picture_probe(path, &w, &h, error))
+    if (!saga_picture_probe(path, &look, error))
         return 0;
+    w = look.width;
+    h = look.height;
     if ((long)w * h > MAX_PIXELS)
         return saga_fail(error, path, NULL, "too large for this harness");
     rgb = must(malloc((size_t)w * (size_t)h * 3));
-    ok = saga_picture_read(path, w, h, rgb, error);
+    ok = saga_picture_read(path, &(saga_picture_wish){
+        .width = w, .height = h }, rgb, error);
     free(rgb);
     if (kind != INPUT_EXR_DEPTH)
         return ok;

@@ -1,125 +1,111 @@
 /* SPDX-License-Identifier: MIT */
 #include "picture.h"
 
+#include "alloc.h"
 #include "error.h"
 #include "file.h"
-#include "video.h"
+#include "picture_kinds.h"
+#include "picture_turn.h"
 
 #include <errno.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
-enum picture_kind {
-    PICTURE_PNG, PICTURE_EXR, PICTURE_JPEG, PICTURE_WEBP, PICTURE_TIFF
+/* A format begins with n bytes; bytes that may vary are '?'. */
+static const struct {
+    const char *magic;
+    size_t n;
+    const saga_picture_kind *kind;
+} magics[] = {
+    {"\x89PNG\r\n\x1a\n", 8, &saga_png_kind},
+    {"\x76\x2f\x31\x01", 4, &saga_exr_kind},
+    {"\xff\xd8\xff", 3, &saga_jpeg_kind},
+    {"RIFF????WEBP", 12, &saga_webp_kind},
+    {"II*\0", 4, &saga_tiff_kind}, {"MM\0*", 4, &saga_tiff_kind},
+    {"II+\0", 4, &saga_tiff_kind}, {"MM\0+", 4, &saga_tiff_kind},
 };
 
-static bool picture_kind(const char *path, enum picture_kind *kind,
-                         saga_error *error)
+static bool begins_with(const uint8_t *bytes, const char *magic, size_t n)
 {
-    uint8_t magic[12] = {0};
+    size_t i = 0;
+    while (i < n && (magic[i] == '?' || bytes[i] == (uint8_t)magic[i]))
+        i++;
+    return i == n;
+}
+
+/* Returns the format of a file, NULL with *error set if it is of none. */
+static const saga_picture_kind *kind_of(const char *path, saga_error *error)
+{
+    uint8_t start[12] = {0};
     FILE *const file = saga_open_file(path);
-    if (!file)
-        return saga_fail_errno(error, path, "check the path in the capture's "
-                               "files", "picture cannot be opened");
-    const size_t n = fread(magic, 1, sizeof magic, file);
+    if (!file) {
+        saga_fail_errno(error, path, "check the path in the capture's files",
+                        "picture cannot be opened");
+        return NULL;
+    }
+    const size_t n = fread(start, 1, sizeof start, file);
     fclose(file);
-    /* The first bytes tell the format, whatever the extension says. */
-    if (n >= 8 && memcmp(magic, "\x89PNG\r\n\x1a\n", 8) == 0)
-        *kind = PICTURE_PNG;
-    else if (n >= 4 && memcmp(magic, "\x76\x2f\x31\x01", 4) == 0)
-        *kind = PICTURE_EXR;
-    else if (n >= 3 && memcmp(magic, "\xff\xd8\xff", 3) == 0)
-        *kind = PICTURE_JPEG;
-    else if (n == 12 && memcmp(magic, "RIFF", 4) == 0 &&
-             memcmp(magic + 8, "WEBP", 4) == 0)
-        *kind = PICTURE_WEBP;
-    else if (n >= 4 && (memcmp(magic, "II*\0", 4) == 0 ||
-                        memcmp(magic, "MM\0*", 4) == 0))
-        *kind = PICTURE_TIFF;
-    else
-        return saga_fail(error, path, "convert it to PNG or JPEG",
-                         "is not a PNG, JPEG, WebP, TIFF or OpenEXR picture "
-                         "(starts with %02x %02x %02x %02x, %zu bytes read)",
-                         magic[0], magic[1], magic[2], magic[3], n);
-    return true;
+    for (size_t i = 0; i < sizeof magics / sizeof magics[0]; i++)
+        if (n >= magics[i].n &&
+            begins_with(start, magics[i].magic, magics[i].n))
+            return magics[i].kind;
+    saga_fail(error, path, "convert it to PNG or JPEG",
+              "is not a PNG, JPEG, WebP, TIFF or OpenEXR picture (starts with "
+              "%02x %02x %02x %02x, %zu bytes read)", start[0], start[1],
+              start[2], start[3], n);
+    return NULL;
 }
 
-bool saga_picture_is_exr(const char *path)
+int saga_picture_scratch(const char *path)
 {
-    enum picture_kind kind;
-    saga_error error;
-    return picture_kind(path, &kind, &error) && kind == PICTURE_EXR;
+    saga_error error = { "" };
+    const saga_picture_kind *const kind = kind_of(path, &error);
+    return kind ? kind->scratch : 0;
 }
 
-/* Returns the name of ffmpeg's demuxer for a format that ffmpeg decodes, which
- * is any except PNG, JPEG and OpenEXR. Each such picture takes a process. */
-static const char *ffmpeg_name(enum picture_kind kind)
-{
-    return kind == PICTURE_WEBP ? "webp_pipe" : "tiff_pipe";
-}
-
-static bool still_probe(const char *path, enum picture_kind kind, int *width,
-                        int *height, saga_error *error)
-{
-    saga_video_info info;
-    if (!saga_video_probe(&info, path, ffmpeg_name(kind), error))
-        return false;
-    *width = info.width;
-    *height = info.height;
-    return true;
-}
-
-static bool still_read(const char *path, enum picture_kind kind, int width,
-                       int height, uint8_t *rgb, saga_error *error)
-{
-    saga_video_info info;
-    saga_video video;
-    if (!saga_video_probe(&info, path, ffmpeg_name(kind), error) ||
-        !saga_check_same_size(path, info.width, info.height, width, height,
-                              error) ||
-        !saga_video_open(&video, path, &info, 1, error))
-        return false;
-    return saga_video_close(&video, saga_video_next(&video, rgb, error),
-                            error);
-}
-
-bool saga_picture_probe(const char *path, int *width, int *height,
+bool saga_picture_probe(const char *path, saga_picture_look *look,
                         saga_error *error)
 {
-    enum picture_kind kind = PICTURE_PNG;
-    if (!picture_kind(path, &kind, error))
-        return false;
-    switch (kind) {
-    case PICTURE_PNG: return saga_png_probe(path, width, height, error);
-    case PICTURE_EXR: return saga_exr_probe(path, width, height, error);
-    case PICTURE_JPEG: return saga_jpeg_probe(path, width, height, error);
-    default: return still_probe(path, kind, width, height, error);
-    }
+    const saga_picture_kind *const kind = kind_of(path, error);
+    *look = (saga_picture_look){0};
+    return kind && kind->probe(path, look, error);
 }
 
-bool saga_picture_read_alpha(const char *path, int width, int height,
-                             uint8_t *rgb, saga_error *error)
+/* Reads a picture and turns it as it asks to be shown. */
+static bool read_turned(const saga_picture_kind *kind, const char *path,
+                        const saga_picture_wish *wish, int orientation,
+                        uint8_t *pixels, saga_error *error)
 {
-    enum picture_kind kind = PICTURE_PNG;
-    if (!picture_kind(path, &kind, error))
-        return false;
-    if (kind == PICTURE_PNG)
-        return saga_png_read_alpha(path, width, height, rgb, error);
-    /* Opacity is not read from other formats, so all pixels count. */
-    memset(rgb, 255, (size_t)width * (size_t)height * 3);
-    return true;
+    const saga_picture_wish stored = {.width = wish->height,
+                                      .height = wish->width,
+                                      .form = wish->form};
+    const size_t each = saga_picture_pixel(wish->form);
+    uint8_t *const buffer =
+        saga_alloc((size_t)wish->width * (size_t)wish->height, each, path,
+                   error);
+    const bool ok = buffer && kind->read(path, &stored, buffer, error);
+    if (ok)
+        saga_turn(orientation, stored.width, stored.height, each, buffer,
+                  pixels);
+    free(buffer);
+    return ok;
 }
 
-bool saga_picture_read(const char *path, int width, int height, uint8_t *rgb,
-                       saga_error *error)
+bool saga_picture_read(const char *path, const saga_picture_wish *wish,
+                       uint8_t *pixels, saga_error *error)
 {
-    enum picture_kind kind = PICTURE_PNG;
-    if (!picture_kind(path, &kind, error))
+    const saga_picture_kind *const kind = kind_of(path, error);
+    saga_picture_look look = {0};
+    if (!kind || (wish->upright && !kind->probe(path, &look, error)))
         return false;
-    switch (kind) {
-    case PICTURE_PNG: return saga_png_read(path, width, height, rgb, error);
-    case PICTURE_EXR: return saga_exr_read(path, width, height, rgb, error);
-    case PICTURE_JPEG: return saga_jpeg_read(path, width, height, rgb, error);
-    default: return still_read(path, kind, width, height, rgb, error);
-    }
+    /* A mask that was drawn on the turned picture does not ask to be turned. */
+    const bool ok = saga_turn_swaps(look.orientation)
+        ? read_turned(kind, path, wish, look.orientation, pixels, error)
+        : kind->read(path, wish, pixels, error);
+    const size_t n = (size_t)wish->width * (size_t)wish->height;
+    for (size_t i = 0; ok && wish->form == SAGA_PICTURE_RGBA && i < n; i++)
+        if (pixels[4 * i + 3] == 0)
+            memset(pixels + 4 * i, 0, 3);
+    return ok;
 }

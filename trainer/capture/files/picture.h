@@ -1,38 +1,57 @@
 /* SPDX-License-Identifier: MIT
  *
- * Reads and writes pictures. The format is recognised by the first bytes, not
- * by the name: PNG (8 or 16 bits, grey, palette or colour; alpha is composited
- * over black; gamma chunks are ignored, as in video pipelines), JPEG (grey or
- * colour; not rotated by EXIF, because calibration ignores it, too), OpenEXR
- * (scanlines; R G B are linear light and become 8-bit sRGB; Z is depth), and,
- * through ffmpeg, WebP and TIFF (alpha is dropped).
+ * Reads and writes pictures. The first bytes tell the format, whatever the name
+ * says: PNG, JPEG, WebP and TIFF with samples of at most 16 bits in grey, RGB,
+ * a palette or YCbCr, and OpenEXR, whose R G B (or Y) are linear light and
+ * become 8-bit sRGB, and whose Z is depth. A file that holds anything else
+ * (CMYK, Lab, raw or deep pixels, an animation, several pages) is refused by
+ * the name of what it holds.
+ *
+ * Alpha has one rule for all formats, and for videos: pixels lie over black, so
+ * that the colour under alpha 0 has no effect. If opacity is to be a mask
+ * (--alpha-masks), pixels of alpha 128 to 255 count, with the colour that they
+ * have without the black.
+ *
+ * Where the file says how its numbers are to be shown, but they are taken as
+ * sRGB with square pixels, saga_picture_probe reports it.
  */
 #ifndef SAGA_PICTURE_H
 #define SAGA_PICTURE_H
 
 #include "capture.h"
 
-/* Returns whether a file begins with OpenEXR's magic number. */
-bool saga_picture_is_exr(const char *path);
+typedef struct saga_picture_look {
+    int width, height;       /* as stored */
+    int orientation;         /* picture_turn.h */
+    char ignored[80];        /* what the file asks for and reading does not do;
+                              * "" if nothing */
+} saga_picture_look;
 
-bool saga_picture_probe(const char *path, int *width, int *height,
+bool saga_picture_probe(const char *path, saga_picture_look *look,
                         saga_error *error);
-/* Reads a picture into rgb, (height, width, 3); the file must have exactly that
- * size. */
-bool saga_picture_read(const char *path, int width, int height, uint8_t *rgb,
-                       saga_error *error);
 
-/* Reads the opacity of a picture into R, G and B alike; 255 if the picture has
- * none. PNG only. */
-bool saga_picture_read_alpha(const char *path, int width, int height,
-                             uint8_t *rgb, saga_error *error);
+typedef enum saga_picture_form {
+    SAGA_PICTURE_RGB,        /* over black */
+    SAGA_PICTURE_RGBA,       /* the colour without black; 0 under alpha 0 */
+    SAGA_PICTURE_MASK        /* RGB in which 16 bits are rounded up to 8, so
+                              * that only 0 becomes 0 */
+} saga_picture_form;
 
-bool saga_png_probe(const char *path, int *width, int *height,
-                    saga_error *error);
-bool saga_png_read(const char *path, int width, int height, uint8_t *rgb,
-                   saga_error *error);
-bool saga_png_read_alpha(const char *path, int width, int height, uint8_t *rgb,
-                         saga_error *error);
+typedef struct saga_picture_wish {
+    int width, height;       /* the picture must have exactly this size */
+    bool upright;            /* turn it, if it asks to be shown with width and
+                              * height exchanged */
+    saga_picture_form form;
+} saga_picture_wish;
+
+/* Reads a picture into (height, width, 3 or 4) bytes. */
+bool saga_picture_read(const char *path, const saga_picture_wish *wish,
+                       uint8_t *pixels, saga_error *error);
+
+/* Returns how many bytes a pixel reading a picture takes besides the result and
+ * the depth; 0 if the file cannot be read. */
+int saga_picture_scratch(const char *path);
+
 bool saga_png_write(const char *path, int width, int height,
                     const uint8_t *rgb, saga_error *error);
 
@@ -40,20 +59,12 @@ bool saga_png_write(const char *path, int width, int height,
 bool saga_png_write_grey(const char *path, int width, int height,
                          const uint16_t *grey, saga_error *error);
 
-bool saga_jpeg_probe(const char *path, int *width, int *height,
-                     saga_error *error);
-bool saga_jpeg_read(const char *path, int width, int height, uint8_t *rgb,
-                    saga_error *error);
-
 /* Encodes a JPEG of good quality. The caller frees *bytes with free(). */
 bool saga_jpeg_encode(uint8_t **bytes, size_t *nbytes, int width, int height,
                       const uint8_t *rgb, saga_error *error);
 
-bool saga_exr_probe(const char *path, int *width, int *height,
-                    saga_error *error);
-bool saga_exr_read(const char *path, int width, int height, uint8_t *rgb,
-                   saga_error *error);
-/* Reads the channel Z, or the only channel, as (height, width) floats. */
+/* Reads the channel Z, or the only channel, as (height, width) floats; 0
+ * outside the data window. */
 bool saga_exr_read_depth(const char *path, int width, int height, float *depth,
                          saga_error *error);
 /* Writes 8-bit sRGB as linear half floats; reading them returns the same 8

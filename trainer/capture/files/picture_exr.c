@@ -1,11 +1,18 @@
-/* SPDX-License-Identifier: MIT */
-#include "picture.h"
+/* SPDX-License-Identifier: MIT
+ *
+ * Reads OpenEXR: flat pixels in scanlines or tiles, of one part of the file.
+ * The picture is the display window; the data window is placed in it, and what
+ * it does not cover is black and transparent.
+ */
+#include "picture_kinds.h"
 
 #include "alloc.h"
 #include "error.h"
 
 #include <errno.h>
+#include <math.h>
 #include <openexr.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -24,7 +31,6 @@ static exr_context_initializer_t exr_setup(void)
     setup.error_handler_fn = exr_quiet;
     setup.max_image_width = SAGA_MAX_SIDE;
     setup.max_image_height = SAGA_MAX_SIDE;
-    setup.zip_level = 4;
     return setup;
 }
 
@@ -44,350 +50,416 @@ static bool exr_fail(const char *path, exr_result_t code, saga_error *error)
                      exr_get_default_error_message(code));
 }
 
+/* A file that is open for reading, and the channels that are wanted of it. */
 typedef struct exr_input {
     exr_context_t context;
-    exr_attr_box2i_t window;
-    int width, height, chunk_rows;
+    const char *path;
+    saga_error *error;
+    int part;
+    exr_attr_box2i_t data, display; /* the windows */
+    int width, height;       /* of the display window, which is the picture */
+    int chunk_width, chunk_height;
+    bool tiled;
+    const char *names[4];    /* R G B or Y, and A if there is one; or Z */
+    int n;
 } exr_input;
 
-static bool exr_open(exr_input *in, const char *path, saga_error *error)
+static bool exr_failed(const exr_input *in, exr_result_t code)
 {
-    *in = (exr_input){0};
-    const exr_context_initializer_t setup = exr_setup();
-    exr_storage_t storage = EXR_STORAGE_SCANLINE;
-    int32_t rows = 0;
-    /* exr_fail reads errno to find out whether memory was short. */
-    errno = 0;
-    exr_result_t r = exr_start_read(&in->context, path, &setup);
-    if (r == EXR_ERR_SUCCESS)
-        r = exr_get_storage(in->context, 0, &storage);
-    if (r == EXR_ERR_SUCCESS)
-        r = exr_get_data_window(in->context, 0, &in->window);
-    if (r == EXR_ERR_SUCCESS && errno != ENOMEM &&
-        storage != EXR_STORAGE_SCANLINE) {
-        exr_finish(&in->context);
-        return saga_fail(error, path, "store it in scanlines",
-                         "EXR is tiled or deep");
-    }
-    if (r == EXR_ERR_SUCCESS)
-        r = exr_get_scanlines_per_chunk(in->context, 0, &rows);
-    if (r != EXR_ERR_SUCCESS || errno == ENOMEM) {
-        exr_finish(&in->context);
-        return exr_fail(path, r, error);
-    }
-    /* The data window may begin anywhere; its corner becomes pixel (0, 0). */
-    const long long w = (long long)in->window.max.x - in->window.min.x + 1;
-    const long long h = (long long)in->window.max.y - in->window.min.y + 1;
-    if (rows < 1 || !saga_check_size(path, w, h, error)) {
-        exr_finish(&in->context);
-        /* An earlier error has been reported already. */
-        return saga_fail(error, path, NULL, "EXR has no rows");
-    }
-    in->width = (int)w;
-    in->height = (int)h;
-    in->chunk_rows = rows;
+    return exr_fail(in->path, code, in->error);
+}
+
+/* --------------------------------------------------------------- channels */
+
+static const exr_attr_chlist_entry_t *channel_of(const exr_attr_chlist_t *list,
+                                                 const char *name)
+{
+    for (int c = 0; c < list->num_channels; c++)
+        if (strcmp(list->entries[c].name.str, name) == 0)
+            return &list->entries[c];
+    return NULL;
+}
+
+/* Whole numbers are marks of objects, not light. */
+static bool is_light(const exr_attr_chlist_t *list, const char *name)
+{
+    const exr_attr_chlist_entry_t *const e = channel_of(list, name);
+    return e && e->x_sampling == 1 && e->y_sampling == 1 &&
+           e->pixel_type != EXR_PIXEL_UINT;
+}
+
+static bool want_colour(exr_input *in, const exr_attr_chlist_t *list)
+{
+    const bool rgb = is_light(list, "R") && is_light(list, "G") &&
+                     is_light(list, "B");
+    /* Y alone is grey; with RY and BY it is the luminance of a colour. */
+    if (!rgb && (!is_light(list, "Y") || channel_of(list, "RY") ||
+                 channel_of(list, "BY")))
+        return false;
+    in->n = 0;
+    for (const char *c = rgb ? "RGB" : "Y"; *c; c++)
+        in->names[in->n++] = *c == 'R' ? "R" : *c == 'G' ? "G"
+                             : *c == 'B' ? "B" : "Y";
+    if (is_light(list, "A"))
+        in->names[in->n++] = "A";
     return true;
 }
 
-bool saga_exr_probe(const char *path, int *width, int *height,
-                    saga_error *error)
+/* If the file has only one channel, it is the depth under any name. */
+static bool want_depth(exr_input *in, const exr_attr_chlist_t *list)
 {
-    exr_input in;
-    if (!exr_open(&in, path, error))
+    const char *const name = list->num_channels == 1
+        ? list->entries[0].name.str : "Z";
+    const exr_attr_chlist_entry_t *const e = channel_of(list, name);
+    if (!e || e->x_sampling != 1 || e->y_sampling != 1)
         return false;
-    *width = in.width;
-    *height = in.height;
+    in->names[0] = name;
+    in->n = 1;
+    return true;
+}
+
+/* Lists what the parts of a file hold, for an error message. */
+static void list_channels(const exr_input *in, int n_parts, char *text,
+                          size_t size)
+{
+    size_t used = 0;
+    text[0] = '\0';
+    for (int p = 0; p < n_parts; p++) {
+        const exr_attr_chlist_t *list = NULL;
+        exr_storage_t storage = EXR_STORAGE_SCANLINE;
+        if (exr_get_channels(in->context, p, &list) != EXR_ERR_SUCCESS ||
+            exr_get_storage(in->context, p, &storage) != EXR_ERR_SUCCESS)
+            continue;
+        const bool deep = storage == EXR_STORAGE_DEEP_SCANLINE ||
+                          storage == EXR_STORAGE_DEEP_TILED;
+        for (int c = 0; c < list->num_channels && used + 1 < size; c++) {
+            const exr_attr_chlist_entry_t *const e = &list->entries[c];
+            const bool whole = e->pixel_type == EXR_PIXEL_UINT;
+            const bool small = e->x_sampling != 1 || e->y_sampling != 1;
+            used += (size_t)snprintf(text + used, size - used, "%s%.40s%s%s%s",
+                                     used ? ", " : "", e->name.str,
+                                     deep ? " (deep)" : "",
+                                     whole ? " (whole numbers)" : "",
+                                     small ? " (subsampled)" : "");
+        }
+    }
+}
+
+/* Finds the part with the wanted channels. Files mostly have only one part. */
+static bool choose_part(exr_input *in, bool depth)
+{
+    int n_parts = 0, n_found = 0;
+    exr_result_t r = exr_get_count(in->context, &n_parts);
+    exr_input found = *in;
+    for (int p = 0; r == EXR_ERR_SUCCESS && p < n_parts; p++) {
+        const exr_attr_chlist_t *list = NULL;
+        exr_storage_t storage = EXR_STORAGE_SCANLINE;
+        r = exr_get_storage(in->context, p, &storage);
+        if (r == EXR_ERR_SUCCESS)
+            r = exr_get_channels(in->context, p, &list);
+        const bool flat = storage == EXR_STORAGE_SCANLINE ||
+                          storage == EXR_STORAGE_TILED;
+        if (r != EXR_ERR_SUCCESS || !flat ||
+            !(depth ? want_depth(in, list) : want_colour(in, list)))
+            continue;
+        in->part = p;
+        in->tiled = storage == EXR_STORAGE_TILED;
+        found = n_found++ ? found : *in;
+    }
+    *in = found;
+    if (r != EXR_ERR_SUCCESS || errno == ENOMEM)
+        return exr_failed(in, r);
+    if (n_found == 1)
+        return true;
+    char held[300];
+    list_channels(in, n_parts, held, sizeof held);
+    return saga_fail(in->error, in->path, "write one picture with R, G, B, or "
+                     "depth with Z, as flat pixels of full size", "EXR has %s "
+                     "with %s, but %s", n_found ? "several parts" : "no part",
+                     depth ? "a channel Z" : "channels R, G and B", held);
+}
+
+/* ---------------------------------------------------------------- opening */
+
+static int span(int32_t from, int32_t to)
+{
+    const long long n = (long long)to - from + 1;
+    return n > INT32_MAX ? INT32_MAX : n < 0 ? 0 : (int)n;
+}
+
+/* Takes the windows and the size of chunks. */
+static bool measure(exr_input *in)
+{
+    int32_t rows = 0;
+    uint32_t w = 0, h = 0;
+    exr_result_t r = exr_get_data_window(in->context, in->part, &in->data);
+    if (r == EXR_ERR_SUCCESS)
+        r = exr_get_display_window(in->context, in->part, &in->display);
+    if (r == EXR_ERR_SUCCESS)
+        r = in->tiled ? exr_get_tile_descriptor(in->context, in->part, &w, &h,
+                                                NULL, NULL)
+                      : exr_get_scanlines_per_chunk(in->context, in->part,
+                                                    &rows);
+    if (r != EXR_ERR_SUCCESS || errno == ENOMEM)
+        return exr_failed(in, r);
+    in->width = span(in->display.min.x, in->display.max.x);
+    in->height = span(in->display.min.y, in->display.max.y);
+    const int data_width = span(in->data.min.x, in->data.max.x);
+    const int data_height = span(in->data.min.y, in->data.max.y);
+    in->chunk_width = in->tiled ? (int)(w & INT32_MAX) : data_width;
+    in->chunk_height = in->tiled ? (int)(h & INT32_MAX) : rows;
+    if (!saga_check_size(in->path, in->width, in->height, in->error) ||
+        !saga_check_size(in->path, data_width, data_height, in->error))
+        return false;
+    if (in->data.min.x > in->display.max.x ||
+        in->data.max.x < in->display.min.x ||
+        in->data.min.y > in->display.max.y ||
+        in->data.max.y < in->display.min.y)
+        return saga_fail(in->error, in->path, "export the picture again",
+                         "EXR has its data window outside of its display "
+                         "window");
+    return (in->chunk_width > 0 && in->chunk_height > 0) ||
+           saga_fail(in->error, in->path, NULL, "EXR has no rows");
+}
+
+static bool exr_open(exr_input *in, bool depth)
+{
+    const exr_context_initializer_t setup = exr_setup();
+    /* exr_fail reads errno to find out whether memory was short. */
+    errno = 0;
+    const exr_result_t r = exr_start_read(&in->context, in->path, &setup);
+    if (r != EXR_ERR_SUCCESS || errno == ENOMEM) {
+        (void)exr_failed(in, r);
+    } else if (choose_part(in, depth) && measure(in)) {
+        return true;
+    }
+    exr_finish(&in->context);
+    return false;
+}
+
+/* Says what is taken otherwise than the file asks: square pixels, and primaries
+ * of sRGB, which are those of Rec. 709. */
+static void tell_ignored(const exr_input *in, saga_picture_look *look)
+{
+    static const float usual[8] = {0.64f, 0.33f, 0.30f, 0.60f,
+                                   0.15f, 0.06f, 0.3127f, 0.3290f};
+    float aspect = 1.0f, c[8];
+    exr_attr_chromaticities_t given;
+    (void)exr_get_pixel_aspect_ratio(in->context, in->part, &aspect);
+    if (!(fabsf(aspect - 1.0f) < 0.001f)) {
+        (void)snprintf(look->ignored, sizeof look->ignored,
+                       "a pixelAspectRatio of %g", (double)aspect);
+    } else if (exr_attr_get_chromaticities(in->context, in->part,
+                                           "chromaticities", &given) ==
+               EXR_ERR_SUCCESS) {
+        memcpy(c, &given, sizeof c);
+        for (int i = 0; i < 8; i++)
+            if (!(fabsf(c[i] - usual[i]) < 0.01f))
+                (void)snprintf(look->ignored, sizeof look->ignored,
+                               "chromaticities with red at %g, %g",
+                               (double)c[0], (double)c[1]);
+    }
+}
+
+static bool exr_probe(const char *path, saga_picture_look *look,
+                      saga_error *error)
+{
+    exr_input in = {.path = path, .error = error};
+    if (!exr_open(&in, false))
+        return false;
+    look->width = in.width;
+    look->height = in.height;
+    tell_ignored(&in, look);
     exr_finish(&in.context);
     return true;
 }
 
-/* Planes of floats to be filled, one for each wanted channel. If names[0] is
- * NULL, the file's only channel is wanted, whatever its name is. */
-typedef struct exr_planes {
-    const char *names[3];
-    float *data[3];
-    int n;
-} exr_planes;
+/* ---------------------------------------------------------------- reading */
 
-static int plane_of(const exr_planes *planes, const char *channel)
+/* Where pixels go: bytes of a form, or floats of depth. */
+typedef struct exr_target {
+    saga_picture_form form;
+    uint8_t *bytes;
+    float *depth;
+} exr_target;
+
+/* Writes a pixel from its channels. Colour has been multiplied by opacity. */
+static void put_pixel(const exr_input *in, const float *v,
+                      saga_picture_form form, uint8_t *to)
 {
-    for (int i = 0; i < planes->n; i++)
-        if (strcmp(planes->names[i], channel) == 0)
+    const bool grey = in->n < 3;
+    const bool has_alpha = in->n == 2 || in->n == 4;
+    const double a = has_alpha ? (double)v[in->n - 1] : 1.0;
+    const double opacity = a > 0.0 ? a < 1.0 ? a : 1.0 : 0.0;
+    const bool straight = form == SAGA_PICTURE_RGBA && a > 0.0;
+    for (int c = 0; c < 3; c++) {
+        const double light = (double)v[grey ? 0 : c];
+        to[c] = a > 0.0 ? saga_linear_to_srgb8(straight ? light / opacity
+                                                        : light) : 0;
+    }
+    if (form == SAGA_PICTURE_RGBA)
+        to[3] = (uint8_t)(opacity * 255.0 + 0.5);
+}
+
+/* Writes the part of a chunk that is in the display window. The chunk's planes
+ * have width x height floats and begin at pixel (left, top) of that window. */
+static void put_chunk(const exr_input *in, const float *planes, int left,
+                      int top, const exr_coding_channel_info_t *size,
+                      const exr_target *to)
+{
+    const int width = size->width, height = size->height;
+    const size_t plane = (size_t)width * (size_t)height;
+    const size_t each = saga_picture_pixel(to->form);
+    for (int y = top < 0 ? -top : 0; y < height && top + y < in->height; y++)
+        for (int x = left < 0 ? -left : 0; x < width && left + x < in->width;
+             x++) {
+            const size_t at = (size_t)(top + y) * (size_t)in->width +
+                              (size_t)(left + x);
+            float v[4] = {0};
+            for (int p = 0; p < in->n; p++)
+                v[p] = planes[(size_t)p * plane +
+                              (size_t)y * (size_t)width + (size_t)x];
+            if (to->depth)
+                to->depth[at] = v[0];
+            else
+                put_pixel(in, v, to->form, to->bytes + each * at);
+        }
+}
+
+static int plane_of(const char *const *names, int n, const char *channel)
+{
+    for (int i = 0; i < n; i++)
+        if (strcmp(names[i], channel) == 0)
             return i;
     return -1;
 }
 
-static void aim_channels(exr_decode_pipeline_t *decode,
-                         const exr_planes *planes, int width, int row)
+/* The planes of a chunk have room for n floats each. */
+typedef struct exr_room {
+    float *planes;
+    size_t n;
+} exr_room;
+
+/* Aims the wanted channels at the planes; the others are not unpacked. Returns
+ * one of them, NULL if the chunk is too large. */
+static const exr_coding_channel_info_t *aim_channels(
+    const exr_input *in, exr_decode_pipeline_t *decode, const exr_room *room)
 {
+    const exr_coding_channel_info_t *any = NULL;
     for (int c = 0; c < decode->channel_count; c++) {
         exr_coding_channel_info_t *const ch = &decode->channels[c];
-        const int p = plane_of(planes, ch->channel_name);
+        const int p = plane_of(in->names, in->n, ch->channel_name);
         ch->decode_to_ptr = NULL;
-        /* Channels that are not wanted are not unpacked. */
         if (p < 0)
             continue;
-        float *const to = planes->data[p] + (size_t)row * (size_t)width;
+        const size_t n = (size_t)ch->width * (size_t)ch->height;
+        if (ch->width < 1 || ch->height < 1 || n > room->n)
+            return NULL;
+        float *const to = room->planes + (size_t)p * n;
+        any = ch;
         ch->decode_to_ptr = (uint8_t *)to;
         ch->user_bytes_per_element = 4;
         ch->user_data_type = EXR_PIXEL_FLOAT;
         ch->user_pixel_stride = 4;
-        ch->user_line_stride = 4 * width;
+        ch->user_line_stride = 4 * ch->width;
     }
+    return any;
 }
 
-static exr_result_t decode_chunks(exr_input *in, const exr_planes *planes)
+/* Decodes the chunk whose corner is at (left, top) of the data window, and
+ * writes what is to be seen of it. */
+static exr_result_t take_chunk(const exr_input *in,
+                               exr_decode_pipeline_t *decode, int left,
+                               int top, const exr_room *room,
+                               const exr_target *to)
+{
+    exr_chunk_info_t chunk;
+    const bool first = left == 0 && top == 0;
+    exr_result_t r = in->tiled
+        ? exr_read_tile_chunk_info(in->context, in->part,
+                                   left / in->chunk_width,
+                                   top / in->chunk_height, 0, 0, &chunk)
+        : exr_read_scanline_chunk_info(in->context, in->part,
+                                       in->data.min.y + top, &chunk);
+    if (r == EXR_ERR_SUCCESS)
+        r = first ? exr_decoding_initialize(in->context, in->part, &chunk,
+                                            decode)
+                  : exr_decoding_update(in->context, in->part, &chunk, decode);
+    if (r != EXR_ERR_SUCCESS)
+        return r;
+    /* The decoder chooses its routines after the channels have their targets,
+     * whose types matter; the routines serve all chunks. */
+    const exr_coding_channel_info_t *const size =
+        aim_channels(in, decode, room);
+    if (!size)
+        return EXR_ERR_BAD_CHUNK_LEADER;
+    if (first)
+        r = exr_decoding_choose_default_routines(in->context, in->part, decode);
+    if (r == EXR_ERR_SUCCESS)
+        r = exr_decoding_run(in->context, in->part, decode);
+    if (r == EXR_ERR_SUCCESS)
+        put_chunk(in, room->planes, in->data.min.x - in->display.min.x + left,
+                  in->data.min.y - in->display.min.y + top, size, to);
+    return r;
+}
+
+static exr_result_t take_chunks(const exr_input *in, const exr_room *room,
+                                const exr_target *to)
 {
     exr_decode_pipeline_t decode = EXR_DECODE_PIPELINE_INITIALIZER;
     exr_result_t r = EXR_ERR_SUCCESS;
-    for (int row = 0; row < in->height && r == EXR_ERR_SUCCESS;
-         row += in->chunk_rows) {
-        exr_chunk_info_t chunk;
-        r = exr_read_scanline_chunk_info(in->context, 0,
-                                         in->window.min.y + row, &chunk);
-        if (r != EXR_ERR_SUCCESS)
-            break;
-        r = row == 0 ? exr_decoding_initialize(in->context, 0, &chunk, &decode)
-                     : exr_decoding_update(in->context, 0, &chunk, &decode);
-        if (r != EXR_ERR_SUCCESS)
-            break;
-        /* The decoder chooses its routines after the channels have their
-         * targets, whose types matter; the routines serve all chunks. */
-        aim_channels(&decode, planes, in->width, row);
-        if (row == 0)
-            r = exr_decoding_choose_default_routines(in->context, 0, &decode);
-        if (r == EXR_ERR_SUCCESS)
-            r = exr_decoding_run(in->context, 0, &decode);
-    }
+    const int w = span(in->data.min.x, in->data.max.x);
+    const int h = span(in->data.min.y, in->data.max.y);
+    for (int y = 0; y < h && r == EXR_ERR_SUCCESS; y += in->chunk_height)
+        for (int x = 0; x < w && r == EXR_ERR_SUCCESS; x += in->chunk_width)
+            r = take_chunk(in, &decode, x, y, room, to);
     exr_decoding_destroy(in->context, &decode);
     return r;
 }
 
-/* Checks that every wanted channel exists at full resolution. */
-static bool check_channels(const exr_input *in, const char *path,
-                           exr_planes *planes, saga_error *error)
+/* Fills what is in the data window of a picture that is 0 everywhere. */
+static bool read_target(exr_input *in, int width, int height,
+                        const exr_target *to)
 {
-    const exr_attr_chlist_t *list = NULL;
-    const exr_result_t r = exr_get_channels(in->context, 0, &list);
-    if (r != EXR_ERR_SUCCESS)
-        return exr_fail(path, r, error);
-    /* If the file has only one channel, it is the depth under any name. */
-    if (planes->n == 1 && list->num_channels == 1)
-        planes->names[0] = list->entries[0].name.str;
-    for (int i = 0; i < planes->n; i++) {
-        bool found = false;
-        for (int c = 0; c < list->num_channels; c++) {
-            const exr_attr_chlist_entry_t *const e = &list->entries[c];
-            found |= strcmp(e->name.str, planes->names[i]) == 0 &&
-                     e->x_sampling == 1 && e->y_sampling == 1;
-        }
-        if (!found)
-            return saga_fail(error, path, "store colour as R, G, B and depth "
-                             "as Z, none of them subsampled",
-                             "EXR has no full-size channel %s",
-                             planes->names[i]);
-    }
-    return true;
-}
-
-static bool read_planes(const char *path, int width, int height,
-                        exr_planes *planes, saga_error *error)
-{
-    exr_input in;
-    if (!exr_open(&in, path, error))
+    if (!exr_open(in, to->depth != NULL))
         return false;
-    bool ok = check_channels(&in, path, planes, error) &&
-              saga_check_same_size(path, in.width, in.height, width, height,
-                                   error);
+    bool ok = saga_check_same_size(in->path, in->width, in->height, width,
+                                   height, in->error);
+    /* No chunk is larger than the data window. */
+    const int w = span(in->data.min.x, in->data.max.x);
+    const int h = span(in->data.min.y, in->data.max.y);
+    const size_t n = (size_t)(w < in->chunk_width ? w : in->chunk_width) *
+                     (size_t)(h < in->chunk_height ? h : in->chunk_height);
+    exr_room room = {NULL, n};
+    if (ok)
+        room.planes = saga_alloc(n * (size_t)in->n, sizeof *room.planes,
+                                 in->path, in->error);
+    ok = room.planes != NULL;
     if (ok) {
-        const exr_result_t r = decode_chunks(&in, planes);
-        ok = (r == EXR_ERR_SUCCESS && errno != ENOMEM) ||
-             exr_fail(path, r, error);
+        const exr_result_t r = take_chunks(in, &room, to);
+        ok = (r == EXR_ERR_SUCCESS && errno != ENOMEM) || exr_failed(in, r);
     }
-    exr_finish(&in.context);
+    free(room.planes);
+    exr_finish(&in->context);
     return ok;
 }
 
 bool saga_exr_read_depth(const char *path, int width, int height, float *depth,
                          saga_error *error)
 {
-    exr_planes planes = {.names = {"Z"}, .data = {depth}, .n = 1};
-    return read_planes(path, width, height, &planes, error);
+    exr_input in = {.path = path, .error = error};
+    memset(depth, 0, (size_t)width * (size_t)height * sizeof *depth);
+    return read_target(&in, width, height, &(exr_target){.depth = depth});
 }
 
-bool saga_exr_read(const char *path, int width, int height, uint8_t *rgb,
-                   saga_error *error)
+static bool exr_read(const char *path, const saga_picture_wish *wish,
+                     uint8_t *pixels, saga_error *error)
 {
-    const size_t n = (size_t)width * (size_t)height;
-    float *const data = saga_alloc(n * 3, sizeof *data, path, error);
-    if (!data)
-        return false;
-    exr_planes planes = {.names = {"R", "G", "B"}, .n = 3,
-                         .data = {data, data + n, data + 2 * n}};
-    const bool ok = read_planes(path, width, height, &planes, error);
-    for (size_t i = 0; ok && i < n; i++)
-        for (size_t c = 0; c < 3; c++)
-            rgb[3 * i + c] = saga_linear_to_srgb8((double)data[c * n + i]);
-    free(data);
-    return ok;
+    exr_input in = {.path = path, .error = error};
+    const exr_target to = {.form = wish->form, .bytes = pixels};
+    memset(pixels, 0, (size_t)wish->width * (size_t)wish->height *
+                          saga_picture_pixel(wish->form));
+    return read_target(&in, wish->width, wish->height, &to);
 }
 
-/* Channels must be added, and are stored, in alphabetical order. */
-static exr_result_t write_header(exr_context_t context, int width, int height,
-                                 const exr_planes *planes,
-                                 exr_pixel_type_t type)
-{
-    int part = 0;
-    exr_result_t r = exr_add_part(context, NULL, EXR_STORAGE_SCANLINE, &part);
-    if (r == EXR_ERR_SUCCESS)
-        r = exr_initialize_required_attr_simple(context, part, width, height,
-                                                EXR_COMPRESSION_ZIP);
-    for (int i = 0; i < planes->n && r == EXR_ERR_SUCCESS; i++)
-        r = exr_add_channel(context, part, planes->names[i], type,
-                            EXR_PERCEPTUALLY_LOGARITHMIC, 1, 1);
-    return r == EXR_ERR_SUCCESS ? exr_write_header(context) : r;
-}
-
-typedef exr_result_t exr_compress_fn(exr_encode_pipeline_t *encode);
-
-/* Compresses a chunk, or stores it if compression does not change its size.
- * Readers take a chunk of the uncompressed size as uncompressed, but OpenEXR
- * before 3.4.8 writes compressed ones of that size, which are then read as
- * noise (its issue 2306). */
-static exr_result_t compress_or_store(exr_encode_pipeline_t *encode)
-{
-    exr_compress_fn *const *const compress = encode->encoding_user_data;
-    const exr_result_t r = (*compress)(encode);
-    if (r == EXR_ERR_SUCCESS &&
-        encode->compressed_bytes == encode->packed_bytes &&
-        encode->compressed_buffer != encode->packed_buffer)
-        memcpy(encode->compressed_buffer, encode->packed_buffer,
-               encode->packed_bytes);
-    return r;
-}
-
-static exr_result_t choose_routines(exr_context_t context,
-                                    exr_encode_pipeline_t *encode,
-                                    exr_compress_fn **compress)
-{
-    const exr_result_t r =
-        exr_encoding_choose_default_routines(context, 0, encode);
-    *compress = encode->compress_fn;
-    encode->encoding_user_data = compress;
-    encode->compress_fn = compress_or_store;
-    return r;
-}
-
-static exr_result_t encode_chunks(exr_context_t context, int width,
-                                  int height, const exr_planes *planes)
-{
-    exr_encode_pipeline_t encode = EXR_ENCODE_PIPELINE_INITIALIZER;
-    exr_compress_fn *compress = NULL;
-    int32_t rows = 0;
-    exr_result_t r = exr_get_scanlines_per_chunk(context, 0, &rows);
-    for (int y = 0; y < height && r == EXR_ERR_SUCCESS; y += rows) {
-        exr_chunk_info_t chunk;
-        /* The pipeline is made for the first chunk and reused for the
-         * others. */
-        r = exr_write_scanline_chunk_info(context, 0, y, &chunk);
-        if (r != EXR_ERR_SUCCESS)
-            break;
-        r = y == 0 ? exr_encoding_initialize(context, 0, &chunk, &encode)
-                   : exr_encoding_update(context, 0, &chunk, &encode);
-        if (r != EXR_ERR_SUCCESS)
-            break;
-        /* Each channel reads its own plane of floats, row by row. */
-        for (int c = 0; c < encode.channel_count; c++) {
-            exr_coding_channel_info_t *const ch = &encode.channels[c];
-            const int p = plane_of(planes, ch->channel_name);
-            const float *const from =
-                planes->data[p] + (size_t)y * (size_t)width;
-            ch->encode_from_ptr = (const uint8_t *)from;
-            ch->user_bytes_per_element = 4;
-            ch->user_data_type = EXR_PIXEL_FLOAT;
-            ch->user_pixel_stride = 4;
-            ch->user_line_stride = 4 * width;
-        }
-        if (y == 0)
-            r = choose_routines(context, &encode, &compress);
-        if (r == EXR_ERR_SUCCESS)
-            r = exr_encoding_run(context, 0, &encode);
-    }
-    exr_encoding_destroy(context, &encode);
-    return r;
-}
-
-static bool write_planes(const char *path, int width, int height,
-                         const exr_planes *planes, exr_pixel_type_t type,
-                         saga_error *error)
-{
-    const exr_context_initializer_t setup = exr_setup();
-    exr_context_t context;
-    errno = 0;
-    exr_result_t r = exr_start_write(&context, path,
-                                     EXR_INTERMEDIATE_TEMP_FILE, &setup);
-    if (r == EXR_ERR_SUCCESS) {
-        r = write_header(context, width, height, planes, type);
-        if (r == EXR_ERR_SUCCESS)
-            r = encode_chunks(context, width, height, planes);
-        /* Closing renames the temporary file, which may fail as well. */
-        const exr_result_t closed = exr_finish(&context);
-        r = r == EXR_ERR_SUCCESS ? closed : r;
-    }
-    if (errno == ENOMEM)
-        return saga_no_memory(0, path, error);
-    return r == EXR_ERR_SUCCESS ||
-           saga_fail(error, path, "check the folder and the free space",
-                     "EXR could not be written (%s)",
-                     exr_get_default_error_message(r));
-}
-
-static bool write_plane(const char *path, int width, int height,
-                        const float *plane, const char *channel,
-                        saga_error *error)
-{
-    float *const data = saga_alloc((size_t)width * (size_t)height, 4, path,
-                                   error);
-    if (!data)
-        return false;
-    memcpy(data, plane, (size_t)width * (size_t)height * 4);
-    const exr_planes planes = {.names = {channel}, .data = {data}, .n = 1};
-    const bool ok =
-        write_planes(path, width, height, &planes, EXR_PIXEL_FLOAT, error);
-    free(data);
-    return ok;
-}
-
-bool saga_exr_write_depth(const char *path, int width, int height,
-                          const float *depth, saga_error *error)
-{
-    return write_plane(path, width, height, depth, "Z", error);
-}
-
-bool saga_exr_write_alpha(const char *path, int width, int height,
-                          const float *alpha, saga_error *error)
-{
-    return write_plane(path, width, height, alpha, "A", error);
-}
-
-bool saga_exr_write(const char *path, int width, int height,
-                    const uint8_t *rgb, saga_error *error)
-{
-    const size_t n = (size_t)width * (size_t)height;
-    float *const data = saga_alloc(n * 3, sizeof *data, path, error);
-    if (!data)
-        return false;
-    /* A table suffices, because 8 bits have only 256 values in linear light. */
-    float linear[256];
-    for (int v = 0; v < 256; v++)
-        linear[v] = (float)saga_srgb_to_linear(v / 255.0);
-    for (size_t i = 0; i < n; i++)
-        for (size_t c = 0; c < 3; c++)
-            data[c * n + i] = linear[rgb[3 * i + 2 - c]];
-    const exr_planes planes = {.names = {"B", "G", "R"}, .n = 3,
-                               .data = {data, data + n, data + 2 * n}};
-    const bool ok =
-        write_planes(path, width, height, &planes, EXR_PIXEL_HALF, error);
-    free(data);
-    return ok;
-}
+const saga_picture_kind saga_exr_kind = {12, exr_probe, exr_read};

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "picture.h"
+#include "picture_kinds.h"
 
 #include "alloc.h"
 #include "error.h"
@@ -39,6 +39,10 @@ static bool jpeg_begin(jpeg_job *job, int *width, int *height)
     if (tjDecompressHeader3(job->decoder, job->bytes.data, job->bytes.nbytes,
                             width, height, &subsampling, &colours) != 0)
         return jpeg_failed(job);
+    /* CMYK says nothing about colours without the profile of a printer. */
+    if (colours == TJCS_CMYK || colours == TJCS_YCCK)
+        return saga_fail(job->error, job->path, "convert it to RGB",
+                         "is a JPEG in CMYK, which is made for printing");
     return saga_check_size(job->path, *width, *height, job->error);
 }
 
@@ -49,31 +53,62 @@ static void jpeg_end(jpeg_job *job)
         tjDestroy(job->decoder);
 }
 
-bool saga_jpeg_probe(const char *path, int *width, int *height,
-                     saga_error *error)
+/* Finds the orientation in the EXIF of a JPEG. */
+static int jpeg_orientation(const saga_bytes *bytes)
+{
+    enum { START_OF_SCAN = 0xda, APP1 = 0xe1 };
+    saga_cursor c = {bytes->data + 2, bytes->data + bytes->nbytes, false};
+    /* Before the first scan there are segments of FF, a type, and a length that
+     * counts itself. More FF may fill up. */
+    for (;;) {
+        const uint8_t *p = saga_take(&c, 1);
+        if (!p || *p != 0xff)
+            return 0;
+        while (p && *p == 0xff)
+            p = saga_take(&c, 1);
+        const uint8_t *const high = saga_take(&c, 2);
+        if (!p || !high || *p == START_OF_SCAN)
+            return 0;
+        const size_t n = (size_t)high[0] << 8 | high[1];
+        const uint8_t *const data = n < 2 ? NULL : saga_take(&c, n - 2);
+        if (!data)
+            return 0;
+        if (*p == APP1 && n >= 8 && memcmp(data, "Exif", 4) == 0)
+            return saga_exif_orientation(data, n - 2);
+    }
+}
+
+static bool jpeg_probe(const char *path, saga_picture_look *look,
+                       saga_error *error)
 {
     jpeg_job job = {.path = path, .error = error};
-    const bool ok = jpeg_begin(&job, width, height);
+    const bool ok = jpeg_begin(&job, &look->width, &look->height);
+    if (ok)
+        look->orientation = jpeg_orientation(&job.bytes);
     jpeg_end(&job);
     return ok;
 }
 
-bool saga_jpeg_read(const char *path, int width, int height, uint8_t *rgb,
-                    saga_error *error)
+static bool jpeg_read(const char *path, const saga_picture_wish *wish,
+                      uint8_t *pixels, saga_error *error)
 {
     jpeg_job job = {.path = path, .error = error};
+    const int format = wish->form == SAGA_PICTURE_RGBA ? TJPF_RGBA : TJPF_RGB;
     int w, h;
     bool ok = jpeg_begin(&job, &w, &h) &&
-              saga_check_same_size(path, w, h, width, height, error);
+              saga_check_same_size(path, w, h, wish->width, wish->height,
+                                   error);
     /* Warnings about damage count as errors, and the number of scans is
      * limited, since thousands of them would take minutes. */
-    if (ok && tjDecompress2(job.decoder, job.bytes.data, job.bytes.nbytes, rgb,
-                            width, 0, height, TJPF_RGB,
+    if (ok && tjDecompress2(job.decoder, job.bytes.data, job.bytes.nbytes,
+                            pixels, w, 0, h, format,
                             TJFLAG_ACCURATEDCT | TJFLAG_LIMITSCANS) != 0)
         ok = jpeg_failed(&job);
     jpeg_end(&job);
     return ok;
 }
+
+const saga_picture_kind saga_jpeg_kind = {0, jpeg_probe, jpeg_read};
 
 bool saga_jpeg_encode(uint8_t **bytes, size_t *nbytes, int width, int height,
                       const uint8_t *rgb, saga_error *error)

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "picture.h"
+#include "picture_kinds.h"
 
 #include "alloc.h"
 #include "error.h"
@@ -42,24 +42,91 @@ static void read_job_end(png_job *job)
     job->file = NULL;
 }
 
-/* Checks the size of a PNG, because libpng refuses bad sizes without reporting
- * them. The file is rewound. libpng handles files that are no PNG. */
-static bool check_file_size(FILE *file, const char *path,
-                            saga_error *error)
+/* What the chunks of a PNG say about its colours: gAMA in 1/100000, and the
+ * code points of cICP. */
+typedef struct png_colours {
+    uint32_t gamma;
+    bool has_space, has_code;
+    uint8_t code[4];
+} png_colours;
+
+/* Says what differs from sRGB, in whose terms the samples are used. */
+static void tell_colours(const png_colours *colours, saga_picture_look *look)
 {
-    /* The file begins with a magic of 8 bytes, a chunk's length, IHDR, width
-     * and height. */
-    uint8_t head[24] = {0};
-    const bool read = fread(head, sizeof head, 1, file) == 1;
-    rewind(file);
-    return !read || memcmp(head + 12, "IHDR", 4) != 0 ||
-           saga_check_size(path, png_get_uint_32(head + 16),
-                           png_get_uint_32(head + 20), error);
+    enum { BT709 = 1, BT601 = 6, SRGB = 13, BT2020 = 14, BT2020_12 = 15 };
+    const int transfer = colours->code[1];
+    const bool usual = colours->code[0] == BT709 &&
+                       (transfer == BT709 || transfer == BT601 ||
+                        transfer == SRGB || transfer == BT2020 ||
+                        transfer == BT2020_12);
+    if (colours->has_code && !usual)
+        (void)snprintf(look->ignored, sizeof look->ignored, "colour primaries "
+                       "%d and transfer function %d (cICP; 16 is PQ, 18 HLG)",
+                       colours->code[0], transfer);
+    else if (!colours->has_code && !colours->has_space && colours->gamma &&
+             (colours->gamma < 44000 || colours->gamma > 47000))
+        (void)snprintf(look->ignored, sizeof look->ignored, "gAMA %g",
+                       colours->gamma / 100000.0);
 }
 
-static bool read_job_begin(png_job *job, const char *path,
-                           saga_error *error)
+/* Takes what is wanted of one chunk, of which the file holds n bytes from
+ * here. */
+static bool scan_chunk(FILE *file, const char *type, uint32_t n,
+                       png_colours *colours, saga_picture_look *look)
 {
+    uint8_t data[4096] = {0};
+    if (memcmp(type, "gAMA", 4) == 0) {
+        (void)!fread(data, 4, 1, file);
+        colours->gamma = png_get_uint_32(data);
+    } else if (memcmp(type, "cICP", 4) == 0) {
+        colours->has_code = fread(colours->code, 4, 1, file) == 1;
+    } else if (memcmp(type, "sRGB", 4) == 0 || memcmp(type, "iCCP", 4) == 0) {
+        colours->has_space = true;
+    } else if (memcmp(type, "eXIf", 4) == 0) {
+        const size_t got = fread(data, 1, n < sizeof data ? n : sizeof data,
+                                 file);
+        look->orientation = saga_exif_orientation(data, got);
+    }
+    return memcmp(type, "IEND", 4) != 0;
+}
+
+/* Reads the chunks of a PNG, up to its pixels or to its end, for what libpng
+ * does not tell: it refuses bad sizes without naming them, passes over an
+ * animation, and knows neither cICP nor what follows the pixels. It handles
+ * files that are no PNG. The file is rewound. */
+static bool scan_file(FILE *file, const char *path, bool to_end,
+                      saga_picture_look *look, saga_error *error)
+{
+    png_colours colours = {0};
+    uint8_t head[16];
+    bool ok = fread(head, 8, 1, file) == 1, more = ok;
+    /* A chunk is a length, a type, data and a CRC. */
+    while (ok && more && fread(head, 8, 1, file) == 1) {
+        const uint32_t n = png_get_uint_32(head);
+        const char *const type = (const char *)head + 4;
+        const long at = ftell(file);
+        if (n > PNG_UINT_31_MAX - 4)
+            break;
+        if (memcmp(type, "IHDR", 4) == 0 && fread(head + 8, 8, 1, file) == 1)
+            ok = saga_check_size(path, png_get_uint_32(head + 8),
+                                 png_get_uint_32(head + 12), error);
+        if (memcmp(type, "acTL", 4) == 0)
+            ok = saga_fail(error, path, "export its frames as pictures",
+                           "is an animated PNG");
+        more = (to_end || memcmp(type, "IDAT", 4) != 0) &&
+               scan_chunk(file, type, n, &colours, look) &&
+               fseek(file, at + (long)n + 4, SEEK_SET) == 0;
+    }
+    rewind(file);
+    tell_colours(&colours, look);
+    return ok;
+}
+
+/* Opens a PNG. look is NULL, or receives what its chunks tell. */
+static bool read_job_begin(png_job *job, const char *path,
+                           saga_picture_look *look, saga_error *error)
+{
+    saga_picture_look unused = {0};
     *job = (png_job){0};
     job->file = saga_open_file(path);
     if (!job->file)
@@ -67,7 +134,8 @@ static bool read_job_begin(png_job *job, const char *path,
                                "files", "picture cannot be opened");
     /* read_failed reads errno to find out why libpng failed. */
     errno = 0;
-    if (!check_file_size(job->file, path, error)) {
+    if (!scan_file(job->file, path, look != NULL, look ? look : &unused,
+                   error)) {
         read_job_end(job);
         return false;
     }
@@ -97,10 +165,18 @@ static bool has_alpha(const png_job *job)
            png_get_valid(job->png, job->info, PNG_INFO_tRNS);
 }
 
-/* Reads rows of 8-bit RGB, or of RGBA with 4 channels, whatever the file's
- * format is. */
+/* Rounds samples of 16 bits up to 8. */
+static void round_up(png_structp png, png_row_infop row, png_bytep data)
+{
+    (void)png;
+    for (size_t i = 0; i < row->rowbytes / 2; i++)
+        data[i] = (png_byte)((data[2 * i] << 8 | data[2 * i + 1]) / 257 +
+                             (data[2 * i] != data[2 * i + 1]));
+}
+
+/* Reads rows of 8-bit RGB or RGBA, whatever the file's format is. */
 static bool read_rows(png_job *job, uint8_t *rows, int width, int height,
-                      int channels)
+                      saga_picture_form form)
 {
     if (setjmp(png_jmpbuf(job->png)))
         return false;
@@ -108,16 +184,22 @@ static bool read_rows(png_job *job, uint8_t *rows, int width, int height,
     /* Palettes and fewer bits become 8 bits, 16 bits are rounded to 8, and grey
      * becomes colour. Alpha is kept, or blended over black without a gamma. */
     png_set_expand(job->png);
-    png_set_scale_16(job->png);
+    if (form == SAGA_PICTURE_MASK &&
+        png_get_bit_depth(job->png, job->info) == 16) {
+        png_set_read_user_transform_fn(job->png, round_up);
+        png_set_user_transform_info(job->png, NULL, 8, 3);
+    } else {
+        png_set_scale_16(job->png);
+    }
     png_set_gray_to_rgb(job->png);
-    if (channels == 4)
+    if (form == SAGA_PICTURE_RGBA)
         png_set_add_alpha(job->png, 255, PNG_FILLER_AFTER);
     else if (has_alpha(job))
         png_set_background(job->png, &black, PNG_BACKGROUND_GAMMA_SCREEN, 0,
                            1.0);
     const int n_passes = png_set_interlace_handling(job->png);
     png_read_update_info(job->png, job->info);
-    const size_t row_nbytes = (size_t)width * (size_t)channels;
+    const size_t row_nbytes = (size_t)width * saga_picture_pixel(form);
     if (png_get_rowbytes(job->png, job->info) != row_nbytes)
         png_error(job->png, "rows are not 8-bit RGB");
     for (int pass = 0; pass < n_passes; pass++)
@@ -138,58 +220,41 @@ static bool read_failed(const png_job *job, const char *path, const char *what,
                      "%s (%s)", what, job->message);
 }
 
-bool saga_png_probe(const char *path, int *width, int *height,
-                    saga_error *error)
+static bool png_probe(const char *path, saga_picture_look *look,
+                      saga_error *error)
 {
     png_job job;
-    if (!read_job_begin(&job, path, error))
+    if (!read_job_begin(&job, path, look, error))
         return false;
-    bool ok = read_header(&job);
-    if (!ok)
-        read_failed(&job, path, "PNG header is damaged", error);
-    else {
-        *width = (int)png_get_image_width(job.png, job.info);
-        *height = (int)png_get_image_height(job.png, job.info);
+    const bool ok = read_header(&job) ||
+                    read_failed(&job, path, "PNG header is damaged", error);
+    if (ok) {
+        look->width = (int)png_get_image_width(job.png, job.info);
+        look->height = (int)png_get_image_height(job.png, job.info);
     }
     read_job_end(&job);
     return ok;
 }
 
-static bool read_png(const char *path, int width, int height, uint8_t *rows,
-                     int channels, saga_error *error)
+static bool png_read(const char *path, const saga_picture_wish *wish,
+                     uint8_t *pixels, saga_error *error)
 {
     png_job job;
-    if (!read_job_begin(&job, path, error))
+    if (!read_job_begin(&job, path, NULL, error))
         return false;
     const bool ok =
         read_header(&job) &&
         saga_check_same_size(path, (int)png_get_image_width(job.png, job.info),
                              (int)png_get_image_height(job.png, job.info),
-                             width, height, error) &&
-        read_rows(&job, rows, width, height, channels);
+                             wish->width, wish->height, error) &&
+        read_rows(&job, pixels, wish->width, wish->height, wish->form);
     if (!ok) /* a size that differs has been told */
         read_failed(&job, path, "PNG is damaged or cut short", error);
     read_job_end(&job);
     return ok;
 }
 
-bool saga_png_read(const char *path, int width, int height, uint8_t *rgb,
-                   saga_error *error)
-{
-    return read_png(path, width, height, rgb, 3, error);
-}
-
-bool saga_png_read_alpha(const char *path, int width, int height, uint8_t *rgb,
-                         saga_error *error)
-{
-    const size_t n = (size_t)width * (size_t)height;
-    uint8_t *const rgba = saga_alloc(n, 4, path, error);
-    const bool ok = rgba && read_png(path, width, height, rgba, 4, error);
-    for (size_t i = 0; ok && i < n; i++)
-        memset(rgb + 3 * i, rgba[4 * i + 3], 3);
-    free(rgba);
-    return ok;
-}
+const saga_picture_kind saga_png_kind = {0, png_probe, png_read};
 
 /* Rows in PNG's form: RGB in 8 bits, or grey in 16 bits with the high byte
  * first. */

@@ -1,13 +1,14 @@
 /* SPDX-License-Identifier: MIT
  *
  * Rules that the readers of all kinds of pictures share: the bounds of a size,
- * and the sRGB transfer function.
+ * the sRGB transfer function, opacity, and the orientation in EXIF.
  */
-#include "picture.h"
+#include "picture_kinds.h"
 
 #include "error.h"
 
 #include <math.h>
+#include <string.h>
 
 double saga_srgb_to_linear(double encoded)
 {
@@ -47,4 +48,45 @@ bool saga_check_same_size(const char *path, int width, int height,
                      "all pictures of a camera must have one size",
                      "is %d x %d pixels, expected %d x %d", width, height,
                      expected_width, expected_height);
+}
+
+void saga_picture_over_black(const uint8_t *rgba, size_t n, uint8_t *rgb)
+{
+    for (size_t i = 0; i < n; i++, rgba += 4, rgb += 3)
+        for (int c = 0; c < 3; c++)
+            rgb[c] = (uint8_t)((rgba[c] * rgba[3] + 127) / 255);
+}
+
+/* Reads n bytes at a place in EXIF, whose byte order its first byte tells; 0
+ * beyond its end. */
+static uint32_t exif_number(const uint8_t *data, size_t size, size_t at,
+                            size_t n)
+{
+    uint32_t x = 0;
+    for (size_t i = 0; i < n && at <= size && n <= size - at; i++)
+        x = x << 8 | data[at + (data[0] == 'I' ? n - 1 - i : i)];
+    return x;
+}
+
+int saga_exif_orientation(const uint8_t *data, size_t n)
+{
+    enum { ORIENTATION = 0x112, SHORT = 3 };
+    if (n >= 6 && memcmp(data, "Exif\0", 5) == 0) {
+        data += 6;
+        n -= 6;
+    }
+    if (n < 8 || (memcmp(data, "II*\0", 4) && memcmp(data, "MM\0*", 4)))
+        return 0;
+    /* A directory is a count and then entries of 12 bytes: tag, type, count,
+     * value. */
+    const size_t at = exif_number(data, n, 4, 4);
+    const uint32_t count = exif_number(data, n, at, 2);
+    for (uint32_t i = 0; i < count; i++) {
+        const size_t entry = at + 2 + 12 * (size_t)i;
+        const uint32_t value = exif_number(data, n, entry + 8, 2);
+        if (exif_number(data, n, entry, 2) == ORIENTATION &&
+            exif_number(data, n, entry + 2, 2) == SHORT)
+            return value >= 1 && value <= 8 ? (int)value : 0;
+    }
+    return 0;
 }

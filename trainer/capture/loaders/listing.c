@@ -323,14 +323,28 @@ bool saga_listing_drop_empty(saga_listing *listing, int first, int end,
 
 bool saga_listing_probe_pictures(saga_listing *listing, saga_error *error)
 {
+    char first[sizeof ((saga_picture_look *)NULL)->ignored] = "";
+    const char *path = NULL;
+    int n = 0;
     for (int i = 0; i < listing->n_sources; i++) {
         saga_source *const s = &listing->sources[i];
+        saga_picture_look look;
         int k = 0;
         while (!s->pictures[k])
             k++;
-        if (!saga_picture_probe(s->pictures[k], &s->width, &s->height, error))
+        if (!saga_picture_probe(s->pictures[k], &look, error))
             return false;
+        s->width = look.width;
+        s->height = look.height;
+        s->orientation = look.orientation;
+        if (look.ignored[0] && n++ == 0) {
+            memcpy(first, look.ignored, sizeof first);
+            path = s->pictures[k];
+        }
     }
+    if (n > 0)
+        saga_note(listing->notes, "warning: the pictures of %d cameras have "
+                  "%s, which is ignored (%.200s)", n, first, path);
     return true;
 }
 

@@ -85,7 +85,8 @@ void saga_listing_free(saga_listing *listing);
  * source's new index, -1 for none; it has room for all sources. */
 bool saga_listing_drop_empty(saga_listing *listing, int first, int end,
                              int *kept_as, saga_error *error);
-/* Sets the size of every source to that of its first picture. */
+/* Sets the size and orientation of every source to those of its first picture,
+ * and notes what pictures ask for and do not get. */
 bool saga_listing_probe_pictures(saga_listing *listing, saga_error *error);
 /* Tells whether every source has a name, and no two have the same name. */
 bool saga_listing_names_differ(const saga_listing *listing);

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Masks mark the pixels that count with white. They lie in masks/ beside
+ * Masks mark the pixels that count with white, or with the larger value if they
+ * have only two. They lie in masks/ beside
  * images/, or in the capture's folder if it has no images/, and have the name
  * of their picture with .png instead of its extension or after it.
  * masks/CAMERA.png is for all pictures of a camera. A format may also give the

@@ -74,7 +74,7 @@ static char *join(const saga_transforms *r, const char *name)
 static char *picture_path(const saga_transforms *r, const char *file)
 {
     static const char *const endings[] = {".png", ".jpg", ".jpeg", ".webp",
-                                          ".exr"};
+                                          ".exr", ".tif", ".tiff"};
     char *const path = join(r, file);
     if (!path || saga_path_is_file(path))
         return path;

@@ -231,21 +231,23 @@ static bool read_meta(sports_reader *r, const char *name, bool test)
 }
 
 /* Checks that the pictures have the size that the file gives. */
-static bool check_sizes(const saga_listing *l, saga_error *error)
+static bool check_sizes(saga_listing *l, saga_error *error)
 {
-    for (int i = 0; i < l->n_sources; i++) {
-        const saga_source *const s = &l->sources[i];
-        int k = 0, width = 0, height = 0;
-        /* The loop ends, because sources without any picture have been
-         * dropped. */
-        while (!s->pictures[k])
-            k++;
-        if (!saga_picture_probe(s->pictures[k], &width, &height, error) ||
-            !saga_check_same_size(s->pictures[k], width, height, s->width,
-                                  s->height, error))
-            return false;
+    int *const sizes =
+        saga_alloc((size_t)l->n_sources, 2 * sizeof *sizes, l->path, error);
+    for (int i = 0; sizes && i < l->n_sources; i++) {
+        sizes[2 * i] = l->sources[i].width;
+        sizes[2 * i + 1] = l->sources[i].height;
     }
-    return true;
+    bool ok = sizes && saga_listing_probe_pictures(l, error);
+    for (int i = 0; ok && i < l->n_sources; i++) {
+        saga_source *const s = &l->sources[i];
+        saga_source_turn(s, sizes[2 * i], sizes[2 * i + 1]);
+        ok = saga_check_same_size(s->name, s->width, s->height, sizes[2 * i],
+                                  sizes[2 * i + 1], error);
+    }
+    free(sizes);
+    return ok;
 }
 
 static bool take_points(saga_listing *l, const saga_npy *rows,

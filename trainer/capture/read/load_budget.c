@@ -45,14 +45,18 @@ static double picture_nbytes(const saga_load_job *job, int v, double scale)
     return n;
 }
 
-/* Tells whether any of the wanted files is an EXR. */
-static bool is_exr(const saga_load_job *job, char *const *files)
+/* Returns how many bytes a pixel reading any of the wanted files takes besides
+ * its result. */
+static int most_scratch(const saga_load_job *job, char *const *files)
 {
     const int first = job->capture->first_frame;
-    for (int k = 0; files && k < job->capture->n_frames; k++)
-        if (files[first + k] && saga_picture_is_exr(files[first + k]))
-            return true;
-    return false;
+    int most = 0;
+    for (int k = 0; files && k < job->capture->n_frames; k++) {
+        const int n = files[first + k] ? saga_picture_scratch(files[first + k])
+                                       : 0;
+        most = n > most ? n : most;
+    }
+    return most;
 }
 
 /* Returns the working memory of a thread that decodes a picture of view v: the
@@ -61,13 +65,15 @@ static double thread_nbytes(const saga_load_job *job, int v)
 {
     const saga_source *const s = &job->listing->sources[v];
     const saga_remap *const m = &job->remaps[v];
-    /* Each pixel of the file takes 3 bytes of colour and 4 of depth. An EXR has
-     * three floats more, which become the 3 bytes. */
-    double each = 7.0;
-    if (is_exr(job, s->pictures) || is_exr(job, s->masks))
-        each += 12.0;
+    /* Each pixel of the file takes 3 bytes of colour and 4 of depth, and what
+     * its format needs while it is decoded. */
+    double each = 7.0 + fmax(most_scratch(job, s->pictures),
+                             most_scratch(job, s->masks));
     double n = (double)saga_remap_nbytes(m, &s->lens);
-    /* Opacity is read as RGBA, and the mask is scaled as an RGB picture. */
+    /* Opacity is read as RGBA, and the mask is scaled as an RGB picture. A
+     * picture that is turned takes a copy. */
+    if (s->upright)
+        each += 4.0;
     if (saga_load_has_masks(job, s)) {
         each += 4.0;
         n += 3.0 * m->width * m->height;

@@ -92,65 +92,126 @@ static void load_video(saga_load_job *job, int v)
     item_done(job, v, ok, &error);
 }
 
-static void load_picture(saga_load_job *job, int v, int k,
-                         const saga_remap *remap)
+/* Fills a view's mask from a picture of its source, which is black or white.
+ * Any other value after undistortion and scaling is a mixture at a border; a
+ * pixel counts if it is nearly white, so that no pixel at the border does. */
+static bool fill_mask(const saga_load_job *job, int v, int k,
+                      const saga_remap *remap, const uint8_t *rgb,
+                      saga_error *error)
+{
+    const saga_shot *const view = &job->capture->views[v];
+    const size_t n = (size_t)view->width * (size_t)view->height;
+    uint8_t *const mask = view->mask + n * (size_t)(view->single ? 0 : k);
+    uint8_t *const small = saga_alloc(n, 3, view->name, error);
+    if (!small)
+        return false;
+    saga_remap_rgb(remap, rgb, small);
+    for (size_t i = 0; i < n; i++)
+        mask[i] = small[3 * i] >= 250;
+    free(small);
+    return true;
+}
+
+/* Returns the mask's file of a picture; NULL if it has none. */
+static const char *mask_file(const saga_load_job *job, int v, int k)
+{
+    const saga_source *const s = &job->listing->sources[v];
+    return s->masks ? s->masks[job->capture->first_frame + k] : NULL;
+}
+
+/* Splits n pixels of RGBA: opacity of a half and more becomes white in `mask`,
+ * the rest black, and the colour moves up to where it is RGB. */
+static void split_opacity(uint8_t *pixels, size_t n, uint8_t *mask)
+{
+    for (size_t i = 0; i < n; i++) {
+        memset(mask + 3 * i, pixels[4 * i + 3] >= 128 ? 255 : 0, 3);
+        memmove(pixels + 3 * i, pixels + 4 * i, 3);
+    }
+}
+
+static bool read_picture(const saga_load_job *job, int v, int k,
+                         const saga_remap *remap, saga_error *error)
 {
     const saga_source *const s = &job->listing->sources[v];
     const char *const path = s->pictures[job->capture->first_frame + k];
-    saga_error error = { "" };
-    uint8_t *const buffer =
-        saga_alloc((size_t)s->width * (size_t)s->height, 3, path, &error);
-    const bool ok = buffer && saga_picture_read(path, s->width, s->height,
-                                                buffer, &error);
+    const size_t n = (size_t)s->width * (size_t)s->height;
+    const bool opacity = job->options->alpha_masks;
+    const saga_picture_wish wish = {
+        .width = s->width, .height = s->height, .upright = s->upright,
+        .form = opacity ? SAGA_PICTURE_RGBA : SAGA_PICTURE_RGB};
+    uint8_t *const buffer = saga_alloc(n, opacity ? 4 : 3, path, error);
+    uint8_t *const mask = opacity ? saga_alloc(n, 3, path, error) : NULL;
+    bool ok = buffer && (mask || !opacity) &&
+              saga_picture_read(path, &wish, buffer, error);
+    if (ok && opacity)
+        split_opacity(buffer, n, mask);
     if (ok)
         saga_remap_rgb(remap, buffer, frame_to_fill(job, v, k));
+    /* A mask of its own takes precedence over the picture's opacity. */
+    if (ok && opacity && !mask_file(job, v, k))
+        ok = fill_mask(job, v, k, remap, mask, error);
+    free(mask);
     free(buffer);
+    return ok;
+}
+
+static void load_picture(saga_load_job *job, int v, int k,
+                         const saga_remap *remap)
+{
+    saga_error error = { "" };
+    const bool ok = read_picture(job, v, k, remap, &error);
     item_done(job, v * job->capture->n_frames + k, ok, &error);
 }
 
-/* Sets mask to 1 for pixels that are nearly white after undistortion and
- * scaling, so that no pixel at the mask's border counts. */
-static void take_mask(uint8_t *mask, const uint8_t *rgb, size_t n)
+/* Makes n pixels of a mask black or white. If the mask has only two values,
+ * whatever they are, the larger one is white, and so is a single value except
+ * 0. Otherwise white begins in the middle of the range. */
+static void make_white(uint8_t *rgb, size_t n)
 {
+    int least = 255, most = 0, white = 128;
+    bool two = true;
+    for (size_t i = 0; i < n; i++) {
+        uint8_t *const p = rgb + 3 * i;
+        p[0] = p[1] > p[0] ? p[1] : p[0];
+        p[0] = p[2] > p[0] ? p[2] : p[0];
+        least = p[0] < least ? p[0] : least;
+        most = p[0] > most ? p[0] : most;
+    }
+    for (size_t i = 0; two && i < n; i++)
+        two = rgb[3 * i] == least || rgb[3 * i] == most;
+    if (two)
+        white = most > 0 ? most : 1;
     for (size_t i = 0; i < n; i++)
-        mask[i] = rgb[3 * i] >= 250;
+        memset(rgb + 3 * i, rgb[3 * i] >= white ? 255 : 0, 3);
+}
+
+static bool read_mask(const saga_load_job *job, int v, int k,
+                      const saga_remap *remap, saga_error *error)
+{
+    const saga_source *const s = &job->listing->sources[v];
+    const char *const path = mask_file(job, v, k);
+    const size_t n = (size_t)s->width * (size_t)s->height;
+    const saga_picture_wish wish = {
+        .width = s->width, .height = s->height, .upright = s->upright,
+        .form = SAGA_PICTURE_MASK};
+    uint8_t *const buffer = saga_alloc(n, 3, path, error);
+    bool ok = buffer && saga_picture_read(path, &wish, buffer, error);
+    if (ok) {
+        make_white(buffer, n);
+        ok = fill_mask(job, v, k, remap, buffer, error);
+    }
+    free(buffer);
+    return ok;
 }
 
 static void load_mask(saga_load_job *job, int v, int k, const saga_remap *remap)
 {
-    const saga_source *const s = &job->listing->sources[v];
-    const saga_shot *const view = &job->capture->views[v];
-    const int at = job->capture->first_frame + k;
-    const size_t n = (size_t)view->width * (size_t)view->height;
-    uint8_t *const mask = view->mask + n * (size_t)(view->single ? 0 : k);
-    /* A separate mask file takes precedence over the picture's opacity. */
-    const char *const path = s->masks && s->masks[at] ? s->masks[at]
-                             : s->pictures            ? s->pictures[at]
-                                                      : NULL;
+    const saga_capture *const c = job->capture;
     saga_error error = { "" };
-    if (!path || (view->single && !saga_capture_has(job->capture, v, k))) {
-        item_done(job, v * job->capture->n_frames + k, true, &error);
-        return;
-    }
-    uint8_t *const buffer =
-        saga_alloc((size_t)s->width * (size_t)s->height, 3, path, &error);
-    uint8_t *const small = saga_alloc(n, 3, path, &error);
-    const bool ok = buffer && small &&
-                    (s->masks && path == s->masks[at]
-                         ? saga_picture_read
-                         : saga_picture_read_alpha)(path, s->width, s->height,
-                                                    buffer, &error);
-    /* The mask becomes black or white before it is remapped. Any other value
-     * afterwards is a mixture at a border, which take_mask excludes. */
-    for (size_t i = 0; ok && i < (size_t)s->width * (size_t)s->height; i++)
-        memset(buffer + 3 * i, buffer[3 * i] >= 128 ? 255 : 0, 3);
-    if (ok) {
-        saga_remap_rgb(remap, buffer, small);
-        take_mask(mask, small, n);
-    }
-    free(small);
-    free(buffer);
-    item_done(job, v * job->capture->n_frames + k, ok, &error);
+    const bool any = mask_file(job, v, k) &&
+                     (!c->views[v].single || saga_capture_has(c, v, k));
+    const bool ok = !any || read_mask(job, v, k, remap, &error);
+    item_done(job, v * c->n_frames + k, ok, &error);
 }
 
 static void load_depth(saga_load_job *job, int v, int k,
@@ -214,6 +275,29 @@ static void fill_missing(saga_load_job *job, int v)
                    saga_view_frame_nbytes(&c->views[v]));
 }
 
+/* Refuses a camera of which nothing is left to be trained. */
+static bool check_mask(const saga_load_job *job, int v)
+{
+    const saga_capture *const c = job->capture;
+    const saga_shot *const view = &c->views[v];
+    const saga_source *const s = &job->listing->sources[v];
+    const size_t n = (size_t)view->width * (size_t)view->height *
+                     (size_t)saga_view_n_held(view, c->n_frames);
+    const char *path = NULL;
+    if (view->n_missing == c->n_frames || memchr(view->mask, 1, n))
+        return true;
+    for (int k = 0; k < c->n_frames && !path; k++) {
+        const char *const picture =
+            s->pictures ? s->pictures[c->first_frame + k] : s->video;
+        path = mask_file(job, v, k) ? mask_file(job, v, k) : picture;
+    }
+    return saga_fail(job->error, path, "make the masks white, or with "
+                     "--alpha-masks the pictures opaque, where pixels count; "
+                     "or leave the camera out", "its mask leaves no pixel of "
+                     "camera %s, and no other mask of this camera does",
+                     view->name);
+}
+
 /* Fills a pixel that does not count from the nearest frame in which it counts,
  * or with black if there is none. Time is linear in the number of frames. */
 static void fill_masked(saga_load_job *job, int v)
@@ -274,13 +358,17 @@ bool saga_load_pictures(saga_load_job *job)
     job->n_done = 0;
     job->n_items = n_views * job->capture->n_frames;
     for (int v = 0; v < n_views; v++)
-        if (job->capture->views[v].mask)
+        if (job->listing->sources[v].masks && job->capture->views[v].mask)
             load_view(job, v, MASKS);
     if (job->first_failed != INT32_MAX)
         return false;
-    for (int v = 0; v < n_views; v++)
-        if (job->capture->views[v].mask)
-            fill_masked(job, v);
+    for (int v = 0; v < n_views; v++) {
+        if (!job->capture->views[v].mask)
+            continue;
+        if (!check_mask(job, v))
+            return false;
+        fill_masked(job, v);
+    }
     job->n_done = 0;
     for (int v = 0; v < n_views; v++)
         if (job->capture->views[v].depth)
