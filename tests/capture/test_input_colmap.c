@@ -326,6 +326,22 @@ TEST_IN_FOLDER(model_should_be_read_from_text)
     check_model(f, &w);
 }
 
+/* Windows writes a byte order mark and CR LF; names may have blanks. */
+TEST_IN_FOLDER(text_should_be_read_as_windows_writes_it)
+{
+    const world w = make_world();
+    FREED_BY(saga_colmap_free) saga_colmap m;
+
+    write_text_model(f, &w);
+    write_text(f, "colmap/images.txt", "\xef\xbb\xbf# Image list\r\n"
+               "2 1 0 0 0 0 0 0 7 a b/c  d.png \r\n \r\n"
+               "\r\n3 1 0 0 0 0 0 0 7\te f.png\r\n1 2 -1\r\n");
+    m = read_model(f);
+    assert_int_equal(m.n_images, 2);
+    assert_string_equal(m.images[0].name, "a b/c  d.png");
+    assert_string_equal(m.images[1].name, "e f.png");
+}
+
 TEST_IN_FOLDER(model_should_be_read_from_bytes)
 {
     const world w = make_world();
@@ -404,22 +420,46 @@ TEST_IN_FOLDER(model_should_be_refused_when_text_is_wrong)
     static const struct { const char *file, *text, *what; } t[] = {
         { "cameras.txt", "1 FISHEYE 64 48 50 31 23\n",
           "camera model FISHEYE is not supported" },
-        { "cameras.txt", "1 PINHOLE 64 48 50 31 23\n", "damaged at camera 0" },
+        { "cameras.txt", "#\n\n1 PINHOLE 64 48 50 31 23\n",
+          "line 3 ends before number 4 of camera 1 (PINHOLE fx fy cx cy)" },
+        { "cameras.txt", "1 PINHOLE 64 48 50 50 31 23 9\n",
+          "line 1 has \"9\" for number 5 of camera 1" },
+        { "cameras.txt", "1 PINHOLE 64 48 50,5 50 31 23\n",
+          "line 1 has \"50,5\" for number 1 of camera 1" },
+        { "cameras.txt", "1 PINHOLE 64 48 0x50 50 31 23\n", "has \"0x50\"" },
+        { "cameras.txt", "1 SIMPLE_RADIAL 64 48 50 31 23 -nan(ind)\n",
+          "parameter 4 of camera 1 (SIMPLE_RADIAL f cx cy k1) is not a" },
+        { "cameras.txt", "1 SIMPLE_RADIAL 64 48 50 31 23 1.#QNAN\n",
+          "parameter 4 of camera 1 (SIMPLE_RADIAL f cx cy k1) is not a" },
         { "cameras.txt", "1 PINHOLE 0 48 50 50 31 23\n", "size of 0 x 48" },
         { "cameras.txt", "1 PINHOLE 64 -48 50 50 31 23\n", "size of 64 x -48" },
         { "cameras.txt", "1 PINHOLE 99999 48 50 50 31 23\n", "99999 x 48" },
         { "cameras.txt", "1 PINHOLE nan 48 50 50 31 23\n", "size of nan x 48" },
         { "images.txt", "1 1 0 0 0 nan 0 0 7 cam00.png\n\n",
-          "image 1 (cam00.png) has a pose that is not finite" },
+          "image 1 (cam00.png) has a pose that is not finite or zero (1 0 0 0, "
+          "nan 0 0)" },
         { "images.txt", "1 inf 0 0 0 0 0 0 7 cam00.png\n\n", "not finite" },
         { "images.txt", "1 0 0 0 0 0 0 0 7 cam00.png\n\n", "zero" },
-        { "images.txt", "1 1 0 0 0 0 0 0\n\n", "damaged at image 0" },
+        { "images.txt", "1 1 0 0 0 0 0 0\n\n",
+          "line 1 ends before number 9 of an image (IMAGE_ID QW" },
+        { "images.txt", "1 1 0 0 0 0 0 0 7 \n\n", "ends before number 10 of" },
         { "images.txt", "1 1 0 0 0 0 0 0 7 a\n1 2 3 4 5\n",
-          "damaged at features of image 1" },
-        { "images.txt", "-1 1 0 0 0 0 0 0 7 a\n\n", "damaged at image 0" },
-        { "points3D.txt", "1 0 0 0 1 2 3\n", "damaged at point 0" },
+          "line 2 ends before number 6 of the features of image 1" },
+        { "images.txt", "-1 1 0 0 0 0 0 0 7 a\n\n",
+          "line 1 has \"-1\" for number 1 of an image" },
+        /* The lines of features are missing. */
+        { "images.txt", "1 1 0 0 0 0 0 0 7 a\n2 1 0 0 0 0 0 0 7 b\n",
+          "line 2 has \"b\" for number 10 of the features of image 1" },
+        { "images.txt", "1 0.9 0.1 0 0 0 0 0 7 a\n2 0.9 0.1 0 0 0 0 0 7 b\n",
+          "line 2 has \"0.1\" for number 3 of the features of image 1" },
+        /* A line too many puts the others out of step. */
+        { "images.txt", "1 1 0 0 0 0 0 0 7 a\n\n1.5 2.5 30\n",
+          "line 3 has \"1.5\" for number 1 of an image" },
+        { "points3D.txt", "1 0 0 0 1 2 3\n",
+          "line 1 ends before number 8 of a point (POINT3D_ID X" },
         { "points3D.txt", "1 0 0 0 1 2 3 0.5 30\n",
-          "damaged at track of point 0" }
+          "line 1 ends before number 10 of a point" },
+        { "points3D.txt", "1 0 0 0,5 1 2 3 0.5 30 1\n", "has \"0,5\" for" }
     };
     const world w = make_world();
 

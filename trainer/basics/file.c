@@ -8,6 +8,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -192,10 +193,60 @@ bool saga_read_file(saga_bytes *bytes, const char *path,
     return ok;
 }
 
+size_t saga_bom_nbytes(const uint8_t *bytes, size_t n)
+{
+    return n >= 3 && memcmp(bytes, "\xef\xbb\xbf", 3) == 0 ? 3 : 0;
+}
+
+bool saga_read_text(saga_bytes *bytes, const char *path, saga_error *error)
+{
+    if (!saga_read_file(bytes, path, error))
+        return false;
+    const size_t bom = saga_bom_nbytes(bytes->data, bytes->nbytes);
+    if (bytes->nbytes >= 2 && (memcmp(bytes->data, "\xff\xfe", 2) == 0 ||
+                               memcmp(bytes->data, "\xfe\xff", 2) == 0)) {
+        saga_bytes_free(bytes);
+        return saga_fail(error, path, "save it as UTF-8 (in PowerShell with "
+                         "-Encoding utf8)", "is text in UTF-16");
+    }
+    /* The NUL behind the bytes moves with them. */
+    bytes->nbytes -= bom;
+    memmove(bytes->data, bytes->data + bom, bytes->nbytes + 1);
+    return true;
+}
+
 void saga_bytes_free(saga_bytes *bytes)
 {
     free(bytes->data);
     *bytes = (saga_bytes){0};
+}
+
+/* Tells whether a word of n characters is what programs write for NaN and
+ * infinity: nan, inf, Infinity, -nan(ind), 1.#QNAN. */
+static bool is_no_number(const char *word, size_t n)
+{
+    const size_t sign = *word == '-' || *word == '+';
+    return strncasecmp(word + sign, "nan", 3) == 0 ||
+           strncasecmp(word + sign, "inf", 3) == 0 ||
+           (n > sign + 2 && strncmp(word + sign, "1.#", 3) == 0);
+}
+
+bool saga_take_number(const char **text, double *x)
+{
+    *text += strspn(*text, " \t\r\n");
+    const char *const word = *text;
+    const size_t n = strcspn(word, " \t\r\n");
+    char *end;
+    if (n > 0 && is_no_number(word, n)) {
+        *x = (double)NAN;
+    } else {
+        /* strtod alone would take hexadecimal numbers, too. */
+        *x = strtod(word, &end);
+        if (n == 0 || strspn(word, "+-.0123456789eE") < n || end != word + n)
+            return false;
+    }
+    *text = word + n;
+    return true;
 }
 
 bool saga_take_line(saga_cursor *c, char *line, size_t n)

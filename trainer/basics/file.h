@@ -56,6 +56,12 @@ FILE *saga_open_file(const char *path);
 
 bool saga_read_file(saga_bytes *bytes, const char *path,
                     saga_error *error);
+/* Reads a file of text like saga_read_file, without the byte order mark that
+ * Windows writes before UTF-8. UTF-16 is refused. */
+bool saga_read_text(saga_bytes *bytes, const char *path, saga_error *error);
+/* Returns the length of a byte order mark in front of n bytes of UTF-8, or
+ * 0. */
+size_t saga_bom_nbytes(const uint8_t *bytes, size_t n);
 void saga_bytes_free(saga_bytes *bytes);
 
 /* Reads bytes one after the other. Past the end it returns zeros and sets
@@ -93,6 +99,12 @@ static inline uint64_t saga_take_le(saga_cursor *c, int n)
     const uint8_t *const p = saga_take(c, (size_t)n);
     return p ? saga_load_le(p, n) : 0;
 }
+
+/* Reads a number up to the next white space and moves *text behind it. The word
+ * must be a decimal number as a whole, without a comma; those that programs
+ * write for no number (nan, -nan(ind), inf, 1.#QNAN) give NaN. Returns false,
+ * with *text at the word, for any other word and at the end of the text. */
+bool saga_take_number(const char **text, double *x);
 
 /* Reads a line of text without its end, cut to n - 1 characters. Returns false
  * if no line ends before the end of the bytes. */

@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: MIT */
-#include "colmap.h"
+#include "colmap_job.h"
 
 #include "alloc.h"
 #include "error.h"
-#include "file.h"
 #include "picture.h"
 #include "pose.h"
 
@@ -12,18 +11,21 @@
 #include <stdlib.h>
 #include <string.h>
 
-
 /* ------------------------------------------------------------------ models */
 
-static const struct {
-    const char *name;
-    int n_params;
-} models[] = {
-    {"SIMPLE_PINHOLE", 3}, {"PINHOLE", 4}, {"SIMPLE_RADIAL", 4},
-    {"RADIAL", 5},         {"OPENCV", 8},         {"OPENCV_FISHEYE", 8},
+const saga_colmap_lens saga_colmap_lenses[] = {
+    {"SIMPLE_PINHOLE", 3, "f cx cy"},
+    {"PINHOLE", 4, "fx fy cx cy"},
+    {"SIMPLE_RADIAL", 4, "f cx cy k1"},
+    {"RADIAL", 5, "f cx cy k1 k2"},
+    {"OPENCV", 8, "fx fy cx cy k1 k2 p1 p2"},
+    {"OPENCV_FISHEYE", 8, "fx fy cx cy k1 k2 k3 k4"},
+    {NULL, 0, NULL},
 };
 
-enum { N_MODELS = sizeof models / sizeof models[0], MAX_PARAMS = 8 };
+enum {
+    N_MODELS = sizeof saga_colmap_lenses / sizeof saga_colmap_lenses[0] - 1
+};
 
 static saga_lens lens_of(int model, const double *p)
 {
@@ -43,26 +45,19 @@ static saga_lens lens_of(int model, const double *p)
                        .k2 = model == 3 ? p[4] : 0.0};
 }
 
-static bool model_unknown(const char *file, const char *what,
-                          saga_error *error)
+bool saga_colmap_lens_unknown(const saga_colmap_job *job, const char *what)
 {
-    return saga_fail(error, file, "undistort to PINHOLE (colmap "
+    return saga_fail(job->error, job->file, "undistort to PINHOLE (colmap "
                      "image_undistorter) or use OPENCV",
                      "camera model %s is not supported", what);
 }
 
 /* ------------------------------------------------------------------ adding */
 
-typedef struct colmap_job {
-    saga_colmap *model;
-    const char *file;
-    saga_error *error;
-} colmap_job;
-
 /* Returns the array, which may have moved, with room for one more item after
  * the first `count`. Returns NULL and sets the error if it is out of memory;
  * the old array then stays valid. */
-static void *grow(const colmap_job *job, void *items, size_t count,
+static void *grow(const saga_colmap_job *job, void *items, size_t count,
                   size_t size)
 {
     if ((count & (count - 1)) != 0)
@@ -71,14 +66,16 @@ static void *grow(const colmap_job *job, void *items, size_t count,
                         job->error);
 }
 
-static bool cut_short(const colmap_job *job, const char *what, size_t index)
+static bool cut_short(const saga_colmap_job *job, const char *what,
+                      size_t index)
 {
     return saga_fail(job->error, job->file, "copy or export the model again",
                      "is cut short or damaged at %s %zu", what, index);
 }
 
-static bool add_camera(const colmap_job *job, uint32_t id, double width,
-                       double height, int model, const double *params)
+bool saga_colmap_add_camera(const saga_colmap_job *job, uint32_t id,
+                            double width, double height, int lens,
+                            const double *params)
 {
     saga_colmap *const m = job->model;
     /* The size is checked as a double, since casting a larger value to an
@@ -90,19 +87,27 @@ static bool add_camera(const colmap_job *job, uint32_t id, double width,
     if (!saga_check_size(job->file, (long long)width, (long long)height,
                          job->error))
         return false;
+    const saga_colmap_lens *const of = &saga_colmap_lenses[lens];
+    for (int p = 0; p < of->n_params; p++)
+        if (!isfinite(params[p]))
+            return saga_fail(job->error, job->file, "calibrate that camera "
+                             "again", "parameter %d of camera %u (%s %s) is "
+                             "not a finite number", p + 1, (unsigned)id,
+                             of->name, of->params);
     saga_colmap_camera *const more =
         grow(job, m->cameras, m->n_cameras, sizeof *more);
     if (!more)
         return false;
     m->cameras = more;
     more[m->n_cameras++] = (saga_colmap_camera){
-        id, (int)width, (int)height, lens_of(model, params)};
+        id, (int)width, (int)height, lens_of(lens, params)};
     return true;
 }
 
-static saga_colmap_image *add_image(const colmap_job *job, uint32_t id,
-                                    const double pose[7], uint32_t camera,
-                                    const char *name, size_t name_len)
+saga_colmap_image *saga_colmap_add_image(const saga_colmap_job *job,
+                                         uint32_t id, const double pose[7],
+                                         uint32_t camera, const char *name,
+                                         size_t name_len)
 {
     saga_colmap *const m = job->model;
     saga_colmap_image image = {.id = id, .camera = camera,
@@ -112,8 +117,10 @@ static saga_colmap_image *add_image(const colmap_job *job, uint32_t id,
     if (!saga_pose_from_quaternion(pose, image.rotation) ||
         !isfinite(pose[4]) || !isfinite(pose[5]) || !isfinite(pose[6])) {
         saga_fail(job->error, job->file, "reconstruct that image again",
-                  "image %u (%.*s) has a pose that is not finite or zero",
-                  (unsigned)id, (int)(name_len < 80 ? name_len : 80), name);
+                  "image %u (%.*s) has a pose that is not finite or zero "
+                  "(%g %g %g %g, %g %g %g)", (unsigned)id,
+                  (int)(name_len < 80 ? name_len : 80), name, pose[0],
+                  pose[1], pose[2], pose[3], pose[4], pose[5], pose[6]);
         return NULL;
     }
     memcpy(image.translation, pose + 4, sizeof image.translation);
@@ -134,9 +141,9 @@ static saga_colmap_image *add_image(const colmap_job *job, uint32_t id,
     return &more[m->n_images++];
 }
 
-/* Adds a feature to an image. Features that belong to no point are ignored. */
-static bool add_observation(const colmap_job *job, saga_colmap_image *image,
-                            double u, double v, int64_t point)
+bool saga_colmap_add_observation(const saga_colmap_job *job,
+                                 saga_colmap_image *image, double u, double v,
+                                 int64_t point)
 {
     saga_colmap *const m = job->model;
     if (point < 0 || !isfinite(u) || !isfinite(v))
@@ -152,9 +159,9 @@ static bool add_observation(const colmap_job *job, saga_colmap_image *image,
     return true;
 }
 
-static saga_colmap_point *add_point(const colmap_job *job, uint64_t id,
-                                    const double position[3],
-                                    const uint8_t rgb[3])
+saga_colmap_point *saga_colmap_add_point(const saga_colmap_job *job,
+                                         uint64_t id, const double position[3],
+                                         const uint8_t rgb[3])
 {
     saga_colmap *const m = job->model;
     saga_colmap_point *const more =
@@ -168,8 +175,8 @@ static saga_colmap_point *add_point(const colmap_job *job, uint64_t id,
     return &more[m->n_points++];
 }
 
-static bool add_track(const colmap_job *job, saga_colmap_point *point,
-                      uint32_t image)
+bool saga_colmap_add_track(const saga_colmap_job *job,
+                           saga_colmap_point *point, uint32_t image)
 {
     saga_colmap *const m = job->model;
     uint32_t *const more = grow(job, m->tracks, m->n_tracks, sizeof *more);
@@ -185,7 +192,7 @@ static bool add_track(const colmap_job *job, saga_colmap_point *point,
 
 /* Reads a count. A count is refused if that number of items, of `least` bytes
  * each, cannot fit into the rest of the file. */
-static bool take_count(const colmap_job *job, saga_cursor *c, size_t least,
+static bool take_count(const saga_colmap_job *job, saga_cursor *c, size_t least,
                        const char *what, uint64_t *count)
 {
     *count = saga_take_le(c, 8);
@@ -196,7 +203,7 @@ static bool take_count(const colmap_job *job, saga_cursor *c, size_t least,
                      (unsigned long long)*count, what, saga_left(c));
 }
 
-static bool binary_cameras(const colmap_job *job, saga_cursor *c)
+static bool binary_cameras(const saga_colmap_job *job, saga_cursor *c)
 {
     uint64_t n;
     /* A camera has an id, a model, width and height, and at least three
@@ -208,23 +215,24 @@ static bool binary_cameras(const colmap_job *job, saga_cursor *c)
         const uint32_t model = (uint32_t)saga_take_le(c, 4);
         const double width = (double)saga_take_le(c, 8);
         const double height = (double)saga_take_le(c, 8);
-        double params[MAX_PARAMS] = {0};
+        double params[SAGA_COLMAP_MAX_PARAMS] = {0};
         if (!c->failed && model >= N_MODELS) {
             char text[24];
             (void)snprintf(text, sizeof text, "number %u", (unsigned)model);
-            return model_unknown(job->file, text, job->error);
+            return saga_colmap_lens_unknown(job, text);
         }
-        for (int p = 0; !c->failed && p < models[model].n_params; p++)
+        for (int p = 0;
+             !c->failed && p < saga_colmap_lenses[model].n_params; p++)
             params[p] = saga_take_f64(c);
         if (c->failed)
             return cut_short(job, "camera", (size_t)i);
-        if (!add_camera(job, id, width, height, (int)model, params))
+        if (!saga_colmap_add_camera(job, id, width, height, (int)model, params))
             return false;
     }
     return true;
 }
 
-static bool binary_observations(const colmap_job *job, saga_cursor *c,
+static bool binary_observations(const saga_colmap_job *job, saga_cursor *c,
                                 saga_colmap_image *image)
 {
     uint64_t n;
@@ -234,13 +242,14 @@ static bool binary_observations(const colmap_job *job, saga_cursor *c,
         return false;
     for (uint64_t k = 0; k < n; k++) {
         const double u = saga_take_f64(c), v = saga_take_f64(c);
-        if (!add_observation(job, image, u, v, (int64_t)saga_take_le(c, 8)))
+        const int64_t point = (int64_t)saga_take_le(c, 8);
+        if (!saga_colmap_add_observation(job, image, u, v, point))
             return false;
     }
     return true;
 }
 
-static bool binary_images(const colmap_job *job, saga_cursor *c)
+static bool binary_images(const saga_colmap_job *job, saga_cursor *c)
 {
     uint64_t n;
     /* An image has an id, a pose of 7 numbers, the camera's id, a name, of
@@ -261,14 +270,14 @@ static bool binary_images(const colmap_job *job, saga_cursor *c)
         const size_t name_len = (size_t)(end - c->next);
         (void)saga_take(c, name_len + 1);
         saga_colmap_image *const image =
-            add_image(job, id, pose, camera, name, name_len);
+            saga_colmap_add_image(job, id, pose, camera, name, name_len);
         if (!image || !binary_observations(job, c, image))
             return false;
     }
     return true;
 }
 
-static bool binary_points(const colmap_job *job, saga_cursor *c)
+static bool binary_points(const saga_colmap_job *job, saga_cursor *c)
 {
     uint64_t n;
     /* A point has an id, a position, a colour, an error, and the length of its
@@ -285,7 +294,8 @@ static bool binary_points(const colmap_job *job, saga_cursor *c)
         uint64_t n_tracks;
         if (c->failed)
             return cut_short(job, "point", (size_t)i);
-        saga_colmap_point *const point = add_point(job, id, position, rgb);
+        saga_colmap_point *const point =
+            saga_colmap_add_point(job, id, position, rgb);
         if (!point || !take_count(job, c, 8, "track elements", &n_tracks))
             return false;
         /* A track's element is the id of an image and the index of a feature,
@@ -293,148 +303,7 @@ static bool binary_points(const colmap_job *job, saga_cursor *c)
         for (uint64_t k = 0; k < n_tracks; k++) {
             const uint32_t image = (uint32_t)saga_take_le(c, 4);
             (void)saga_take(c, 4);
-            if (!add_track(job, point, image))
-                return false;
-        }
-    }
-    return true;
-}
-
-/* -------------------------------------------------------------------- text */
-
-/* Returns the next line, without its end, or NULL at the end of the file.
- * Comments are skipped. Empty lines are skipped only if asked, since the second
- * line of an image may be empty. */
-static char *next_line(saga_cursor *c, bool skip_empty)
-{
-    while (saga_left(c) > 0) {
-        uint8_t *const line = (uint8_t *)(uintptr_t)c->next;
-        uint8_t *const end = memchr(line, '\n', saga_left(c));
-        /* The caller owns the bytes, so that they may be written. A NUL follows
-         * them, which ends a last line without '\n'. */
-        c->next = end ? end + 1 : c->end;
-        if (end)
-            *end = 0;
-        const size_t n = strcspn((char *)line, "\r");
-        line[n] = 0;
-        if (line[0] == '#' || (skip_empty && n == 0))
-            continue;
-        return (char *)line;
-    }
-    return NULL;
-}
-
-static bool take_numbers(char **text, double *x, int n)
-{
-    for (int i = 0; i < n; i++) {
-        char *end;
-        x[i] = strtod(*text, &end);
-        if (end == *text)
-            return false;
-        *text = end;
-    }
-    return true;
-}
-
-static bool take_id(char **text, uint64_t *id, int64_t most)
-{
-    char *end;
-    const long long x = strtoll(*text, &end, 10);
-    if (end == *text || x < 0 || x > most)
-        return false;
-    *text = end;
-    *id = (uint64_t)x;
-    return true;
-}
-
-static bool text_cameras(const colmap_job *job, saga_cursor *c)
-{
-    size_t i = 0;
-    for (char *line; (line = next_line(c, true)) != NULL; i++) {
-        uint64_t id;
-        char name[32];
-        int used = 0;
-        double size[2], params[MAX_PARAMS] = {0};
-        /* A line has the id, the model's name, width and height, and the
-         * parameters. */
-        if (!take_id(&line, &id, UINT32_MAX) ||
-            sscanf(line, " %31s%n", name, &used) != 1)
-            return cut_short(job, "camera", i);
-        line += used;
-        int model = 0;
-        while (model < N_MODELS && strcmp(name, models[model].name) != 0)
-            model++;
-        if (model == N_MODELS)
-            return model_unknown(job->file, name, job->error);
-        if (!take_numbers(&line, size, 2) ||
-            !take_numbers(&line, params, models[model].n_params))
-            return cut_short(job, "camera", i);
-        if (!add_camera(job, (uint32_t)id, size[0], size[1], model, params))
-            return false;
-    }
-    return true;
-}
-
-static bool text_observations(const colmap_job *job, char *line,
-                              saga_colmap_image *image)
-{
-    double uv[2];
-    while (take_numbers(&line, uv, 2)) {
-        char *end;
-        const long long point = strtoll(line, &end, 10);
-        if (end == line)
-            return cut_short(job, "features of image", image->id);
-        line = end;
-        if (!add_observation(job, image, uv[0], uv[1], point))
-            return false;
-    }
-    return true;
-}
-
-static bool text_images(const colmap_job *job, saga_cursor *c)
-{
-    size_t i = 0;
-    for (char *line; (line = next_line(c, true)) != NULL; i++) {
-        uint64_t id, camera;
-        double pose[7];
-        if (!take_id(&line, &id, UINT32_MAX) ||
-            !take_numbers(&line, pose, 7) ||
-            !take_id(&line, &camera, UINT32_MAX))
-            return cut_short(job, "image", i);
-        line += strspn(line, " ");
-        saga_colmap_image *const image = add_image(
-            job, (uint32_t)id, pose, (uint32_t)camera, line, strlen(line));
-        if (!image)
-            return false;
-        /* The second line has the features. It may be empty, and missing at the
-         * end of the file. */
-        char *const second = next_line(c, false);
-        if (second && !text_observations(job, second, image))
-            return false;
-    }
-    return true;
-}
-
-static bool text_points(const colmap_job *job, saga_cursor *c)
-{
-    size_t i = 0;
-    for (char *line; (line = next_line(c, true)) != NULL; i++) {
-        uint64_t id, image, feature;
-        double x[7]; /* position, colour, error */
-        if (!take_id(&line, &id, INT64_MAX) || !take_numbers(&line, x, 7))
-            return cut_short(job, "point", i);
-        uint8_t rgb[3];
-        for (int k = 0; k < 3; k++)
-            rgb[k] = (uint8_t)fmin(fmax(x[3 + k], 0.0), 255.0);
-        saga_colmap_point *const point = add_point(job, id, x, rgb);
-        if (!point)
-            return false;
-        /* The track is pairs of an image and a feature, to the end of the
-         * line. */
-        while (take_id(&line, &image, UINT32_MAX)) {
-            if (!take_id(&line, &feature, UINT32_MAX))
-                return cut_short(job, "track of point", i);
-            if (!add_track(job, point, (uint32_t)image))
+            if (!saga_colmap_add_track(job, point, image))
                 return false;
         }
     }
@@ -455,16 +324,19 @@ static int by_point_id(const void *a, const void *b)
     return (x->id > y->id) - (x->id < y->id);
 }
 
-typedef bool colmap_parse(const colmap_job *job, saga_cursor *c);
+typedef bool colmap_parse(const saga_colmap_job *job, saga_cursor *c);
 
 static bool read_part(saga_colmap *model, const char *folder, const char *name,
                       colmap_parse *parse, saga_error *error)
 {
     char *const path = saga_path_join(folder, name, error);
     saga_bytes bytes;
-    bool ok = path && saga_read_file(&bytes, path, error);
+    bool ok = path && (saga_has_suffix(name, ".txt")
+                       ? saga_read_text(&bytes, path, error)
+                       : saga_read_file(&bytes, path, error));
     if (ok) {
-        const colmap_job job = {model, path, error};
+        const char *const text = (const char *)bytes.data;
+        const saga_colmap_job job = {model, path, text, error};
         saga_cursor c = {bytes.data, bytes.data + bytes.nbytes, false};
         ok = parse(&job, &c);
         saga_bytes_free(&bytes);
@@ -494,12 +366,13 @@ bool saga_colmap_read_images(saga_colmap *model, const char *folder,
                              bool binary, saga_error *error)
 {
     *model = (saga_colmap){0};
-    const bool ok =
-        binary
-            ? read_part(model, folder, "cameras.bin", binary_cameras, error) &&
-                  read_part(model, folder, "images.bin", binary_images, error)
-            : read_part(model, folder, "cameras.txt", text_cameras, error) &&
-                  read_part(model, folder, "images.txt", text_images, error);
+    const bool ok = binary
+        ? read_part(model, folder, "cameras.bin", binary_cameras, error) &&
+          read_part(model, folder, "images.bin", binary_images, error)
+        : read_part(model, folder, "cameras.txt", saga_colmap_text_cameras,
+                    error) &&
+          read_part(model, folder, "images.txt", saga_colmap_text_images,
+                    error);
     if (!ok) {
         saga_colmap_free(model);
         return false;
@@ -517,10 +390,10 @@ bool saga_colmap_read(saga_colmap *model, const char *folder,
     const bool binary = all_there(folder, ".bin");
     if (!saga_colmap_read_images(model, folder, binary, error))
         return false;
-    const bool ok =
-        binary
-            ? read_part(model, folder, "points3D.bin", binary_points, error)
-            : read_part(model, folder, "points3D.txt", text_points, error);
+    const bool ok = binary
+        ? read_part(model, folder, "points3D.bin", binary_points, error)
+        : read_part(model, folder, "points3D.txt", saga_colmap_text_points,
+                    error);
     if (!ok) {
         saga_colmap_free(model);
         return false;
