@@ -265,6 +265,11 @@ many() {
     check sight python3 tests/cli/check_sight.py
     check exchange python3 tests/cli/check_exchange.py
     check boxes python3 tests/cli/check_boxes.py
+    if command -v node >/dev/null; then
+        check reader timeout 300 node tests/cli/check_reader.mjs
+    else
+        pass "reader skipped: node is not installed"
+    fi
     check web python3 tests/cli/check_web.py
     check player python3 tests/cli/check_player.py
     check sound python3 tests/cli/check_sound.py

@@ -1,63 +1,82 @@
 // SPDX-License-Identifier: MIT
 //
-// The optional chunks between a file's head and its segments, which are not
-// needed for pictures: names and exposures of the cameras, and the sound. The
-// exposures are not used.
+// What JavaScript reads of a file by itself: the entries of the index, the
+// names of the cameras, and where the chunks after the head lie, which are not
+// needed for pictures. The decoder checks what is read here; before that, only
+// the number of bytes to fetch depends on it.
 
 const CHUNK_NBYTES = 12;   // bytes of a chunk before its payload
-const MOST_NAMES = 2 ** 17; // bytes
+const ENTRY_NBYTES = 16;   // bytes of an entry of the index
+const MOST_NBYTES = 2 ** 17; // of names or exposures: more than the largest rig
+                             // has
 const USUAL_NBYTES = 4096; // enough for most names and the next chunk's header
 
-// Sets the names of the cameras in the file's rig. Returns where its sound
-// ends, in bytes from the start of the file, or 0 if it has none. bytes: the
-// file's head.
-export async function readOptional(file, bytes) {
-    const end = Math.min(...file.segments.map(({ offset }) => offset));
-    const readOn = (to) => file.readOn(bytes, Math.min(to, end));
-    let at = file.info.headNbytes;
+const viewOf = (bytes) => new DataView(bytes.buffer, bytes.byteOffset,
+    bytes.length);
 
-    bytes = await readOn(at + USUAL_NBYTES);
-    const names = chunkAt(bytes, at, 'NAME', Math.min(end, at + MOST_NAMES));
+// Yields the segments of a file's head: { nFrames, offset, nbytes }.
+export function *entriesOf(head, { nSegments }) {
+    const view = viewOf(head);
+    let at = view.getUint32(8, true) + CHUNK_NBYTES;
 
-    if (names) {
-        at = names.end;
-        bytes = await readOn(at + CHUNK_NBYTES);
-        nameCameras(file.rig, bytes.subarray(names.begin + 8, names.end));
+    for (let i = 0; i < nSegments && at + ENTRY_NBYTES <= head.length; i++) {
+        yield { nFrames: view.getUint32(at + 12, true),
+            offset: view.getUint32(at, true) +
+                2 ** 32 * view.getUint32(at + 4, true),
+            nbytes: view.getUint32(at + 8, true) };
+        at += ENTRY_NBYTES;
     }
-    const exposures = chunkAt(bytes, at, 'EXPO', end);
-
-    if (exposures) {
-        at = exposures.end;
-        bytes = await readOn(at + CHUNK_NBYTES);
-    }
-    return chunkAt(bytes, at, 'OPUS', end)?.end ?? 0;
 }
 
-// Returns where the payload of the chunk at byte `at` lies, or null if the
-// chunk has another type or its payload goes beyond `end`.
-function chunkAt(bytes, at, type, end) {
+// Sets the file's `head`, which goes on to the end of the cameras' names.
+// Returns where its sound ends, in bytes from the start of the file, or 0 if it
+// has none. bytes: the head alone.
+export async function readOptional(file, bytes) {
+    let start = Infinity, at = file.info.headNbytes;
+
+    // The bytes of segments are left to whoever decodes them.
+    for (const { offset } of entriesOf(bytes, file.info))
+        start = Math.min(start, offset);
+    const readOn = (from, n) => file.readOn(bytes,
+        Math.max(from, Math.min(from + n, start)));
+
+    bytes = await readOn(at, USUAL_NBYTES);
+    for (const type of ['NAME', 'EXPO']) {
+        const end = endOf(bytes, at, type);
+
+        if (end > at + MOST_NBYTES)
+            break;
+        if (end) {
+            bytes = await readOn(end, CHUNK_NBYTES);
+            at = end;
+        }
+        if (type === 'NAME')
+            file.head = bytes.subarray(0, end || at + 4);
+    }
+    return endOf(bytes, at, 'OPUS');
+}
+
+// Returns where the chunk at byte `at` ends, or 0 if it has another type.
+function endOf(bytes, at, type) {
     const begin = at + CHUNK_NBYTES;
 
-    if (bytes.length < begin ||
-        String.fromCharCode(...bytes.subarray(at, at + 4)) !== type)
-        return null;
-    const nbytes = new DataView(bytes.buffer, bytes.byteOffset)
-        .getUint32(at + 4, true);
-
-    return begin + nbytes <= end ? { begin, end: begin + nbytes } : null;
+    return bytes.length >= begin &&
+        String.fromCharCode(...bytes.subarray(at, at + 4)) === type
+        ? begin + viewOf(bytes).getUint32(at + 4, true) : 0;
 }
 
-// Sets the cameras' names. A coded name says how many of its first bytes are
-// those of the name before it.
-function nameCameras(rig, bytes) {
-    let at = 0;
+// Sets the names of the cameras in the file's rig, after the decoder has found
+// them right. A coded name says how many of its first bytes are those of the
+// name before it.
+export function nameCameras({ head, info, rig }) {
+    let at = info.headNbytes + CHUNK_NBYTES + 8;
     let name = new Uint8Array();
 
     for (const camera of rig) {
-        const [shared, more] = bytes.subarray(at, at + 2);
+        const [shared, more] = head.subarray(at, at + 2);
 
         name = new Uint8Array([...name.subarray(0, shared),
-            ...bytes.subarray(at + 2, at + 2 + more)]);
+            ...head.subarray(at + 2, at + 2 + more)]);
         camera.name = new TextDecoder().decode(name);
         at += 2 + more;
     }

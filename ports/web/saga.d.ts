@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 
-/** An error whose message is a sentence for the user. */
+/** An error whose message is a sentence for the user. Control characters in
+ * it, from names or servers, are written as \u{1b}. */
 export class SagaError extends Error {
     /** A saga_status of saga.h, an HTTP status, or 0 if there is neither. */
     status: number;
@@ -124,7 +125,8 @@ export interface SagaSplats {
     bytes: Uint8Array;
 }
 
-/** An open file. It draws one picture at a time. */
+/** An open file. Its calls wait for each other. Whatever it throws because of
+ * the file, its source or a wrong argument is a SagaError. */
 export class SagaFile {
     static open(
         source: string | URL | Blob | Uint8Array | SagaSource,
@@ -158,7 +160,8 @@ export class SagaFile {
      * called ahead of time. */
     fetchSegment(number: number): Promise<Uint8Array>;
 
-    /** The first bytes of the file, from which it was opened. */
+    /** The start of the file, from which it was opened: to the end of the
+     * cameras' names. */
     readonly head: Uint8Array;
 
     /** Decodes a segment, unless it is already decoded. */

@@ -8,11 +8,15 @@
 //     const picture = await file.draw(file.rig[0], 0);
 //     picture.rgba, picture.width, picture.height, file.crc()
 //
-// Runs wherever WebAssembly does: page, worker or Node. One SagaFile draws one
-// picture at a time; saga.d.ts has the types.
+// Runs wherever WebAssembly does: page, worker or Node. Calls of one SagaFile
+// wait for each other; saga.d.ts has the types.
 
 import { GAUSSIAN_INTS, planesOf } from './gaussians.js';
-import { readOptional } from './optional.js';
+import { entriesOf, nameCameras, readOptional } from './optional.js';
+import { BlobSource, BytesSource, HttpSource, SagaError, joined }
+    from './source.js';
+
+export { BlobSource, BytesSource, HttpSource, SagaError };
 
 // Indices of the fields of saga_web.c's structures, in 32-bit integers.
 const INFO = {
@@ -26,6 +30,8 @@ const WIDTH = 17, BACKGROUND = 19; // indices in a camera's values
 const CAMERA_LENGTH = 22; // number of a camera's values; the camera's number
                           // follows them
 
+const ARG = -1;
+const DATA = -10;
 const TRUNCATED = -11;
 const STOPPED = -21;
 const SECONDS = 30; // default time limit for decoding
@@ -33,171 +39,6 @@ const SOUND_RATE = 48000; // units of a sound's start in a second
 const FIRST_NBYTES = 4096; // bytes that hold the header and the rig of most
                            // files
 const KEPT_SEGMENTS = 64;  // number of coded segments that are kept
-
-// An error whose message is a sentence for the user, with a remedy.
-export class SagaError extends Error {
-    constructor(message, status = 0) {
-        super(message);
-        this.name = 'SagaError';
-        this.status = status;
-    }
-}
-
-// --- Sources of bytes ------------------------------------------------------
-//
-// A source has a name; read(offset, nbytes), which returns fewer bytes only at
-// the end of the file; size (NaN until it is known); and fetched, the number of
-// bytes that have come.
-
-export class BytesSource {
-    constructor(bytes, name = 'the file') {
-        this.bytes = bytes;
-        this.name = name;
-        this.size = bytes.length;
-        this.fetched = bytes.length;
-    }
-
-    async read(offset, nbytes) {
-        return this.bytes.subarray(offset, offset + nbytes);
-    }
-}
-
-// A source that reads a File or Blob.
-export class BlobSource {
-    constructor(blob) {
-        this.blob = blob;
-        this.name = blob.name || 'the file';
-        this.size = blob.size;
-        this.fetched = 0;
-    }
-
-    async read(offset, nbytes) {
-        const part = this.blob.slice(offset, offset + nbytes);
-
-        this.fetched += part.size;
-        return new Uint8Array(await part.arrayBuffer());
-    }
-}
-
-// A source that reads a URL. If the server does not support ranges, the whole
-// file is fetched once.
-export class HttpSource {
-    constructor(url) {
-        this.url = url;
-        this.name = decodeURIComponent(String(url).replace(/[?#].*/, '')
-            .replace(/.*\//, '')) || String(url);
-        this.size = NaN;
-        this.fetched = 0;
-        this.whole = null;
-        this.onProgress = () => {}; // called with { offset, got, nbytes }
-    }
-
-    async read(offset, nbytes) {
-        if (!this.whole) {
-            const part = await this.readPart(offset, nbytes);
-
-            if (part)
-                return part;
-        }
-        return this.whole.subarray(offset, offset + nbytes);
-    }
-
-    // Returns a part of the file, or null if the server has sent the whole
-    // file.
-    async readPart(offset, nbytes) {
-        const response = await this.request(offset, nbytes);
-
-        if (response.status === 416)
-            return new Uint8Array(0);
-        const bytes = await this.bodyOf(response, offset);
-
-        if (response.status === 206) {
-            const range = response.headers.get('Content-Range') || '';
-
-            this.size = Number(range.replace(/.*\//, '')) || NaN;
-            return bytes;
-        }
-        this.whole = bytes;
-        this.size = bytes.length;
-        return null;
-    }
-
-    async request(offset, nbytes) {
-        const headers = { Range: `bytes=${offset}-${offset + nbytes - 1}` };
-        let response;
-
-        try {
-            response = await fetch(this.url, { headers });
-        } catch (error) {
-            throw new SagaError(`${this.name}: ` + (await this.isForbidden()
-                ? 'its server does not allow this page to read it; let it ' +
-                    'send Access-Control-Allow-Origin (CORS), or put the ' +
-                    'file beside the page'
-                : `cannot be fetched (${error.message}); check the address ` +
-                    'and the network'));
-        }
-        if (!response.ok && response.status !== 416)
-            throw new SagaError(`${this.name}: the server answers ` +
-                `${response.status}; check the address`, response.status);
-        return response;
-    }
-
-    // Returns whether a server answers but does not allow this page to read the
-    // answer. A failed fetch has no reason, but a fetch in the mode no-cors
-    // succeeds if a server answers.
-    async isForbidden() {
-        const here = globalThis.location?.origin;
-
-        if (!here || new URL(this.url, location.href).origin === here)
-            return false;
-        return fetch(this.url, { method: 'HEAD', mode: 'no-cors' })
-            .then(() => true, () => false);
-    }
-
-    async bodyOf(response, offset) {
-        const nbytes = Number(response.headers.get('Content-Length')) || NaN;
-        const parts = [];
-        let got = 0;
-
-        try {
-            for await (const part of chunksOf(response.body)) {
-                parts.push(part);
-                got += part.length;
-                this.fetched += part.length;
-                this.onProgress({ offset, got, nbytes });
-            }
-            return joined(parts, got);
-        } catch (error) {
-            throw new SagaError(`${this.name}: the transfer was interrupted ` +
-                `(${error.message}); try again`);
-        }
-    }
-}
-
-// Iterates over the pieces of a stream, which not every browser can do by
-// itself.
-async function *chunksOf(stream) {
-    const reader = stream.getReader();
-
-    for (;;) {
-        const { done, value } = await reader.read();
-
-        if (done)
-            return;
-        yield value;
-    }
-}
-
-function joined(parts, nbytes) {
-    const all = new Uint8Array(nbytes);
-    let at = 0;
-
-    for (const part of parts) {
-        all.set(part, at);
-        at += part.length;
-    }
-    return all;
-}
 
 // --- The module ------------------------------------------------------------
 
@@ -263,7 +104,9 @@ export class SagaFile {
         this.seconds = seconds;
         this.clock = clock;        // the deadline, which the decoder asks for
         this.segment = -1;         // number of the decoded segment
-        this.head = null;          // the bytes of the file's head
+        this.head = null;          // the start of the file, to the end of the
+                                   // cameras' names
+        this.last = Promise.resolve(); // the last call that decodes or draws
         this.coded = new Map();    // number -> promise of a segment's bytes
         this.here = new Set();     // numbers of the segments that have come
         this.times = { segment: 0, view: 0, draw: 0 }; // ms, of the last calls
@@ -308,25 +151,44 @@ export class SagaFile {
     // Reads the start of the file, then the rest of the head, whose length is
     // in the header.
     async readHead() {
-        let bytes = await this.source.read(0, FIRST_NBYTES);
-        let status = this.probe(bytes);
+        let bytes = await this.read(0, FIRST_NBYTES);
+        let status = this.probe(bytes), n = 0;
 
-        while (status === TRUNCATED && bytes.length < this.source.size) {
-            bytes = await this.readOn(bytes, 2 * bytes.length);
+        while (status === TRUNCATED && bytes.length > n) {
+            n = bytes.length;
+            bytes = await this.readOn(bytes, 2 * n);
             status = this.probe(bytes);
         }
-        this.check(status, 'is not a .saga file that can be shown');
+        if (status)
+            await this.refuse(bytes, status);
         this.tellInfo();
         bytes = await this.readOn(bytes, this.info.headNbytes);
-        this.write(this.wasm.saga_web_head(bytes.length), bytes);
         this.head = bytes;
-        this.check(this.wasm.saga_web_probe(), 'its header is refused');
+        this.soundEnd = await readOptional(this, bytes);
+        this.check(this.probe(this.head), 'its header is refused');
         this.startClock();
         this.check(this.wasm.saga_web_open(), 'its networks are refused');
         this.rig = Array.from({ length: this.info.nCameras },
             (_, i) => this.readCamera(i));
         this.segments = this.listSegments();
-        this.soundEnd = await readOptional(this, bytes);
+        // Damaged names are no reason to refuse the film.
+        this.nameStatus = this.wasm.saga_web_find_names();
+        if (this.nameStatus === 0)
+            nameCameras(this);
+    }
+
+    // Throws the reason why the start of a file is none of a .saga file.
+    async refuse(bytes, status) {
+        const text = String.fromCharCode(...bytes.subarray(0, 64));
+
+        if (status === DATA && /^\s*<(!doctype|html|\?xml)/i.test(text))
+            throw new SagaError(`${this.source.name}: is a page of the web ` +
+                'and no .saga file; check the address', status);
+        if (status === DATA && await this.source.isOther?.(bytes)
+            .catch(() => false))
+            throw this.source.fault('sends other bytes where a part of the ' +
+                'file is asked for than in the whole file');
+        this.check(status, 'is not a .saga file that can be shown');
     }
 
     probe(bytes) {
@@ -334,12 +196,27 @@ export class SagaFile {
         return this.wasm.saga_web_probe();
     }
 
+    // Reads from the source, which may be anybody's.
+    async read(offset, nbytes) {
+        const { name } = this.source;
+        let bytes;
+
+        try {
+            bytes = await this.source.read(offset, nbytes);
+        } catch (error) {
+            throw error instanceof SagaError ? error
+                : new SagaError(`${name}: cannot be read (${error.message})`);
+        }
+        if (!(bytes instanceof Uint8Array))
+            throw new SagaError(`${name}: its source returns no Uint8Array`);
+        return bytes.subarray(0, nbytes);
+    }
+
     // Returns the first nbytes of the file, of which `bytes` have come already.
     async readOn(bytes, nbytes) {
         if (nbytes <= bytes.length)
             return bytes;
-        const more = await this.source.read(bytes.length,
-            nbytes - bytes.length);
+        const more = await this.read(bytes.length, nbytes - bytes.length);
 
         return joined([bytes, more], bytes.length + more.length);
     }
@@ -368,21 +245,33 @@ export class SagaFile {
             values: told.slice(0, CAMERA_LENGTH) };
     }
 
-    // Lists the byte range and the frames of every segment.
+    // Lists the byte range and the frames of every segment. Finding the last
+    // frame checks all entries of the index up to it.
     listSegments() {
+        const { nFrames } = this.info;
         const list = [];
+        let firstFrame = 0;
 
-        for (let frame = 0; frame < this.info.nFrames;
-            frame += list[list.length - 1].nFrames)
-            list.push(this.find(frame, 1));
+        this.find(nFrames - 1, 1);
+        for (const entry of entriesOf(this.head, this.info)) {
+            list.push({ number: list.length, firstFrame, ...entry, t: 0 });
+            firstFrame += entry.nFrames;
+            if (firstFrame >= nFrames)
+                break;
+        }
         return list;
     }
 
     find(num, den) {
+        // Others would be rounded on their way into WebAssembly.
+        if (![num, den].every((x) => Number.isInteger(x) && x >= 0 &&
+            x < 2 ** 32))
+            this.check(ARG, 'has no such time');
         this.check(this.wasm.saga_web_find(num, den), 'has no such time');
         const told = this.ints(this.wasm.saga_web_segment(), 7);
 
-        return { number: told[0], firstFrame: told[1], nFrames: told[2],
+        return { number: told[0], firstFrame: told[1] >>> 0,
+            nFrames: told[2] >>> 0,
             offset: (told[3] >>> 0) + 2 ** 32 * (told[4] >>> 0),
             nbytes: told[5] >>> 0, t: told[6] };
     }
@@ -421,7 +310,7 @@ export class SagaFile {
         let bytes = this.coded.get(number);
 
         if (!bytes) {
-            bytes = this.source.read(offset, nbytes);
+            bytes = this.read(offset, nbytes);
             bytes.then(() => this.here.add(number),
                 () => this.forget(number));
         }
@@ -438,7 +327,11 @@ export class SagaFile {
         this.here.delete(number);
     }
 
-    async decode(number) {
+    decode(number) {
+        return this.inTurn(() => this.decodeNow(number));
+    }
+
+    async decodeNow(number) {
         if (this.segment === number)
             return;
         const bytes = await this.fetchSegment(number);
@@ -484,7 +377,11 @@ export class SagaFile {
     // Draws the picture at the time num / den in frames; both are integers.
     // rgba, and rgb without alpha, as saga-dec writes it, are views of the
     // decoder's memory and valid until the next call.
-    async draw(camera, num, den = 1) {
+    draw(camera, num, den = 1) {
+        return this.inTurn(() => this.drawNow(camera, num, den));
+    }
+
+    async drawNow(camera, num, den) {
         await this.view(camera, num, den);
         const start = performance.now();
 
@@ -493,12 +390,23 @@ export class SagaFile {
         return this.picture();
     }
 
+    // Calls a function when the calls before it have ended, so that none finds
+    // the segment of another.
+    inTurn(call) {
+        const turn = this.last.then(call);
+
+        this.last = turn.catch(() => {});
+        return turn;
+    }
+
     // Decodes the segment of a time, sets the camera, and returns the time in
     // the decoder's unit, 1/65536 of the segment.
     async look(camera, num, den) {
         const { number, t } = this.find(num, den);
 
-        await this.decode(number);
+        if (camera?.values?.length !== CAMERA_LENGTH)
+            throw new SagaError(`a camera has ${CAMERA_LENGTH} values`, ARG);
+        await this.decodeNow(number);
         this.ints(this.wasm.saga_web_camera(), CAMERA_LENGTH)
             .set(camera.values);
         return t;
@@ -508,7 +416,8 @@ export class SagaFile {
         const t = await this.look(camera, num, den);
         const start = performance.now();
 
-        this.check(this.wasm.saga_web_view(t), 'cannot be drawn from this camera');
+        this.check(this.wasm.saga_web_view(t),
+            'cannot be drawn from this camera');
         this.times.view = performance.now() - start;
     }
 
@@ -516,7 +425,11 @@ export class SagaFile {
     // (gpu.js). bytes is an array of saga_splat of saga.h, nearest first,
     // without boxes and computed in floats: a view of the decoder's memory that
     // is valid until the next call.
-    async splats(camera, num, den = 1) {
+    splats(camera, num, den = 1) {
+        return this.inTurn(() => this.splatsNow(camera, num, den));
+    }
+
+    async splatsNow(camera, num, den) {
         const t = await this.look(camera, num, den);
         const start = performance.now();
         const { values } = camera;
@@ -539,7 +452,11 @@ export class SagaFile {
     // camera sees, for an engine that sorts and projects them itself. Invisible
     // ones have an opacity of nearly 0 and keep their places. bytes come from
     // planesOf.
-    async gaussians(camera, num, den = 1) {
+    gaussians(camera, num, den = 1) {
+        return this.inTurn(() => this.gaussiansNow(camera, num, den));
+    }
+
+    async gaussiansNow(camera, num, den) {
         const t = await this.look(camera, num, den);
         const start = performance.now();
         const at = this.wasm.saga_web_gaussians(t);
@@ -580,6 +497,9 @@ function sourceOf(source) {
         return new BlobSource(source);
     if (typeof source === 'string' || source instanceof URL)
         return new HttpSource(source);
+    if (typeof source?.read !== 'function')
+        throw new SagaError('a file is opened from a URL, a File, a Blob, a ' +
+            'Uint8Array or an object with read()');
     return source;
 }
 

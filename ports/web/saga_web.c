@@ -91,6 +91,10 @@ EXPORT(saga_web_open) int32_t saga_web_open(void);
 EXPORT(saga_web_camera) web_camera *saga_web_camera(void);
 EXPORT(saga_web_rig) int32_t saga_web_rig(uint32_t index);
 
+/* Returns the status of reading the cameras' names, which must be in the head's
+ * memory. If it is SAGA_OK, all names are right. */
+EXPORT(saga_web_find_names) int32_t saga_web_find_names(void);
+
 /* Calls saga_find_sound; saga_web_sound returns the result. The head's memory
  * must hold the file up to 4 bytes after the end of its sound. The file need
  * not be open. */
@@ -289,6 +293,13 @@ int32_t saga_web_rig(uint32_t index)
     to->height = c.height;
     to->number = (int32_t)number;
     return SAGA_OK;
+}
+
+int32_t saga_web_find_names(void)
+{
+    saga_naming naming;
+
+    return saga_name_camera(&naming, web.head, web.head_nbytes, 0);
 }
 
 /* --- Sound --------------------------------------------------------------- */
