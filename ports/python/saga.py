@@ -12,17 +12,22 @@ machine.
     saga.encode("capture", "scene.saga", primitives=8000)
 
 SAGA_LIBRARY names another library, SAGA another program. Arrays need numpy;
-film.pixels() gives bytes without it. A film may be used by one thread at a
-time.
+film.pixels() gives bytes without it. Threads may share a film: its calls wait
+for each other. What is refused because of its value raises Error, what has the
+wrong type TypeError.
 """
 import builtins
 import ctypes
 import ctypes.util
+import functools
 import json
 import math
+import numbers
+import operator
 import os
 import subprocess
 import tempfile
+import threading
 import time
 from collections import namedtuple
 from fractions import Fraction
@@ -32,7 +37,7 @@ __all__ = ["Camera", "Error", "Film", "encode", "open"]
 _I32, _U32, _U16, _I16 = (ctypes.c_int32, ctypes.c_uint32, ctypes.c_uint16,
                           ctypes.c_int16)
 _SIZE, _PTR = ctypes.c_size_t, ctypes.c_void_p
-_OK, _AGAIN, _STOPPED = 0, 1, -21
+_OK, _AGAIN, _ARG, _TRUNCATED, _STOPPED = 0, 1, -1, -11, -21
 _ALIGN = 16                  # SAGA_WORK_ALIGN
 _TILE, _LIST = 16, 1 << 14
 _LARGEST = 1 << 30           # largest work block, that of level 3
@@ -46,7 +51,9 @@ class Error(Exception):
         self.status = status
         if status is not None and tell:
             what += ": " + _lib().saga_status_text(status).decode()
-        super().__init__(what)
+        # Names from files must not reach a terminal as they are.
+        super().__init__("".join(
+            c if c.isprintable() else ascii(c)[1:-1] for c in what))
 
 
 # --- saga.h -----------------------------------------------------------------
@@ -56,13 +63,36 @@ class _Struct(ctypes.Structure):
     compares them."""
 
 
+def _ints(kind, n):
+    """Returns the type of an array that refuses what it cannot hold."""
+    class Ints(kind * n):
+        def __setitem__(self, at, value):
+            super().__setitem__(at, value)
+            if self[at] != (list(value) if isinstance(at, slice) else value):
+                raise OverflowError(f"an element cannot be {value}")
+    return Ints
+
+
 class Camera(_Struct):
     """saga_camera: a pinhole camera in the file's integers. film.camera()
-    returns cameras of the rig; copy one and change its fields."""
-    _fields_ = [("rotation_q30", _I32 * 9), ("centre", _I32 * 3),
-                ("focal_q16", _I32 * 2), ("principal_q16", _I32 * 2),
+    returns cameras of the rig; copy one and change its fields. Values that a
+    field cannot hold are refused; ctypes alone would cut them off."""
+    _fields_ = [("rotation_q30", _ints(_I32, 9)), ("centre", _ints(_I32, 3)),
+                ("focal_q16", _ints(_I32, 2)),
+                ("principal_q16", _ints(_I32, 2)),
                 ("near_plane", _I32), ("width", _U16), ("height", _U16),
-                ("background_q15", _U16 * 3)]
+                ("background_q15", _ints(_U16, 3))]
+
+    def __setattr__(self, name, value):
+        if name not in (field[0] for field in self._fields_):
+            raise AttributeError(f"a camera has no {name}")
+        field = getattr(self, name)
+        if isinstance(field, ctypes.Array):
+            field[:] = value
+            return
+        super().__setattr__(name, value)
+        if getattr(self, name) != value:
+            raise OverflowError(f"{name} cannot be {value}")
 
     def copy(self):
         return Camera.from_buffer_copy(self)
@@ -184,29 +214,73 @@ Info = namedtuple("Info", "name nbytes version level n_frames n_segments fps "
                   "metres_per_unit centre_metres")
 
 
+def _in_turn(method):
+    """A method of a film that waits for the film's other calls, and that a
+    closed film refuses."""
+    @functools.wraps(method)
+    def call(self, *arguments, **options):
+        with self._lock:
+            if self._dec is None:
+                raise Error(f"{self.info.name}: the film is closed")
+            return method(self, *arguments, **options)
+    return call
+
+
+def _ratio(frame):
+    """Returns a time in frames as a Fraction, or None if it is no time of any
+    film."""
+    try:
+        time = Fraction(operator.index(frame))
+    except TypeError:
+        if not hasattr(frame, "as_integer_ratio"):
+            raise TypeError(f"frame is a number, not {frame!r}") from None
+        try:
+            time = Fraction(*frame.as_integer_ratio())
+        except (OverflowError, ValueError):  # infinite, or not a number
+            return None
+    if not 0 <= time < 1 << 32:
+        return None
+    # The decoder takes a numerator of 32 bits.
+    most = (1 << 32) // (math.floor(time) + 1)
+    time = time.limit_denominator(max(1, min(most, 65536)))
+    return time if time < 1 << 32 else None
+
+
 class Film:
     """An open file. film.info has its properties. Segments are decoded when
-    they are needed."""
+    they are needed. `with saga.open(file) as film` closes it at the end, which
+    gives its memory back; else that happens when it is no longer used."""
 
     def __init__(self, name, data, seconds=None):
-        self._data = data
+        if seconds is not None and (not isinstance(seconds, numbers.Real) or
+                                    math.isnan(seconds)):
+            raise TypeError(f"seconds is a number or None, not {seconds!r}")
+        self._lock = threading.RLock()
+        self._dec = None
+        if not isinstance(data, bytes):
+            data = memoryview(data).tobytes()
+        self._data = data            # its bytes never move
         self._seconds = seconds
+        # The decoder asks whether the time is over; this function must not
+        # keep the film alive.
+        deadline = self._deadline = [math.inf]
         self._watch = None if seconds is None else _Watch(
-            _STOP(lambda _: time.monotonic() > self._deadline))
-        self._bytes = ctypes.create_string_buffer(data, len(data) or 1)
+            _STOP(lambda _: time.monotonic() > deadline[0]))
         self._header = _Info()
-        _check(_lib().saga_probe(ctypes.byref(self._header), self._bytes,
+        _check(_lib().saga_probe(ctypes.byref(self._header), data,
                                  len(data)), name)
         h = self._header
         # The level in the header limits the size of the work block, to at most
         # 1 GiB.
         if h.work_nbytes > _LARGEST or h.head_nbytes > len(data):
-            raise Error(name + ": the file is cut short")
+            raise Error(name + ": the file is cut short", _TRUNCATED,
+                        tell=False)
         self._work = ctypes.create_string_buffer(h.work_nbytes + _ALIGN)
         at = ctypes.addressof(self._work)
-        self._dec = _PTR()
-        self._decode(name, _lib().saga_open, ctypes.byref(self._dec),
-                     at + -at % _ALIGN, h.work_nbytes, self._bytes, len(data))
+        dec = _PTR()
+        self._decode(name, _lib().saga_open, ctypes.byref(dec),
+                     at + -at % _ALIGN, h.work_nbytes, data, len(data))
+        self._dec = dec
         self._segment = None
         self.info = Info(
             name, len(data), h.version, h.level, h.n_frames, h.n_segments,
@@ -216,10 +290,25 @@ class Film:
             tuple(math.ldexp(m, h.centre_exponent)
                   for m in h.centre_mantissa))
 
+    def close(self):
+        """Gives the film's memory back. Further calls are refused."""
+        with self._lock:
+            self._dec = self._work = self._data = None
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+    def __reduce__(self):
+        # Two films would share a decoder and not know each other's segment.
+        raise TypeError("a Film cannot be copied; open the file again")
+
     def _decode(self, what, function, *arguments):
         """Calls a function of the decoder with the film's time limit."""
         if self._watch:
-            self._deadline = time.monotonic() + self._seconds
+            self._deadline[0] = time.monotonic() + self._seconds
         status = function(*arguments, self._watch and
                           ctypes.byref(self._watch))
         if status == _STOPPED:
@@ -230,23 +319,26 @@ class Film:
 
     def _naming(self, index):
         naming = _Naming()
-        _lib().saga_name_camera(ctypes.byref(naming), self._bytes,
+        _lib().saga_name_camera(ctypes.byref(naming), self._data,
                                 len(self._data), index)
         return naming
 
     @property
+    @_in_turn
     def names(self):
         """Names of the cameras of the rig; empty if the file has none."""
         return [self._naming(i).name.decode(errors="replace")
                 for i in range(self.info.n_cameras)]
 
     @property
+    @_in_turn
     def metres(self):
         """Length of the capture's unit in metres, or 0 if the file does not
         state it."""
         naming = self._naming(0)
         return math.ldexp(naming.metre_mantissa, naming.metre_exponent)
 
+    @_in_turn
     def camera(self, index):
         """Returns a copy of camera `index` of the rig; index may be its
         name."""
@@ -255,24 +347,25 @@ class Film:
                 raise Error(f"{self.info.name}: no camera {index!r} among "
                             f"{self.names}")
             index = self.names.index(index)
+        index = operator.index(index)
         camera, number = Camera(), _U32()
         if not 0 <= index < self.info.n_cameras:
             raise Error(f"{self.info.name}: no camera {index}; it has "
-                        f"{self.info.n_cameras} cameras")
+                        f"{self.info.n_cameras} cameras", _ARG, tell=False)
         _check(_lib().saga_rig(ctypes.byref(camera), ctypes.byref(number),
-                               self._bytes, len(self._data), index),
+                               self._data, len(self._data), index),
                self.info.name)
         return camera
 
     def _seek(self, frame):
         """Decodes the segment that holds a time in frames, which may be a
         Fraction. Returns the time within the segment."""
-        time = Fraction(frame).limit_denominator(65536)
-        if not 0 <= time < 1 << 32:
+        time = _ratio(frame)
+        if time is None:
             raise Error(f"{self.info.name}: no frame {frame}; it has "
                         f"{self.info.n_frames} frames")
         s = _Segment()
-        _check(_lib().saga_find(ctypes.byref(s), self._bytes, len(self._data),
+        _check(_lib().saga_find(ctypes.byref(s), self._data, len(self._data),
                                 time.numerator, time.denominator),
                f"{self.info.name}: frame {frame}")
         if s.number != self._segment:
@@ -280,14 +373,16 @@ class Film:
             # A file that ends early may still have complete layers.
             nbytes = min(s.nbytes, len(self._data) - s.offset)
             if nbytes < s.nbytes and (self.info.n_layers == 1 or nbytes < 0):
-                raise Error(self.info.name + ": the file is cut short")
-            at = ctypes.addressof(self._bytes) + s.offset
+                raise Error(self.info.name + ": the file is cut short",
+                            _TRUNCATED, tell=False)
+            at = ctypes.cast(self._data, _PTR).value + s.offset
             self._decode(f"{self.info.name}: segment {s.number}",
                          _lib().saga_decode, self._dec, ctypes.byref(s), at,
                          nbytes)
             self._segment = s.number
         return s.t
 
+    @_in_turn
     def layers(self, frame=0):
         """Returns the number of complete layers in the segment of a time. This
         is info.n_layers, or fewer if the file ends early."""
@@ -297,6 +392,7 @@ class Film:
                self.info.name)
         return report.n_layers
 
+    @_in_turn
     def pixels(self, camera=0, frame=0):
         """Returns a picture as bytes: rows from the top, R, G, B with 8 bits.
         camera is an index or a name of the rig, or a Camera; frame is a
@@ -330,6 +426,7 @@ class Film:
         return numpy.frombuffer(self.pixels(c, frame), numpy.uint8).reshape(
             c.height, c.width, 3)
 
+    @_in_turn
     def primitives(self, frame=0):
         """Returns all primitives at a time as numpy arrays: "mean" (n, 3) in
         metres, "quat" (n, 4) w, x, y, z with length 1, "scale" (n, 3)
@@ -361,14 +458,16 @@ def open(file, seconds=None):  # noqa: A001 (that is what it does)
     None means no limit except that of the file's level; files of level 2 take
     at most a few seconds."""
     if isinstance(file, (bytes, bytearray, memoryview)):
-        return Film("bytes", bytes(file), seconds)
-    with builtins.open(file, "rb") as f:
-        return Film(os.fspath(file), f.read(), seconds)
+        return Film("bytes", file, seconds)
+    name = os.fspath(file)
+    with builtins.open(name, "rb") as f:
+        return Film(name, f.read(), seconds)
 
 
 def crc32c(data):
     """Returns the CRC-32C of data, with which pictures are compared."""
-    return _lib().saga_crc32c(0, bytes(data), len(data))
+    data = memoryview(data).tobytes()
+    return _lib().saga_crc32c(0, data, len(data))
 
 
 def encode(capture, output, **options):
