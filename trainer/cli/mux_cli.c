@@ -3,10 +3,10 @@
  * saga mux adds sound to a file, replaces it or removes it. Nothing is decoded.
  */
 #include "alloc.h"
-#include "child.h"
 #include "cli.h"
 #include "commands.h"
 #include "error.h"
+#include "ffmpeg.h"
 #include "file.h"
 #include "film_sound.h"
 #include "ogg_opus.h"
@@ -46,26 +46,30 @@ static bool read_child(saga_bytes *to, saga_child *child, saga_error *error)
 /* Lets ffmpeg encode the sound of a file, which may be a video. */
 static bool code_sound(saga_bytes *to, const char *path, saga_error *error)
 {
-    char *const name = saga_child_path(path, error);
-    const char *const argv[] = {
-        "ffmpeg", "-v", "error", "-i", name, "-vn", "-map", "0:a:0", "-c:a",
-        "libopus", "-map_metadata", "-1", "-fflags", "+bitexact", "-f", "ogg",
-        "-", NULL
+    static const char *const words[] = {
+        "-vn", "-map", "0:a:0", "-c:a", "libopus", "-map_metadata", "-1",
+        "-fflags", "+bitexact", "-f", "ogg", "-", NULL
     };
+    const saga_ffmpeg job = { "ffmpeg", { { .path = path } }, words, NULL };
     saga_child child;
     bool ok;
 
-    ok = name && saga_child_start(&child, argv, error);
-    free(name);
-    if (!ok)
+    if (!saga_ffmpeg_start(&child, &job, error))
         return false;
     /* The output is read to its end before the status is known. */
     ok = read_child(to, &child, error);
-    if (saga_child_end(&child, !ok) == 0 && ok)
+    if (saga_child_end(&child, !ok) == 0 && ok) {
+        /* ffmpeg goes on after damage. The user decides whether that matters:
+         * many sound files end with tags that it complains of. */
+        if (child.tail[0])
+            saga_cli_error(0, "mux: %s: ffmpeg read it with errors (%s); "
+                           "listen to the result", path, child.tail);
         return true;
+    }
     saga_bytes_free(to);
-    return saga_fail(error, path, "give a file with sound that ffmpeg reads",
-                     "ffmpeg finds no sound: %s", child.tail);
+    return saga_ffmpeg_refuse(&child, path,
+                              "give a file with sound that ffmpeg reads",
+                              "ffmpeg finds no sound", error);
 }
 
 /* Reads an Ogg stream of Opus unchanged; ffmpeg encodes any other sound. */

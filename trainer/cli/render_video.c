@@ -1,30 +1,14 @@
 /* SPDX-License-Identifier: MIT */
 #include "render_video.h"
 
+#include "ffmpeg.h"
 #include "ogg_opus.h"
 
-#include <inttypes.h>
 #include <stdio.h>
 
-enum { MOST_ARGUMENTS = 64 };
-
-/* A list of arguments under construction, which ends with NULL. */
+/* Words for ffmpeg that are formatted from a plan. */
 typedef struct {
-    const char *argv[MOST_ARGUMENTS];
-    int n;
-} arguments;
-
-static void add(arguments *a, const char *const *more)
-{
-    while (*more && a->n < MOST_ARGUMENTS - 1)
-        a->argv[a->n++] = *more++;
-    a->argv[a->n] = NULL;
-}
-
-/* Arguments for ffmpeg that are formatted from a plan. */
-typedef struct {
-    char size[32], rate[32], seconds[32], shift[64], name[FILENAME_MAX],
-         sound[FILENAME_MAX + 96];
+    char size[32], rate[32], seconds[32], shift[64], name[FILENAME_MAX];
 } words;
 
 /* Writes the filter that shifts the sound: it cuts its beginning off, or delays
@@ -39,8 +23,6 @@ static void write_shift(char *to, size_t n, double start)
 
 static void write_words(words *w, const saga_film_plan *plan, const char *out)
 {
-    const saga_film_sound *const sound = &plan->sound;
-
     (void)snprintf(w->size, sizeof w->size, "%dx%d", plan->width,
                    plan->height);
     (void)snprintf(w->rate, sizeof w->rate, "%.6f", plan->fps);
@@ -48,37 +30,41 @@ static void write_words(words *w, const saga_film_plan *plan, const char *out)
                    plan->n_pictures / plan->fps);
     /* "file:" keeps a name from being taken for an option or a URL. */
     (void)snprintf(w->name, sizeof w->name, "file:%s", out);
-    (void)snprintf(w->sound, sizeof w->sound,
-                   "subfile,,start,%" PRIu64 ",end,%" PRIu64 ",,:file:%s",
-                   sound->offset, sound->offset + sound->nbytes,
-                   sound->file ? sound->file : "");
-    write_shift(w->shift, sizeof w->shift, sound->start);
+    write_shift(w->shift, sizeof w->shift, plan->sound.start);
 }
 
 bool saga_film_writer_open(saga_film_writer *w, const char *path,
                            const saga_film_plan *plan, saga_error *error)
 {
+    const saga_film_sound *const sound = &plan->sound;
     words say;
     /* Chroma of half size needs even sides, so pictures are padded. */
     static const char even_bt709[] = "scale=out_color_matrix=bt709:"
                                      "out_range=tv,"
                                      "pad=ceil(iw/2)*2:ceil(ih/2)*2";
     const char *const pictures[] = {
-        "ffmpeg", "-v", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24",
-        "-s", say.size, "-r", say.rate, "-i", "-", NULL
+        "-pix_fmt", "rgb24", "-s", say.size, "-r", say.rate, NULL
     };
-    const char *const sound[] = {
-        "-f", "ogg", "-i", say.sound, "-af", say.shift, "-c:a", "aac", "-t",
-        say.seconds, NULL
-    };
+    /* With -xerror a write that fails is an error also where the file ends,
+     * behind which ffmpeg would otherwise report success. */
     const char *const film[] = {
-        "-vf", even_bt709,
+        "-y", "-xerror", "-vf", even_bt709,
         "-c:v", "libx264", "-crf", "16", "-preset", "medium", "-pix_fmt",
         "yuv420p", "-colorspace", "bt709", "-color_primaries", "bt709",
         "-color_trc", "bt709", "-color_range", "tv", "-movflags", "+faststart",
-        "-f", "mp4", say.name, NULL
+        "-f", "mp4", NULL
     };
-    arguments all = { .n = 0 };
+    const char *const silent[] = { say.name, NULL };
+    const char *const with_sound[] = {
+        "-af", say.shift, "-c:a", "aac", "-t", say.seconds, say.name, NULL
+    };
+    const saga_ffmpeg job = {
+        "ffmpeg",
+        { { .format = "rawvideo", .words = pictures },
+          { .path = sound->file, .format = "ogg", .offset = sound->offset,
+            .nbytes = sound->nbytes } },
+        film, sound->file ? with_sound : silent
+    };
 
     if (!saga_output_open(&w->out, path, error))
         return false;
@@ -86,20 +72,17 @@ bool saga_film_writer_open(saga_film_writer *w, const char *path,
                 w->out.temporary ? w->out.temporary : w->out.path);
     w->picture_nbytes = (size_t)3 * (size_t)plan->width *
                         (size_t)plan->height;
-    add(&all, pictures);
-    if (plan->sound.file)
-        add(&all, sound);
-    add(&all, film);
-    if (saga_child_start_fed(&w->ffmpeg, all.argv, error))
+    if (saga_ffmpeg_start(&w->ffmpeg, &job, error))
         return true;
     saga_output_close(&w->out, false, error);
     return false;
 }
 
-/* Waits for ffmpeg and reports its error if it failed. */
+/* Waits for ffmpeg and reports its error if it failed, or if it said anything:
+ * older ones end with status 0 after a write that failed. */
 static bool end(saga_film_writer *w, bool kill_it, saga_error *error)
 {
-    return saga_child_end(&w->ffmpeg, kill_it) == 0 ||
+    return (saga_child_end(&w->ffmpeg, kill_it) == 0 && !w->ffmpeg.tail[0]) ||
            saga_fail(error, w->out.path, "check the free space of the disk and "
                      "that ffmpeg has libx264", "ffmpeg failed: %s",
                      w->ffmpeg.tail);

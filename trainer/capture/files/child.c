@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "child.h"
 
-#include "alloc.h"
 #include "error.h"
 
 #include <errno.h>
@@ -17,15 +16,6 @@
 #include <unistd.h>
 
 extern char **environ;
-
-char *saga_child_path(const char *path, saga_error *error)
-{
-    const size_t n = strlen(path) + sizeof "file:";
-    char *const url = saga_alloc(n, 1, path, error);
-    if (url)
-        (void)snprintf(url, n, "file:%s", path);
-    return url;
-}
 
 static void close_fd(int *fd)
 {
@@ -184,15 +174,17 @@ size_t saga_child_read(saga_child *child, void *buffer, size_t n)
     return got;
 }
 
-/* Quotes the last line that is not empty, with control characters made
- * visible. */
+/* Quotes the end of the log, and of that the last line that is not empty, with
+ * control characters made visible. */
 static void quote_log(saga_child *child)
 {
-    char text[2048];
+    char *const text = child->said;
+    const off_t most = (off_t)sizeof child->said - 1;
     const off_t end = lseek(child->log, 0, SEEK_END);
-    const off_t from = end > (off_t)sizeof text ? end - (off_t)sizeof text : 0;
-    const ssize_t n = pread(child->log, text, sizeof text, from);
+    const ssize_t n = pread(child->log, text, (size_t)most,
+                            end > most ? end - most : 0);
     size_t stop = n > 0 ? (size_t)n : 0;
+    text[stop] = '\0';
     while (stop > 0 && (text[stop - 1] == '\n' || text[stop - 1] == '\r'))
         stop--;
     size_t start = stop;

@@ -23,7 +23,8 @@ typedef struct saga_child {
     int in, out;    /* file descriptors: its standard input, which we write, and
                      * its output, which we read; -1: none */
     int log;        /* file descriptor of its standard error; -1: none */
-    char tail[256]; /* last line of standard error, after saga_child_end */
+    char said[2048]; /* the end of its standard error, after saga_child_end */
+    char tail[256]; /* the last line of that, fit to be printed */
 } saga_child;
 
 /* Starts a program, which is looked up in PATH; argv ends with NULL. */
@@ -40,10 +41,5 @@ size_t saga_child_read(saga_child *child, void *buffer, size_t n);
 /* Closes the pipes and waits for the child, which is killed first if kill_it.
  * Returns its exit status, or -1 if a signal ended it. May be called twice. */
 int saga_child_end(saga_child *child, bool kill_it);
-
-/* Returns a path as ffmpeg takes it, "file:PATH", which the caller frees; or
- * NULL with *error set. Without the prefix, a path that begins with '-' or
- * looks like a protocol would not be taken as a path. */
-char *saga_child_path(const char *path, saga_error *error);
 
 #endif

@@ -9,6 +9,16 @@ bool saga_turn_swaps(int orientation)
     return orientation >= 5 && orientation <= 8;
 }
 
+const char *saga_turn_name(int orientation)
+{
+    static const char *const names[] = {
+        "mirrored", "by 180 degrees", "mirrored upside down",
+        "by 90 degrees anticlockwise and mirrored", "by 90 degrees clockwise",
+        "by 90 degrees clockwise and mirrored", "by 90 degrees anticlockwise"};
+    return orientation >= 2 && orientation <= 8 ? names[orientation - 2]
+                                                : "not at all";
+}
+
 static bool same_shape(double width, double height, double to_width,
                        double to_height)
 {

@@ -4,7 +4,9 @@
  * a display matrix. Some tools calibrate the stored pixels and others the
  * turned ones, so the calibration decides: if its pictures have the shape of
  * the stored one, the picture is used as it is stored; if only the turned one
- * has that shape, the picture is turned. What is done is said in one line.
+ * has that shape, the picture is turned. If both have it, or the calibration
+ * tells no shape, stills stay as they are stored and videos are turned, as most
+ * tools do with each. What is done is said in one line.
  *
  * An orientation is a number of EXIF: 3 is half a turn, 6 a quarter clockwise,
  * 8 one anticlockwise, and 2, 4, 5 and 7 are mirrored; 0 and 1 ask for nothing.
@@ -19,9 +21,12 @@
 /* Tells whether an orientation exchanges width and height. */
 bool saga_turn_swaps(int orientation);
 
-/* Tells whether a stored picture of width x height is to be turned for a
- * calibration with pictures of to_width x to_height. Shapes are equal if the
- * ratios of their sides differ by at most 1 %. */
+/* Says in words how an orientation turns. */
+const char *saga_turn_name(int orientation);
+
+/* Tells whether a picture of width x height is to be turned, or to be turned
+ * back, for a calibration with pictures of to_width x to_height. Shapes are
+ * equal if the ratios of their sides differ by at most 1 %. */
 bool saga_turn_wanted(int orientation, double width, double height,
                       double to_width, double to_height);
 

@@ -7,9 +7,11 @@
  * to the scaler explicitly, because ffmpeg would take untagged video as BT.601;
  * rounding is exact, and chroma is interpolated at full resolution. The
  * transfer function is not changed: the values are display-referred, as in a
- * PNG file.
+ * PNG file. Pixels with alpha lie over black, by the rule of picture.h.
  *
- * Frames: every coded frame is read once, whatever its time stamp.
+ * Frames: every frame that the file presents is read once, in the order of time
+ * stamps. Frames that an edit list hides do not count. Interlaced frames are
+ * deinterlaced at the moment of their first field.
  */
 #ifndef SAGA_VIDEO_H
 #define SAGA_VIDEO_H
@@ -18,23 +20,32 @@
 #include "child.h"
 
 typedef struct saga_video_info {
-    int width, height;   /* as displayed, after the file's rotation */
+    int width, height;   /* as stored */
+    int orientation;     /* how it asks to be shown (picture_turn.h), */
+    bool upright;        /* and whether it is read so; set by the caller */
     int n_frames;
-    double fps;          /* 0 if the file does not say */
+    double fps;          /* frames per second, not lowered by frames that were
+                          * dropped; 0 if unknown */
+    bool steady;         /* all frames lie on a grid of this rate; true if there
+                          * are no stamps */
+    double *stamps;      /* (n_frames) in seconds, ascending; NULL: unknown.
+                          * saga_video_info_free frees them */
+    bool own_clock;      /* stamps begin at an arbitrary number */
+    bool interlaced, alpha;
     bool untagged;       /* the file names no colour matrix */
     char matrix[16];     /* its name in ffmpeg's scaler */
     bool full_range;
-    const char *still;   /* as given to saga_video_probe */
+    char transfer[24], primaries[24]; /* ffprobe's names; may be empty */
+    char decoder[16];    /* ffmpeg's decoder; empty: its choice */
     const char *raw;     /* ffmpeg's name of the pixel format of a file without
                           * a header, a static string; NULL: the file has a
                           * header */
 } saga_video_info;
 
-/* Finds the properties of a file. `still` is NULL for a video; for a still
- * picture it is ffmpeg's name of the format, "webp_pipe" or "tiff_pipe", a
- * static string. */
+/* Finds the properties of a file. */
 bool saga_video_probe(saga_video_info *info, const char *path,
-                      const char *still, saga_error *error);
+                      saga_error *error);
+void saga_video_info_free(saga_video_info *info);
 
 typedef struct saga_video {
     saga_child child;
@@ -45,7 +56,8 @@ typedef struct saga_video {
                           * -fps_mode */
 } saga_video;
 
-/* Prepares to read the first n_wanted frames. */
+/* Prepares to read the first n_wanted frames. If info->upright, they are turned
+ * as the file asks, so that quarter turns exchange width and height. */
 bool saga_video_open(saga_video *video, const char *path,
                      const saga_video_info *info, int n_wanted,
                      saga_error *error);

@@ -429,7 +429,7 @@ static bool fill_in(calibration *c, const saga_capture_options *options)
     bool ok = kept_as && saga_listing_drop_empty(l, 0, 0, kept_as, c->error);
     for (int i = 0; ok && i < n; i++) {
         saga_source *const s = &l->sources[kept_as[i] < 0 ? 0 : kept_as[i]];
-        ok = kept_as[i] < 0 || (saga_probe_video(s, l, c->error) &&
+        ok = kept_as[i] < 0 || (saga_probe_video(s, c->error) &&
                                 fit_size(c, s, c->sizes[i]));
     }
     free(kept_as);

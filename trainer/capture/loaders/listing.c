@@ -31,15 +31,17 @@ static void source_free(saga_source *s, int n_frames)
     free(s->depths);
     free(s->masks);
     free(s->video);
+    free(s->frames);
+    saga_video_info_free(&s->info);
 }
 
 void saga_source_turn(saga_source *source, double width, double height)
 {
     const int w = source->width;
-    if (source->upright || !saga_turn_wanted(source->orientation, w,
-                                             source->height, width, height))
+    if (!saga_turn_wanted(source->orientation, w, source->height, width,
+                          height))
         return;
-    source->upright = true;
+    source->upright = !source->upright;
     source->width = source->height;
     source->height = w;
 }
@@ -47,8 +49,8 @@ void saga_source_turn(saga_source *source, double width, double height)
 void saga_listing_note_turns(saga_listing *listing)
 {
     static const char *const done[2] = {
-        "but are used as they are stored, which is how they were calibrated",
-        "and are turned, because they were calibrated so"};
+        "but are used as they are stored, as the calibration's pictures are",
+        "and are turned"};
     for (int upright = 0; upright < 2; upright++) {
         const saga_source *first = NULL;
         int n = 0;
@@ -61,8 +63,9 @@ void saga_listing_note_turns(saga_listing *listing)
         }
         if (n > 0)
             saga_note(listing->notes, "orientation: the files of %d cameras "
-                      "ask to be shown turned (%s: EXIF %d) %s", n,
-                      first->name, first->orientation, done[upright]);
+                      "ask to be shown turned (%s: %s, EXIF %d) %s", n,
+                      first->name, saga_turn_name(first->orientation),
+                      first->orientation, done[upright]);
     }
 }
 
@@ -348,85 +351,6 @@ bool saga_listing_probe_pictures(saga_listing *listing, saga_error *error)
     return true;
 }
 
-bool saga_probe_video(saga_source *source, saga_listing *listing,
-                      saga_error *error)
-{
-    if (!saga_video_probe(&source->info, source->video, NULL, error))
-        return false;
-    source->width = source->info.width;
-    source->height = source->info.height;
-    if (source->info.untagged && !strstr(listing->notes, "colour:"))
-        saga_note(listing->notes, "colour: video without a matrix tag (%s) is "
-                  "assumed to be BT.709", source->name);
-    return true;
-}
-
-/* Refuses videos that drift apart by more than half a frame within n frames,
- * because a neighbouring picture would then be nearer in time. After k frames
- * the drift is k (1 / slow - 1 / fast) in seconds, which is k (fast / slow - 1)
- * in frames of the fast video. Rates that differ by more than 0.2 % are a
- * mistake whatever the length; 30000/1001 and 30 differ by half of that. */
-static bool match_rates(const saga_listing *listing, int n, saga_error *error)
-{
-    const saga_source *slow = &listing->sources[0], *fast = slow;
-    for (int i = 1; i < listing->n_sources; i++) {
-        const saga_source *const s = &listing->sources[i];
-        slow = s->info.fps < slow->info.fps ? s : slow;
-        fast = s->info.fps > fast->info.fps ? s : fast;
-    }
-    const double rate = slow->info.fps, apart = fast->info.fps - rate;
-    return (apart <= 0.002 * rate && apart * (n - 1) <= 0.5 * rate) ||
-           saga_fail(error, fast->video, "give all cameras one frame rate",
-                     "has %.6g frames per second, %s has %.6g",
-                     fast->info.fps, slow->name, slow->info.fps);
-}
-
-bool saga_listing_match_videos(saga_listing *listing,
-                               const saga_capture_options *options,
-                               saga_error *error)
-{
-    const saga_source *shortest = &listing->sources[0];
-    const saga_source *longest = shortest;
-    for (int i = 1; i < listing->n_sources; i++) {
-        const saga_source *const s = &listing->sources[i];
-        if (s->info.n_frames < shortest->info.n_frames)
-            shortest = s;
-        if (s->info.n_frames > longest->info.n_frames)
-            longest = s;
-    }
-    listing->n_frames = shortest->info.n_frames;
-    const bool cut = options->end_frame > 0 &&
-                     options->end_frame < listing->n_frames;
-    if (!match_rates(listing, cut ? options->end_frame : listing->n_frames,
-                     error))
-        return false;
-    if (listing->fps == 0.0)
-        listing->fps = listing->sources[0].info.fps;
-    /* Lengths may differ if the wanted frames end before the shortest video
-     * does. */
-    if (longest->info.n_frames == listing->n_frames ||
-        (options->end_frame > 0 && options->end_frame <= listing->n_frames))
-        return true;
-    /* They may also differ if --late gives the frames that belong together, or
-     * if the caller accepts any length. */
-    if (options->late || options->any_length) {
-        saga_note(listing->notes, "lengths: %s has %d frames, %s has %d; "
-                  "frames after the end of the shortest are not used",
-                  shortest->name,
-                  shortest->info.n_frames, longest->name,
-                  longest->info.n_frames);
-        return true;
-    }
-    char remedy[160];
-    (void)snprintf(remedy, sizeof remedy, "if `saga check` finds that they "
-                   "start together, give --frames 0:%d, else give --late",
-                   listing->n_frames);
-    return saga_fail(error, shortest->video, remedy, "unequal frame counts: "
-                     "%s has %d frames, %s has %d", shortest->name,
-                     shortest->info.n_frames, longest->name,
-                     longest->info.n_frames);
-}
-
 /* ---------------------------------------------------------------- late ones */
 
 /* Reads one "NAME=FRAMES" at *text and moves *text past it. */
@@ -468,17 +392,23 @@ bool saga_listing_late(saga_listing *listing, const char *text,
                        saga_error *error)
 {
     saga_listing *const l = listing;
-    if (!text || !*text)
+    bool any = text && *text;
+    for (int i = 0; i < l->n_sources; i++)
+        any = any || l->sources[i].behind > 0.0;
+    if (!any)
         return true;
     double *const late =
         saga_calloc((size_t)l->n_sources, sizeof *late, l->path, error);
     double least = INFINITY;
     int most = 0;
     bool ok = late != NULL;
-    while (ok && *text)
+    while (ok && text && *text)
         ok = take_late(l, &text, late, error);
-    for (int i = 0; ok && i < l->n_sources; i++)
+    /* What the pictures show late adds to what time stamps say. */
+    for (int i = 0; ok && i < l->n_sources; i++) {
+        late[i] += l->sources[i].behind;
         least = fmin(least, late[i]);
+    }
     /* No camera may begin before the first picture of the latest one. The 1e-6
      * of a frame absorbs rounding. */
     for (int i = 0; ok && i < l->n_sources; i++) {
@@ -488,7 +418,12 @@ bool saga_listing_late(saga_listing *listing, const char *text,
         s->late = fmax(s->skip - behind, 0.0);
         most = s->skip > most ? s->skip : most;
     }
-    const int n = l->n_frames - most;
+    int n = l->n_frames - most;
+    for (int i = 0; ok && i < l->n_sources; i++) {
+        const saga_source *const s = &l->sources[i];
+        if (s->video && s->n_moments - s->skip < n)
+            n = s->n_moments - s->skip;
+    }
     if (ok && n < 1)
         ok = saga_fail(error, l->path, "give smaller numbers", "--late leaves "
                        "none of %d frames", l->n_frames);

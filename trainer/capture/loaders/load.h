@@ -8,6 +8,7 @@
 #define SAGA_LOAD_H
 
 #include "capture.h"
+#include "picture_turn.h"
 #include "remap.h"
 #include "video.h"
 
@@ -29,9 +30,15 @@ typedef struct saga_source {
                                * missing */
     char **depths;            /* (n_frames) paths or NULL; NULL: no depths */
     char **masks;             /* (n_frames) paths or NULL; NULL: no masks */
-    saga_video_info info;     /* properties of the video */
-    int skip;                 /* number of the video's frames before the first
-                               * that is used */
+    saga_video_info info;     /* properties of the video, owned */
+    int *frames;              /* (n_moments) the video's frame at each moment
+                               * since its first frame, -1: none; NULL: the
+                               * frame of that number */
+    int n_moments;
+    double behind;            /* frames by which it began before the last video
+                               * that began, by time stamps */
+    int skip;                 /* number of moments before the first that is
+                               * used */
     double late;              /* delay of the first frame that is used, in
                                * frames, 0 to 1 */
 } saga_source;
@@ -65,8 +72,8 @@ bool saga_listing_hold_out(saga_listing *listing, const char *names,
  * that they name end up in the result. */
 char *saga_listing_join(const saga_listing *listing, const char *folder,
                         const char *name, const char *file, saga_error *error);
-/* Shifts cameras that run late by the delays in the option --late, which leaves
- * fewer frames. */
+/* Shifts cameras that began early by their time stamps, or run late by the
+ * delays in the option --late, which leaves fewer frames. */
 bool saga_listing_late(saga_listing *listing, const char *text,
                        saga_error *error);
 /* Turns the pictures of a source, by the rule of picture_turn.h, for a
@@ -92,11 +99,13 @@ bool saga_listing_probe_pictures(saga_listing *listing, saga_error *error);
 bool saga_listing_names_differ(const saga_listing *listing);
 /* Names the sources view000, view001 ... if their names are not different. */
 void saga_listing_tell_apart(saga_listing *listing);
-/* Probes the video of a source, and checks or sets its size. */
-bool saga_probe_video(saga_source *source, saga_listing *listing,
-                      saga_error *error);
-/* Checks that the numbers of frames and the rates of all videos agree, and sets
- * n_frames and fps. */
+/* Probes the video of a source, and sets its size. */
+bool saga_probe_video(saga_source *source, saga_error *error);
+/* Returns the number of the video's frame at a moment of the capture, or -1 if
+ * the video has none. */
+int saga_source_frame(const saga_source *source, int moment);
+/* Pairs the frames of all videos by their time stamps, checks that their rates
+ * and lengths agree, notes what is unusual, and sets n_frames and fps. */
 bool saga_listing_match_videos(saga_listing *listing,
                                const saga_capture_options *options,
                                saga_error *error);

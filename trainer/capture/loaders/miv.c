@@ -204,7 +204,6 @@ static bool measure_texture(const miv_reader *r, miv_camera *c)
                          SAGA_MAX_FRAMES, frame);
     c->info.n_frames = (int)(n / frame);
     c->info.fps = r->fps;
-    c->info.untagged = true;
     (void)snprintf(c->info.matrix, sizeof c->info.matrix, "bt709");
     return true;
 }

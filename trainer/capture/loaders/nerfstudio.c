@@ -196,7 +196,7 @@ static bool fill_views(saga_transforms *r, int n)
             return false;
         if (r->videos)
             s->video = join(r, e->file);
-        if (r->videos && !(s->video && saga_probe_video(s, l, r->error)))
+        if (r->videos && !(s->video && saga_probe_video(s, r->error)))
             return false;
     }
     /* A view of a moving camera has only one moment; its other moments do not
@@ -263,6 +263,9 @@ static bool read_all(saga_transforms *r, const saga_capture_options *options)
         return false;
     if (r->videos && !saga_listing_match_videos(r->listing, options, r->error))
         return false;
+    if (r->videos && saga_transforms_n_timed(r) > 0)
+        saga_note(r->listing->notes, "time: \"time\" of a video is not read; "
+                  "its frames have time stamps");
     if (r->odd_depths)
         saga_note(r->listing->notes, "depth: only .exr files are read");
     return saga_listing_hold_out(r->listing, options->hold_out, r->error) &&

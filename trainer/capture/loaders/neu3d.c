@@ -69,7 +69,7 @@ static bool list_videos(saga_listing *listing, const char *folder,
         ok = add_video(listing, folder, names.at[i], error);
     saga_names_free(&names);
     for (int i = 0; ok && i < listing->n_sources; i++)
-        ok = saga_probe_video(&listing->sources[i], listing, error);
+        ok = saga_probe_video(&listing->sources[i], error);
     /* A single camera is needed for training, so that it is not held out. */
     if (listing->n_sources == 1)
         listing->sources[0].held_out = false;

@@ -65,8 +65,9 @@ static bool mark_missing(const saga_load_job *job, saga_shot *view,
                          const saga_source *s)
 {
     const int n = job->capture->n_frames;
-    for (int k = 0; !s->video && k < n; k++) {
-        if (s->pictures[job->capture->first_frame + k])
+    for (int k = 0; k < n; k++) {
+        const int at = job->capture->first_frame + k;
+        if (s->video ? saga_source_frame(s, at) >= 0 : s->pictures[at] != NULL)
             continue;
         if (!view->missing)
             view->missing = saga_calloc((size_t)n, sizeof *view->missing,

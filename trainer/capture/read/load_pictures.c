@@ -55,22 +55,40 @@ static uint8_t *frame_to_fill(const saga_load_job *job, int v, int k)
                            (size_t)(view->single ? 0 : k);
 }
 
+/* Returns the number of the video's frames up to the last that is used. */
+static int n_decoded(const saga_load_job *job, const saga_source *s)
+{
+    const int first = job->capture->first_frame;
+    for (int k = job->capture->n_frames; k-- > 0;)
+        if (saga_source_frame(s, first + k) >= 0)
+            return saga_source_frame(s, first + k) + 1;
+    return 0;
+}
+
 static bool read_video(saga_load_job *job, int v, const saga_remap *remap,
                        uint8_t *buffer, saga_error *error)
 {
     const saga_source *const s = &job->listing->sources[v];
-    const int first = s->skip + job->capture->first_frame;
-    const int end = first + job->capture->n_frames;
+    const int first = job->capture->first_frame, n = job->capture->n_frames;
+    const int end = n_decoded(job, s);
+    saga_video_info info = s->info;
     saga_video video;
-    if (!saga_video_open(&video, s->video, &s->info, end, error))
+    info.width = s->width;
+    info.height = s->height;
+    info.upright = s->upright;
+    if (end == 0)
+        return true;
+    if (!saga_video_open(&video, s->video, &info, end, error))
         return false;
     bool ok = true;
-    /* Videos are decoded from their start; frames before the first wanted one
-     * are dropped. */
-    for (int k = 0; ok && k < end; k++) {
+    /* Videos are decoded from their start; frames that belong to no wanted
+     * moment are dropped. */
+    for (int j = 0, k = 0; ok && j < end; j++) {
         ok = saga_video_next(&video, buffer, error);
-        if (ok && k >= first)
-            saga_remap_rgb(remap, buffer, frame_to_fill(job, v, k - first));
+        while (k < n && saga_source_frame(s, first + k) < j)
+            k++;
+        if (ok && k < n && saga_source_frame(s, first + k) == j)
+            saga_remap_rgb(remap, buffer, frame_to_fill(job, v, k));
         /* A cancelled load must not wait for the end of long videos. */
         if (item_skipped(job, v))
             ok = saga_fail(error, s->video, NULL, "stopped");
