@@ -164,6 +164,80 @@ TEST_IN_FOLDER(masks_should_count_in_the_forecast_of_memory)
     refused_with(f->path, &o, f->path, "--memory");
 }
 
+/* A mask may have any two values, of 8 or 16 bits, in grey or in a colour; the
+ * larger one counts, and so does a single value except 0. */
+TEST_IN_FOLDER(mask_of_any_two_values_should_work)
+{
+    static const struct { int bits, left, right, whole; } kinds[] = {
+        { 8, 0, 1, 0 }, { 8, 0, 2, 0 }, { 8, 0, 255, 0 }, { 8, 3, 4, 0 },
+        { 8, 200, 250, 0 }, { 16, 0, 1, 0 }, { 16, 0, 255, 0 },
+        { 16, 0, 256, 0 }, { 16, 0, 65535, 0 }, { 16, 65278, 65535, 0 },
+        { 8, 1, 1, 1 }, { 16, 1, 1, 1 }, { 8, 255, 255, 1 },
+    };
+    uint8_t rgb[3 * W * H] = { 0 };
+
+    write_capture(f, "images", "");
+    folder_run(f, "mkdir -p masks");
+    for (size_t i = 0; i <= sizeof kinds / sizeof kinds[0]; i++) {
+        FREED_BY(saga_capture_free) saga_capture c = { 0 };
+        const int k = i < sizeof kinds / sizeof kinds[0] ? (int)i : 0;
+        uint16_t grey16[W * H];
+
+        for (int p = 0; p < W * H; p++) {
+            grey16[p] = (uint16_t)(p % W < W / 2 ? kinds[k].left
+                                                 : kinds[k].right);
+            rgb[3 * p + 1] = p % W < W / 2 ? 0 : 255; /* green */
+        }
+        if (k < (int)i)
+            assert_done(saga_png_write(folder_file(f, "masks/cam1.png"), W, H,
+                                       rgb, &error));
+        else if (kinds[k].bits == 8)
+            write_grey(f, "masks/cam1.png", W, H, kinds[k].left,
+                       kinds[k].right);
+        else
+            assert_done(saga_png_write_grey(folder_file(f, "masks/cam1.png"),
+                                            W, H, grey16, &error));
+        c = load(f->path);
+        if (kinds[k].whole)
+            check_whole(&c, 1, 0);
+        else
+            check_left(&c, 1, 0, 0);
+    }
+    write_grey(f, "masks/cam1.png", W, H, 0, 0);
+    refused(f->path, "masks/cam1.png", "leaves no pixel of camera cam1");
+}
+
+/* Pixels of alpha 128 to 254 must count with the colour in the file, not with
+ * that over black; and a picture that is transparent is no picture. */
+TEST_IN_FOLDER(alpha_should_leave_no_dark_fringe)
+{
+    saga_capture_options o = saga_capture_defaults();
+    saga_capture c;
+
+    write_capture(f, "images", "");
+    folder_run(f, "ffmpeg -nostdin -v error -y -i images/cam1/0.png -vf "
+               "\"format=rgba,geq=r=200:g=200:b=200:"
+               "a='if(lt(X,16),127,128+X)'\" a.png && "
+               "for i in 0 1 2; do cp a.png images/cam1/$i.png; done");
+    o.alpha_masks = true;
+    c = load_with(f->path, &o);
+    for (int i = 0; i < W * H; i++) {
+        const bool counts = i % W >= W / 2;
+
+        assert_int_equal(saga_capture_mask(&c, 1, 0)[i], counts);
+        assert_int_equal(saga_capture_frame(&c, 1, 0)[3 * i],
+                         counts ? 200 : 0);
+    }
+    saga_capture_free(&c);
+    c = load(f->path);
+    assert_int_equal(saga_capture_frame(&c, 1, 0)[0], (200 * 127 + 127) / 255);
+    saga_capture_free(&c);
+    folder_run(f, "ffmpeg -nostdin -v error -y -i images/cam1/0.png -vf "
+               "\"format=rgba,geq=r=200:g=200:b=200:a=127\" a.png && "
+               "for i in 0 1 2; do cp a.png images/cam1/$i.png; done");
+    refused_with(f->path, &o, "images/cam1/0.png", "leaves no pixel");
+}
+
 TEST_IN_FOLDER(alpha_should_be_a_mask_when_wanted)
 {
     saga_capture_options o = saga_capture_defaults();

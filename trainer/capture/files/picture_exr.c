@@ -46,7 +46,8 @@ static bool exr_fail(const char *path, exr_result_t code, saga_error *error)
         return saga_fail(error, path, "check the path in the capture's files",
                          "cannot be opened");
     return saga_fail(error, path, "copy or export the picture again",
-                     "EXR is damaged or cut short (%s)",
+                     "EXR is damaged, cut short, or of a kind that this "
+                     "OpenEXR cannot read (%s)",
                      exr_get_default_error_message(code));
 }
 
@@ -66,6 +67,15 @@ typedef struct exr_input {
 
 static bool exr_failed(const exr_input *in, exr_result_t code)
 {
+    static const char *const names[] = {"none", "RLE", "ZIPS", "ZIP", "PIZ",
+                                        "PXR24", "B44", "B44A", "DWAA", "DWAB"};
+    exr_compression_t kind = EXR_COMPRESSION_NONE;
+    if (code == EXR_ERR_FEATURE_NOT_IMPLEMENTED)
+        (void)exr_get_compression(in->context, in->part, &kind);
+    if (kind > EXR_COMPRESSION_NONE && kind <= EXR_COMPRESSION_DWAB)
+        return saga_fail(in->error, in->path, "write it with ZIP or PIZ",
+                         "EXR is compressed by %s, which this OpenEXR cannot "
+                         "read", names[kind]);
     return exr_fail(in->path, code, in->error);
 }
 

@@ -63,7 +63,7 @@ typedef struct saga_capture_options {
     double fps;              /* frame rate if the capture has none; 0: 30 */
     double metres; /* metres per unit of length; 0: from the capture */
     bool want_depth;         /* load depth pictures if there are any */
-    bool alpha_masks;        /* transparent pixels of PNGs do not count */
+    bool alpha_masks;        /* pixels of alpha below 128 do not count */
     bool follow_paths;       /* read files that the capture names outside its
                               * folder */
     saga_error *no_overlap;  /* receives the error if no two cameras share
