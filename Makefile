@@ -438,9 +438,9 @@ $(FUZZ): $(HELPERS) $(REFERENCE) $(TRAIN) $(LIB)
 
 # Manual pages and completions are made from the programs' --help.
 PAGES = $(BUILD)/pages
-PAGE_FILES := $(foreach p,saga saga-dec,$(foreach f,man bash zsh fish,\
+PAGE_FILES := $(foreach p,saga saga-dec saga-play,$(foreach f,man bash zsh fish,\
                 $(PAGES)/$(p).$(f)))
-$(PAGE_FILES): $(BUILD)/saga $(BUILD)/saga-dec tools/help_pages.sh
+$(PAGE_FILES): $(BUILD)/saga $(BUILD)/saga-dec $(BUILD)/saga-play tools/help_pages.sh
 	@mkdir -p $(@D)
 	@tools/help_pages.sh $(subst .,,$(suffix $@)) \
 	    $(BUILD)/$(basename $(@F)) >$@

@@ -13,13 +13,14 @@ const char dec_usage[] =
     "\n"
     "Draws one picture of a .saga file, with the same bits on every machine.\n"
     "\n"
-    "  --camera rig:N   camera N of those stored in the file (--info prints\n"
-    "                   their number)\n"
+    "  --camera N       camera N of those stored in the file, also as rig:N\n"
+    "                   (--info prints their number)\n"
     "  --camera FILE    a camera described by 22 integers in a text file, in\n"
     "                   the order of saga_camera (decoder/saga.h): 9 of the\n"
     "                   rotation, 3 of the centre, 2 focal lengths, 2 of the\n"
     "                   principal point, near plane, width, height, 3 of the\n"
-    "                   background; # begins a comment\n"
+    "                   background; # begins a comment. A FILE whose name is\n"
+    "                   a number is given as ./FILE\n"
     "  --time N/D       time in frames, as a fraction (default 0/1; 15/2 is\n"
     "                   half-way between frames 7 and 8)\n"
     "  -o OUT.ppm       write the picture (8 bits, binary PPM) to a file, a\n"
@@ -73,14 +74,15 @@ int dec_parse_options(dec_options *o, int argc, char **argv)
         const char *const value = i + 1 < argc ? argv[i + 1] : NULL;
 
         /* Unknown options, options whose value is missing or wrong, and a
-         * second file end in the last branch, which prints the message. */
+         * second file or output end in the last branch, which prints the
+         * message. */
         if (!strcmp(argv[i], "--crc"))
             o->crc = 1;
         else if (!strcmp(argv[i], "--info"))
             o->info = 1;
         else if (!strcmp(argv[i], "--camera") && value)
             o->camera = argv[++i];
-        else if (!strcmp(argv[i], "-o") && value)
+        else if (!strcmp(argv[i], "-o") && value && !o->out)
             o->out = argv[++i];
         else if (!strcmp(argv[i], "--time") && value && parse_time(o, value))
             i++;

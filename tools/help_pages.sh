@@ -129,7 +129,7 @@ man() {
         sed -n '/^First steps:/,/^On small/p' "$tmp/all" | sed -n 's/^  //p' |
             sed 's/\\/\\e/g; s/-/\\-/g'
         echo ".fi"
-        others="saga-dec"
+        others="saga-dec (1), saga-play"
     else
         sed '/^usage:/,/^$/d' "$tmp/all" | sed '1i\\n' >"$tmp/rest"
         sed '/^Exit status/,$d' "$tmp/rest" >"$tmp/options"

@@ -30,7 +30,7 @@ put() { # put MODE FILE PLACE
     install -m "$1" "$2" "$DESTDIR$3"
 }
 
-for p in saga saga-dec; do
+for p in saga saga-dec saga-play; do
     put 755 "$build/$p" "$BINDIR/$p"
     put 644 "$build/pages/$p.man" "$DATADIR/man/man1/$p.1"
     put 644 "$build/pages/$p.bash" "$DATADIR/bash-completion/completions/$p"

@@ -133,12 +133,15 @@ static int read_camera_file(saga_camera *c, const char *name)
 
 static int read_camera(saga_camera *c, const dec_options *o, size_t head_nbytes)
 {
+    const char *text = o->camera;
     uint32_t index, number;
     saga_status s;
 
-    if (strncmp(o->camera, "rig:", 4) != 0)
-        return read_camera_file(c, o->camera);
-    if (!dec_parse_u32(&index, o->camera + 4, '\0')) {
+    if (!strncmp(text, "rig:", 4))
+        text += 4;
+    else if (!dec_parse_u32(&index, text, '\0'))
+        return read_camera_file(c, text);
+    if (!dec_parse_u32(&index, text, '\0')) {
         fprintf(stderr, "saga-dec: '%s' is not a camera of the file; see "
                 "--info\n",
                 o->camera);

@@ -5,17 +5,11 @@
  * depend on the number of threads, and at the end the time and the CPU time of
  * all threads for a picture.
  *
- *     saga-play [OPTIONS] FILE [THREADS [CAMERA [PICTURES]]]
+ *     saga-play FILE [THREADS [CAMERA [PICTURES]]] [OPTIONS]
  *
- * Options may stand anywhere:
- *     --seconds S   gives up if decoding a segment takes longer
- *     --y4m FILE    writes the pictures as YUV4MPEG2 instead of printing their
- *                   CRCs: Y'CbCr 4:4:4 with 8 bits in limited range. "-" is
- *                   stdout. A file appears when it is complete
- *     --rgb FILE    writes R, G, B bytes without a header instead
- *
- * A Y4M file does not state its colour matrix. Players use BT.601 up to 576
- * lines and BT.709 above, and so does saga-play.
+ * Options may stand anywhere. An output appears when it is complete. A Y4M file
+ * does not state its colour matrix. Players use BT.601 up to 576 lines and
+ * BT.709 above, and so does saga-play.
  *
  * While other threads draw a picture, the main thread prepares the next one in
  * a second decoder, and then helps to draw. A further thread decodes the next
@@ -71,16 +65,21 @@ typedef struct player {
     atomic_int next_row;
 } player;
 
-static void stop(const char *what)
+static void end(int status, const char *what)
 {
     fprintf(stderr, "saga-play: %s\n", what);
-    exit(1);
+    exit(status);
+}
+
+static void stop(const char *what)
+{
+    end(2, what);
 }
 
 static void check(saga_status s)
 {
     if (s)
-        stop(saga_status_text(s));
+        end(1, saga_status_text(s));
 }
 
 static void *need(size_t n)
@@ -157,7 +156,7 @@ static void decode(player *p, block *b, const saga_segment *seg)
     const saga_watch watch = { is_late, &deadline };
 
     if (seg->offset > p->n || seg->nbytes > p->n - seg->offset)
-        stop("the file ends too early");
+        end(1, "the file ends too early");
     check_decoding(p, saga_decode(b->dec, seg, p->bytes + seg->offset,
                                   seg->nbytes, &watch));
     b->segment = seg->number;
@@ -360,8 +359,35 @@ typedef struct {
 } command;
 
 static const char usage[] =
-    "usage: saga-play [--seconds S] [--y4m FILE | --rgb FILE] "
-    "FILE [THREADS [CAMERA [PICTURES]]]";
+    "usage: saga-play FILE [THREADS [CAMERA [PICTURES]]] [options]\n"
+    "\n"
+    "Draws the pictures of a .saga file, with several threads.\n"
+    "\n"
+    "  saga-play film.saga 2 --y4m - | mpv -\n"
+    "      shows a film in a player; ffplay - reads the same\n"
+    "\n"
+    "CAMERA is the number of a camera of the file (default 0), also as rig:N.\n"
+    "PICTURES is how many to draw (default: all). Without an output, the\n"
+    "CRC-32C of each picture is printed, which is the same with any number of\n"
+    "threads, and at the end the time that a picture takes.\n"
+    "\n"
+    "  --y4m FILE       write the pictures as YUV4MPEG2: Y'CbCr 4:4:4 with 8\n"
+    "                   bits in limited range, by BT.601 up to 576 lines and\n"
+    "                   by BT.709 above; - is standard output\n"
+    "  --rgb FILE       write R, G and B bytes without a header instead\n"
+    "  --seconds S      give up if decoding a segment takes longer\n"
+    "  --version        print the version\n"
+    "\n"
+    "Exit status: 0 done, 1 the file's contents are refused, 2 a mistake in\n"
+    "the command line, or a file cannot be read or written.\n";
+
+/* Ends the program for a mistake in the command line. */
+static void wrong(const char *what)
+{
+    fprintf(stderr, "saga-play: unknown or wrong option '%s'; see saga-play "
+            "--help\n", what);
+    exit(2);
+}
 
 static void read_command(command *c, int argc, char **argv)
 {
@@ -378,20 +404,27 @@ static void read_command(command *c, int argc, char **argv)
     for (i = 1; i < argc; i++) {
         for (k = 0; k < 3 && strcmp(argv[i], options[k].name); k++)
             ;
-        if (k < 3 && i + 1 < argc)
+        /* Of two outputs only one would be written. */
+        if (k < 3 && i + 1 < argc && !*options[k].value)
             *options[k].value = argv[++i];
         else if (argv[i][0] != '-' && n_words < 4)
             c->words[n_words++] = argv[i];
         else
-            stop(usage);
+            wrong(argv[i]);
     }
-    if (!c->words[0] || (c->y4m && c->rgb))
-        stop(usage);
+    if (!c->words[0])
+        wrong("");
+    if (c->y4m && c->rgb)
+        wrong("--y4m --rgb");
 }
 
 static uint32_t number_of(const char *word, uint32_t otherwise)
 {
-    return word ? (uint32_t)strtoul(word, NULL, 10) : otherwise;
+    uint32_t number = otherwise;
+
+    if (word && !dec_parse_u32(&number, word, '\0'))
+        wrong(word);
+    return number;
 }
 
 /* The file to which pictures are written, until it is complete. */
@@ -472,12 +505,22 @@ int main(int argc, char **argv)
     command c = { 0 };
     uint32_t n;
 
+    if (argc > 1 && (!strcmp(argv[1], "--help") || !strcmp(argv[1], "-h"))) {
+        fputs(usage, stdout);
+        return 0;
+    }
+    if (argc > 1 && !strcmp(argv[1], "--version")) {
+        puts("saga-play " SAGA_RELEASE ", format " SAGA_FORMAT);
+        return 0;
+    }
     read_command(&c, argc, argv);
     if (c.seconds && !dec_parse_seconds(&p.seconds, c.seconds))
-        stop("give --seconds a number above 0");
+        wrong(c.seconds);
     p.n_threads = number_of(c.words[1], 1);
     if (p.n_threads < 1 || p.n_threads > MAX_THREADS)
-        stop(usage);
+        wrong(c.words[1]);
+    if (c.words[2] && !strncmp(c.words[2], "rig:", 4))
+        c.words[2] += 4;
     open_player(&p, c.words[0], number_of(c.words[2], 0));
     if (c.y4m || c.rgb)
         open_output(&p, c.y4m ? c.y4m : c.rgb);

@@ -421,7 +421,7 @@ class Film:
 
     def picture(self, camera=0, frame=0):
         """Returns a picture as a numpy array (height, width, 3) of uint8."""
-        import numpy
+        numpy = _numpy()
         c = camera if isinstance(camera, Camera) else self.camera(camera)
         return numpy.frombuffer(self.pixels(c, frame), numpy.uint8).reshape(
             c.height, c.width, 3)
@@ -431,7 +431,7 @@ class Film:
         """Returns all primitives at a time as numpy arrays: "mean" (n, 3) in
         metres, "quat" (n, 4) w, x, y, z with length 1, "scale" (n, 3)
         standard deviations in metres, "opacity" (n,)."""
-        import numpy
+        numpy = _numpy()
         t, report = self._seek(frame), _Report()
         _check(_lib().saga_tell(ctypes.byref(report), self._dec),
                self.info.name)
@@ -464,6 +464,16 @@ def open(file, seconds=None):  # noqa: A001 (that is what it does)
         return Film(name, f.read(), seconds)
 
 
+def _numpy():
+    try:
+        import numpy
+    except ImportError:
+        raise Error("arrays need numpy: pip install numpy, or on Debian "
+                    "python3-numpy; pixels() returns bytes without it"
+                    ) from None
+    return numpy
+
+
 def crc32c(data):
     """Returns the CRC-32C of data, with which pictures are compared."""
     data = memoryview(data).tobytes()
@@ -482,7 +492,15 @@ def encode(capture, output, **options):
             if value is not True:
                 words.append(str(value))
     with tempfile.TemporaryFile() as messages:
-        done = subprocess.run(words, stdout=subprocess.PIPE, stderr=messages)
+        try:
+            done = subprocess.run(words, stdout=subprocess.PIPE,
+                                  stderr=messages)
+        except OSError as e:
+            raise Error(f"{words[0]} cannot be run ({e.strerror}): this module "
+                        "has no encoder. Install the program saga (`make "
+                        "install` in its source, or the Debian package saga), "
+                        "or name it in the environment variable SAGA"
+                        ) from None
         messages.seek(0)
         said = messages.read().decode(errors="replace").strip()
     if done.returncode:

@@ -321,8 +321,10 @@ assert ppm == b"P6\n%d %d\n255\n" % (w, h) + out, "other pixels"
 PYTHON
 for n in 0 1 2; do
     expect 0 render "$scene" -o "$tmp/one.png" --camera $n --frame 15/2
-    "$saga_dec" "$scene" --camera rig:$n --time 15/2 -o "$tmp/one.ppm" ||
+    "$saga_dec" "$scene" --camera $n --time 15/2 -o "$tmp/one.ppm" ||
         complain "saga-dec fails"
+    expect 0 render "$scene" -o "$tmp/rig.png" --camera rig:$n --frame 15/2
+    cmp -s "$tmp/one.png" "$tmp/rig.png" || complain "rig:$n is not camera $n"
     python3 "$tmp/same.py" "$tmp/one.png" "$tmp/one.ppm" 2>"$tmp/py" ||
         complain "camera $n is not saga-dec's: $(tail -n 1 "$tmp/py")"
 done
@@ -894,11 +896,11 @@ awk 'length > 100 { print "eval: " length " columns" }
     END { if (!sum) print "no bytes" }' "$tmp/out" >>"$tmp/bad"
 # The scores of a part of the film must be those of the same frames in the whole
 # film. In a single frame no pixel changes.
-expect 0 eval "$scene" "$cap" --json --no-ssim --only 3:5
+expect 0 eval "$scene" "$cap" --json --no-ssim --compare 3:5
 cp "$tmp/out" "$tmp/part"
-expect 0 eval "$scene" "$cap" --json --no-ssim --only 3:4
+expect 0 eval "$scene" "$cap" --json --no-ssim --compare 3:4
 cp "$tmp/out" "$tmp/three"
-expect 0 eval "$scene" "$cap" --json --no-ssim --only 4:5
+expect 0 eval "$scene" "$cap" --json --no-ssim --compare 4:5
 python3 -c 'import json, sys
 part, three, four = [json.load(open(n)) for n in sys.argv[1:]]
 assert part["protocol"]["file_frames"] == [3, 5] == part["protocol"]["frames"]
@@ -907,11 +909,11 @@ for a, b, c in zip(part["views"], three["views"], four["views"]):
     assert b["changing_psnr"] is None and b["changing_share"] == 0, b
 assert part["nbytes"] == three["nbytes"] == four["nbytes"]' \
     "$tmp/part" "$tmp/three" "$tmp/out" 2>"$tmp/py" ||
-    complain "eval --only: $(tail -n 1 "$tmp/py")"
-expect 0 eval "$scene" "$cap" --no-ssim --only "$((frames - 1)):"
+    complain "eval --compare: $(tail -n 1 "$tmp/py")"
+expect 0 eval "$scene" "$cap" --no-ssim --compare "$((frames - 1)):"
 grep -q "^  frames    $((frames - 1)) of it alone; the file's" "$tmp/out" ||
-    complain "--only of the last frame: $(grep '  frames ' "$tmp/out")"
-told 1 "$((frames + 1))" eval "$scene" "$cap" --only "3:$((frames + 1))"
+    complain "--compare of the last frame: $(grep '  frames ' "$tmp/out")"
+told 1 "$((frames + 1))" eval "$scene" "$cap" --compare "3:$((frames + 1))"
 # The capture is compared with its own pictures as if they were another codec's.
 # There must be no error, and no size of a file.
 expect 0 eval "$cap" "$cap" --json --no-ssim

@@ -73,15 +73,20 @@ leaves() {
 small=(--primitives 150 --iterations 120 --moving --ablate no-teachers)
 
 # ---- good
-expect 0 cap -o whole.saga "${small[@]}"
+expect 0 cap -o whole.saga "${small[@]}" -v
 size=$(stat -c %s whole.saga)
 grep -q "^whole.saga: $size bytes" out || complain "size: $(head -n 1 out)"
-for word in 'things that stand still: ' 'integer decoder' 'training  held out' 'networks'; do
+for word in 'things that stand still: ' 'from between the cameras the scene looks' \
+    'PSNR of the decoded file: .* dB for the training views, .* for held-out' \
+    ' kB a second (' 'next: saga view whole.saga' \
+    'integer decoder' 'training  held out' 'networks'; do
     grep -q "$word" out || complain "no '$word' in the report"
 done
 "$saga" info whole.saga >out 2>err || complain "info: $(cat err)"
 expect 0 cap -o x.saga "${small[@]}" --hold-out ""
 grep -q 'no camera was held out' out || complain "no word of held-out views"
+[ "$(wc -l <out)" -le 9 ] && ! grep -qE 'entropy|float|coarse' out ||
+    complain "tables for research without -v: $(cat out)"
 rm -f x.saga
 expect 0 cap -o j.saga "${small[@]}" --json --threads 2
 python3 -c '
@@ -95,6 +100,8 @@ assert 0.001 < parts["moving_share"] < 0.5 and parts["moving_as_still"] < 30
 low, high = sorted((parts["still"], parts["moving"]))
 assert low - 1 < r["psnr"]["training"] < high + 1, (parts, r["psnr"])
 assert r["psnr"]["training"] > 5 and r["psnr"]["n_held_out"] == 4
+gap = r["psnr"]["training"] - r["psnr"]["held_out"]
+assert r["between_cameras"] == ("good" if gap <= 1 else "soft"), (gap, r)
 ' "$size" 2>>bad || complain "JSON: $(cat out)"
 cmp -s whole.saga j.saga || complain "two threads, another file"
 rm -f j.saga
@@ -240,7 +247,7 @@ verdict interrupted
 ffmpeg -nostdin -v error -y -i dim/images/cam02/00000.png \
     -vf lutrgb=r=val*.6:g=val*.6:b=val*.6 dim.png &&
     mv dim.png dim/images/cam02/00000.png
-expect 0 dim -o x.saga --primitives 300 --iterations 300
+expect 0 dim -o x.saga --primitives 300 --iterations 300 -v
 grep -q 'compared with the pictures with evened exposures' out &&
     grep -q 'compared with the pictures as they were taken' out &&
     [ "$(grep -c 'file, integer decoder' out)" = 2 ] ||
@@ -294,7 +301,7 @@ q12 = [round(4096 * g) for g in gains[2]]
 assert rgb("tone.png") == bytes(min(255, s * q12[i % 3] + 2048 >> 12)
                                 for i, s in enumerate(rgb("y.png")))
 ' 2>>bad || complain "the tone of cameras: $(tail -n 1 bad)"
-expect 0 cap -o x.saga "${small[@]}"
+expect 0 cap -o x.saga "${small[@]}" -v
 ! grep -q 'compared with the pictures' out || complain "words of no exposure"
 rm -rf dim x.saga y.saga info info_y eval eval_y y.png tone.png \
     tone--no-exposure.png
@@ -636,6 +643,7 @@ verdict alone
 told 2 'argument is missing'
 told 2 '-o' cap
 told 2 '--level' cap -o x.saga --level 5
+told 2 '-o is given twice, x.saga and y.saga' cap -o x.saga -o y.saga
 told 2 '1024' cap -o x.saga --level 0 --primitives 1025
 told 2 '--lambda -1' cap -o x.saga --lambda -1
 told 2 '--lambda' cap -o x.saga --lambda nan

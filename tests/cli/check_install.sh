@@ -33,6 +33,7 @@ share=$at/share
 sort >"$tmp/wanted" <<'FILES'
 ./opt/saga/bin/saga
 ./opt/saga/bin/saga-dec
+./opt/saga/bin/saga-play
 ./opt/saga/include/saga.h
 ./opt/saga/lib/libsaga.a
 ./opt/saga/lib/libsaga.so
@@ -40,17 +41,21 @@ sort >"$tmp/wanted" <<'FILES'
 ./opt/saga/lib/pkgconfig/saga.pc
 ./opt/saga/share/bash-completion/completions/saga
 ./opt/saga/share/bash-completion/completions/saga-dec
+./opt/saga/share/bash-completion/completions/saga-play
 ./opt/saga/share/fish/vendor_completions.d/saga-dec.fish
+./opt/saga/share/fish/vendor_completions.d/saga-play.fish
 ./opt/saga/share/fish/vendor_completions.d/saga.fish
 ./opt/saga/share/man/man1/saga-dec.1
+./opt/saga/share/man/man1/saga-play.1
 ./opt/saga/share/man/man1/saga.1
 ./opt/saga/share/saga/python/saga.py
 ./opt/saga/share/zsh/site-functions/_saga
 ./opt/saga/share/zsh/site-functions/_saga-dec
+./opt/saga/share/zsh/site-functions/_saga-play
 FILES
 diff "$tmp/wanted" "$tmp/there" >>"$bad"
 release=$(sed -n 's/^#define SAGA_RELEASE "\(.*\)"/\1/p' decoder/saga.h)
-for p in saga saga-dec; do
+for p in saga saga-dec saga-play; do
     "$at/bin/$p" --version | grep -q "^$p $release," ||
         complain "$p is no $release"
     head -n 1 "$share/man/man1/$p.1" | grep -qF "saga $release" ||
@@ -147,7 +152,7 @@ verdict web
 
 # ---- pages: "COMMAND OPTION" of all of them, from the help once more
 options() { # options PROGRAM COMMAND ARGUMENTS...
-    "$1" "${@:3}" | grep -oE '^  --?[A-Za-z][A-Za-z-]*' | sed "s/^ */$2 /"
+    "$1" "${@:3}" | grep -oE '^  --?[A-Za-z][A-Za-z0-9-]*' | sed "s/^ */$2 /"
 }
 commands=$("$at/bin/saga" --help |
     sed -n '/^usage/,/^First/s/^  \([a-z][a-z]*\)   *[A-Z-].*/\1/p')
@@ -174,13 +179,15 @@ while read -r c o; do
     grep -F "from $c'" "$share/fish/vendor_completions.d/saga.fish" |
         grep -qE -e "$flag " || complain "fish has no $c $o"
 done <"$tmp/all"
-for o in $(options "$at/bin/saga-dec" x --help | cut -d' ' -f2 | sort -u); do
-    sed 's/\\-/-/g' "$share/man/man1/saga-dec.1" | grep -qE "^.B $o( |$)" ||
-        complain "saga-dec.1 has no $o"
-    grep -qE "['\" ]$o[' ]" "$share/bash-completion/completions/saga-dec" ||
-        complain "bash has no $o"
+for p in saga-dec saga-play; do
+    for o in $(options "$at/bin/$p" x --help | cut -d' ' -f2 | sort -u); do
+        sed 's/\\-/-/g' "$share/man/man1/$p.1" | grep -qE "^.B $o( |$)" ||
+            complain "$p.1 has no $o"
+        grep -qE "['\" ]$o[' ]" "$share/bash-completion/completions/$p" ||
+            complain "bash has no $p $o"
+    done
 done
-for p in saga saga-dec; do
+for p in saga saga-dec saga-play; do
     if command -v groff >/dev/null; then
         groff -man -ww -z "$share/man/man1/$p.1" >>"$bad" 2>&1
     fi

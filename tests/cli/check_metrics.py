@@ -103,7 +103,7 @@ def near(what, value, wanted):
 def check_ffmpeg():
     for frame in range(FRAMES):
         status, out, err = evaluate(noisy, capture, "--json", "--no-ssim",
-                                    "--only", f"{frame}:{frame + 1}")
+                                    "--compare", f"{frame}:{frame + 1}")
         if status:
             return v.complain(err)
         view = json.loads(out)["views"][1]
@@ -167,7 +167,7 @@ def check_temporal():
          10 * math.log10(255 ** 2 / mse))
     near("exposed PSNR", report["views"][0]["psnr_exposed"],
          10 * math.log10(255 ** 2 / exposed_mse(a, b)))
-    _, out, _ = evaluate(noisy, capture, "--json", "--no-ssim", "--only",
+    _, out, _ = evaluate(noisy, capture, "--json", "--no-ssim", "--compare",
                          "1:2")
     if json.loads(out)["views"][0]["temporal_psnr"] is not None:
         v.complain("a single picture has a temporal PSNR")
@@ -195,7 +195,7 @@ def check_lpips():
     if status != 1 or "squeeze.lin5" not in err:
         v.complain("weights without lin5:", status, err)
     status, out, err = evaluate(noisy, capture, "--lpips", LPIPS, "--json",
-                                "--only", "0:1")
+                                "--compare", "0:1")
     report = json.loads(out) if not status else {}
     if not report or not 0.001 < report["training"]["lpips"] < 1:
         v.complain("no LPIPS:", status, err)

@@ -157,12 +157,15 @@ def check_ffmpeg(tmp):
 
 
 def check_words():
-    for words, says in (((SCENE, "--y4m"), "usage: "),
-                        (("--y4m", "-", "--rgb", "-", SCENE), "usage: "),
-                        ((SCENE, 1, 0, 1, 5), "usage: "), ((), "usage: "),
+    help = "see saga-play --help"
+    for words, says in (((SCENE, "--y4m"), help),
+                        (("--y4m", "-", "--rgb", "-", SCENE), help),
+                        (("--y4m", "-", "--y4m", "-", SCENE), help),
+                        ((SCENE, 1, 0, 1, 5), help), ((), help),
+                        ((SCENE, "x"), help), (("-v",), help),
                         ((SCENE, "--y4m", "/nowhere/x"), "cannot write"),
                         ((SCENE, "--rgb", "/dev/full"), "cannot write")):
-        checks.run(SAGA_PLAY, *words, status=1, says=says)
+        checks.run(SAGA_PLAY, *words, status=2, says=says)
     verdict("words")
 
 

@@ -352,6 +352,19 @@ def check_encode(tmp):
     got = status_of(lambda: saga.encode(tmp + "/none", tmp + "/y.saga"))
     if tmp + "/none" not in str(got):
         v.complain("no capture:", got)
+    os.environ["SAGA"] = tmp + "/no-program"
+    got = status_of(lambda: saga.encode(tmp + "/cap", tmp + "/y.saga"))
+    os.environ["SAGA"] = SAGA
+    if "Install the program saga" not in str(got):
+        v.complain("no program:", got)
+    was = sys.modules.get("numpy")
+    sys.modules["numpy"] = None      # as if it were not installed
+    got = status_of(lambda: saga.open(tmp + "/x.saga").picture())
+    del sys.modules["numpy"]
+    if was:
+        sys.modules["numpy"] = was
+    if "python3-numpy" not in str(got):
+        v.complain("no numpy:", got)
 
 
 def check_readme():

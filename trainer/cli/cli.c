@@ -309,7 +309,7 @@ static int take_option(const saga_command *c, void *values, int argc,
     const char *const equals = strchr(name, '=');
     const size_t n = equals ? (size_t)(equals - name) : strlen(name);
     const saga_cli_option *const o = find_option(c, name, n);
-    const char *value = equals ? equals + 1 : NULL;
+    const char *value = equals ? equals + 1 : NULL, *before;
 
     /* The option must exist, and have a value exactly if it takes one. */
     if (!o)
@@ -322,6 +322,14 @@ static int take_option(const saga_command *c, void *values, int argc,
             return saga_cli_error(SAGA_EXIT_USAGE, "%s: %s needs a value, %s",
                                   c->name, o->name, o->value);
         value = argv[++*i];
+    }
+    /* Of two outputs only one would be written. Other options count as they
+     * are given last, so that scripts may append to their own. */
+    if (!strcmp(o->name, "-o")) {
+        memcpy(&before, (const char *)values + o->offset, sizeof before);
+        if (before)
+            return saga_cli_error(SAGA_EXIT_USAGE, "%s: -o is given twice, %s "
+                                  "and %s", c->name, before, value);
     }
     if (!o->read((char *)values + o->offset, value, o))
         return wrong_value(c, o, value);

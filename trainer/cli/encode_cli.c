@@ -278,6 +278,10 @@ static const saga_cli_option option_list[] = {
     { "--json", NULL, "print the report as JSON", saga_cli_flag, AT(json), 0,
       0 },
     SAGA_CLI_QUIET(saga_encode_options, quiet),
+    { "-v", NULL,
+      "print all of the report as text, also what it takes to\n"
+      "judge the method: tools, bytes by kind, the entropy model,\n"
+      "PSNR at each stage", saga_cli_flag, AT(verbose), 0, 0 },
     { "--ablate", "LIST",
       "for research: leave out parts of the entropy model or of\n"
       "the training, to measure what they save. LIST has words\n"
@@ -325,8 +329,9 @@ const saga_command saga_command_encode = {
     "training pictures, an estimate of the bits, and the time left. Ctrl-C\n"
     "saves FILE.saga.ckpt, from which --resume continues.\n"
     "\n"
-    "At the end the program reports which views and objects came out well or\n"
-    "badly, and which cameras have a rolling shutter unlike the others'. The\n"
+    "At the end the program reports the size, how good views of the cameras\n"
+    "and between them are, what came out well or badly, and which cameras\n"
+    "have a rolling shutter unlike the others'. -v prints all tables. The\n"
     "same options give the same bytes, for any number of threads.\n",
     option_list, (int)(sizeof option_list / sizeof option_list[0]),
     encode_command, NULL

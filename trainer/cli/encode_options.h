@@ -58,6 +58,7 @@ typedef struct saga_encode_options {
     const char *log;         /* file, or NULL */
     bool json;               /* print the report as JSON */
     bool quiet;              /* show no progress */
+    bool verbose;            /* print all tables of the report */
 } saga_encode_options;
 
 saga_encode_options saga_encode_defaults(void);

@@ -380,7 +380,7 @@ static int last_frame(const session *s)
 {
     const options *const o = s->o;
 
-    /* --only counts frames of the file, whose frame 0 is frame --frames A of
+    /* --compare counts frames of the file, whose frame 0 is frame --frames A of
      * the capture. */
     if (o->only.b)
         return o->capture.frames.a + o->only.b;
@@ -519,7 +519,7 @@ static const saga_cli_option option_list[] = {
       "print the report as JSON; null stands for an infinite or\n"
       "undefined value", saga_cli_flag, offsetof(options, json), 0, 0 },
     SAGA_CLI_QUIET(options, quiet),
-    { "--only", "A:B", "compare only frames A to B - 1 of the file",
+    { "--compare", "A:B", "compare only frames A to B - 1 of the file",
       saga_cli_range, offsetof(options, only), 0, SAGA_MAX_FRAMES },
     { "--pictures", "DIR",
       "write the middle frame of each view to DIR: filmed,\n"

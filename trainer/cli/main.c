@@ -58,6 +58,7 @@ static const char last_words[] =
     "  saga view demo.saga              shows it in the browser\n"
     "  saga render demo.saga -o tour_%02d.png --orbit 60\n"
     "\n"
+    "saga-play draws all pictures of a film for a player (saga-play --help).\n"
     "On small devices, saga-dec draws pictures with the decoder alone\n"
     "(saga-dec --help).\n"
     "\n"
@@ -140,6 +141,9 @@ static int run(int argc, char **argv)
         return SAGA_EXIT_OK;
     }
     c = find(name);
+    if (!c && name[0] == '-')
+        return saga_cli_error(SAGA_EXIT_USAGE, "unknown option '%s'; `saga "
+                              "--help` lists them", name);
     return c ? c->run(argc - 1, argv + 1) : unknown(name);
 }
 

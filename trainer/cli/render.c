@@ -334,8 +334,10 @@ static bool open_video(session *s)
 static bool find_camera(uint32_t *index, session *s, const char *name)
 {
     const uint32_t n = s->film.info.n_cameras;
+    /* saga-dec takes a number in either form, too. */
+    const char *const digits = strncmp(name, "rig:", 4) ? name : name + 4;
     char *end;
-    const unsigned long number = strtoul(name, &end, 10);
+    const unsigned long number = strtoul(digits, &end, 10);
 
     /* Names take precedence, because a camera named 3 may have another
      * number. */
@@ -347,7 +349,7 @@ static bool find_camera(uint32_t *index, session *s, const char *name)
             return true;
     }
     *index = (uint32_t)number;
-    return (name[0] >= '0' && name[0] <= '9' && !*end && number < n) ||
+    return (digits[0] >= '0' && digits[0] <= '9' && !*end && number < n) ||
            saga_fail(&s->error, s->film.name, "`saga info` lists them",
                      "has no camera %s; it has %" PRIu32 " cameras", name, n);
 }
@@ -504,7 +506,8 @@ static const saga_cli_option option_list[] = {
       "the name, or write a film, .mp4, for which ffmpeg is\n"
       "needed", saga_cli_text, offsetof(options, out), 0, 0 },
     { "--camera", "NAME",
-      "a camera of the file, by name or by number (default 0);\n"
+      "a camera of the file, by name or by number, 3 or rig:3\n"
+      "(default 0);\n"
       "`saga info` lists them", saga_cli_text, offsetof(options, camera), 0,
       0 },
     { "--no-exposure", NULL,

@@ -45,7 +45,7 @@ static bool check_time(const saga_film *film, const saga_capture *capture,
 
     if (first_frame >= 0 &&
         (uint64_t)first_frame + (uint64_t)capture->n_frames > i->n_frames)
-        return saga_fail(error, film->name, "give --only a range within the "
+        return saga_fail(error, film->name, "give --compare a range within the "
                          "file",
                          "has %" PRIu32 " frames, compared would be %d:%d",
                          i->n_frames, first_frame,
