@@ -16,6 +16,9 @@
 // lose faint splats.
 
 const SPLAT_NBYTES = 44; // bytes of a saga_splat of saga.h
+// Browsers allow 16 contexts of WebGL, on phones 8, and take back the oldest
+// one if there are more. Seven canvases have one of their own.
+const MOST_CONTEXTS = 7;
 // The bit in the header's tools that says that splats fall off faster than
 // Gaussians.
 export const STEEP = 64;
@@ -191,9 +194,28 @@ export class SplatPainter {
     }
 }
 
+// Sets the size of a canvas, which clears it; therefore only if it changes.
+function sizeTo(canvas, width, height) {
+    if (canvas.width !== width || canvas.height !== height) {
+        canvas.width = width;
+        canvas.height = height;
+    }
+}
+
+let nContexts = 0; // of canvases that have one of their own
+
 export class GpuScreen {
     // Returns null if the browser has no WebGL2.
     static open(canvas) {
+        if (nContexts >= MOST_CONTEXTS)
+            return SharedScreen.open(canvas);
+        const screen = GpuScreen.make(canvas);
+
+        nContexts += Number(screen !== null);
+        return screen;
+    }
+
+    static make(canvas) {
         const gl = canvas.getContext('webgl2', { alpha: false, depth: false,
             stencil: false, antialias: false,
             powerPreference: 'high-performance' });
@@ -204,6 +226,8 @@ export class GpuScreen {
     constructor(canvas, gl) {
         this.canvas = canvas;
         this.gl = gl;
+        this.loser = gl.getExtension('WEBGL_lose_context');
+        this.isReleased = false;
         this.begin();
         canvas.addEventListener('webglcontextlost', (event) =>
             event.preventDefault());
@@ -228,13 +252,28 @@ export class GpuScreen {
         this.again = () => {};
     }
 
-    resize(width, height) {
-        const { canvas, gl } = this;
+    // Gives the context back while the canvas is not in the page.
+    release() {
+        if (this.isReleased)
+            return;
+        this.isReleased = true;
+        nContexts--;
+        this.loser?.loseContext();
+    }
 
-        if (canvas.width !== width || canvas.height !== height) {
-            canvas.width = width;
-            canvas.height = height;
-        }
+    // Takes a context again. Then the canvas gets `webglcontextrestored`.
+    regain() {
+        if (!this.isReleased)
+            return;
+        this.isReleased = false;
+        nContexts++;
+        this.loser?.restoreContext();
+    }
+
+    resize(width, height) {
+        const { gl } = this;
+
+        sizeTo(this.canvas, width, height);
         gl.viewport(0, 0, width, height);
     }
 
@@ -311,6 +350,49 @@ export class GpuScreen {
     }
 }
 
+// A canvas to which pictures are copied from another one, whose context all of
+// these share.
+class SharedScreen {
+    static gpu;
+
+    static open(canvas) {
+        this.gpu ??= GpuScreen.make(document.createElement('canvas'));
+        return this.gpu && new SharedScreen(canvas, this.gpu);
+    }
+
+    constructor(canvas, gpu) {
+        this.canvas = canvas;
+        this.gpu = gpu;
+        this.gl = gpu.gl;
+        this.takesSplats = gpu.takesSplats;
+        this.context = canvas.getContext('2d', { alpha: false });
+        gpu.canvas.addEventListener('webglcontextrestored', ({ type }) =>
+            canvas.dispatchEvent(new Event(type)));
+    }
+
+    showSplats(splats) {
+        this.gpu.showSplats(splats);
+        this.copy();
+    }
+
+    showPixels(pixels) {
+        this.gpu.showPixels(pixels);
+        this.copy();
+    }
+
+    copy() {
+        const { canvas, gpu } = this;
+
+        sizeTo(canvas, gpu.canvas.width, gpu.canvas.height);
+        this.context.drawImage(gpu.canvas, 0, 0);
+    }
+
+    read() {
+        return this.context.getImageData(0, 0, this.canvas.width,
+            this.canvas.height);
+    }
+}
+
 // A canvas without a graphics processor, which shows pixels only.
 export class PlainScreen {
     constructor(canvas) {
@@ -320,12 +402,7 @@ export class PlainScreen {
     }
 
     showPixels({ bytes, width, height }) {
-        const { canvas } = this;
-
-        if (canvas.width !== width || canvas.height !== height) {
-            canvas.width = width;
-            canvas.height = height;
-        }
+        sizeTo(this.canvas, width, height);
         this.context.putImageData(new ImageData(bytes, width, height), 0, 0);
     }
 

@@ -7,6 +7,7 @@
 import './player.js';
 import { FORMAT, parsePath } from './path.js';
 import { heightOf, widthOf } from './camera.js';
+import { visible } from './source.js';
 
 const $ = (id) => document.getElementById(id);
 const root = document.documentElement;
@@ -35,7 +36,7 @@ function setState(state) {
 }
 
 function tellProblem(sentence) {
-    $('sentence').textContent = sentence;
+    $('sentence').textContent = visible(sentence);
     setState('problem');
 }
 

@@ -18,11 +18,13 @@
 import { addControls, moveByKey } from './controls.js';
 import { heightOf, widthOf } from './camera.js';
 import { Sound } from './sound.js';
+import { visible } from './source.js';
 import { Viewer } from './viewer.js';
 import { enterHeadset, hasHeadset } from './xr.js';
 
 const REST_MS = 2500; // time without a pointer movement, until the bar
                       // disappears
+const MOST_PARTS = 400; // of the bar; each stands for as many segments
 const RATES = [0.25, 0.5, 1, 1.5, 2]; // rates of playback that the bar offers
 
 const icon = (id, label, paths) => `<button class="icon" id="${id}"
@@ -134,13 +136,27 @@ export class SagaPlayer extends HTMLElement {
 
     connectedCallback() {
         this.watcher.observe(this);
+        this.viewer.screen.regain?.();
+        if (this.isShut && this.src)
+            this.open(this.src).catch(() => {});
+        this.isShut = false;
     }
 
     disconnectedCallback() {
         this.watcher.disconnect();
+        // An element that is only moved within the page goes on.
+        setTimeout(() => {
+            if (!this.isConnected)
+                this.shut();
+        });
+    }
+
+    // Ends workers and gives the graphics processor's memory back.
+    shut() {
+        this.isShut = true;
         this.viewer.clear();
         this.sound.clear();
-        this.opened = null;
+        this.viewer.screen.release?.();
     }
 
     attributeChangedCallback(name, before, now) {
@@ -229,18 +245,13 @@ export class SagaPlayer extends HTMLElement {
         this.tell('');
         this.before = {};
         this.$('camera').replaceChildren(...viewer.rig.map(
-            ({ name, number }, i) => new Option(name || `camera ${number}`, i)),
+            ({ name, number }, i) =>
+                new Option(visible(name) || `camera ${number}`, i)),
         new Option('free', 'free'));
         this.$('camera').lastChild.hidden = true;
         this.$('time').max = viewer.info.nFrames - 1;
         this.$('time').disabled = viewer.info.nFrames < 2;
-        this.$('parts').replaceChildren(...viewer.segments.map(
-            ({ nFrames }) => {
-                const part = document.createElement('span');
-
-                part.style.flex = nFrames;
-                return part;
-            }));
+        this.showParts();
         viewer.selectCamera(Number(this.getAttribute('camera')));
         this.emit('loadeddata');
         if (this.hasAttribute('autoplay') && !still)
@@ -251,6 +262,29 @@ export class SagaPlayer extends HTMLElement {
 
     tell(sentence) {
         this.$('told').textContent = sentence;
+    }
+
+    // Makes the parts of the bar, each as wide as its segments are long.
+    showParts() {
+        const { segments } = this.viewer;
+        const n = Math.min(segments.length, MOST_PARTS);
+        const frames = new Array(n).fill(0);
+
+        segments.forEach(({ nFrames }, i) => {
+            frames[this.partOf(i)] += nFrames;
+        });
+        this.$('parts').replaceChildren(...frames.map((nFrames) => {
+            const part = document.createElement('span');
+
+            part.style.flex = nFrames;
+            return part;
+        }));
+    }
+
+    partOf(segment) {
+        const n = this.viewer.segments.length;
+
+        return Math.floor(segment * Math.min(n, MOST_PARTS) / n);
     }
 
     showPoster(src) {
@@ -316,8 +350,11 @@ export class SagaPlayer extends HTMLElement {
 
     showDrawn() {
         this.$('poster').hidden = true;
+        const kept = new Set(this.viewer.drawn.kept.map(
+            (segment) => this.partOf(segment)));
+
         [...this.$('parts').children].forEach((part, i) => {
-            if (this.viewer.drawn.kept.includes(i))
+            if (kept.has(i))
                 part.style.setProperty('--got', '100%');
             else if (part.style.getPropertyValue('--got') === '100%')
                 part.style.removeProperty('--got'); // its bytes were dropped
@@ -331,7 +368,7 @@ export class SagaPlayer extends HTMLElement {
         const percent = `${Math.round(100 * got / nbytes)}%`;
 
         if (nbytes > 0 && segment >= 0)
-            this.$('parts').children[segment].style
+            this.$('parts').children[this.partOf(segment)]?.style
                 .setProperty('--got', percent);
         if (nbytes > 0 && (!viewer.info || viewer.waiting) &&
             (segment < 0 || segment === viewer.asked))

@@ -24,12 +24,15 @@
 
 import * as cam from './camera.js';
 import { GpuScreen, PlainScreen } from './gpu.js';
+import { visible } from './source.js';
 import { Pace } from './pace.js';
 import { keyAt } from './path.js';
 
 const TIME_DEN = 256; // steps of time between two frames, while it plays
 const REST_MS = 150;  // time without a change, after which the sharp picture is
                       // drawn
+const MOST_PIXELS = 2 ** 25, MOST_SIDE = 8192; // of an exact picture in the
+                      // camera's size; view_cli.c has the same limits
 const MOST_MS = 250;  // largest step of the clock
 const WAIT_MS = 200;  // delay of a late segment, after which `waiting` is
                       // emitted
@@ -100,12 +103,17 @@ export class Viewer extends EventTarget {
     // Opens a URL or a File. Resolves when it is open; rejects with an error
     // whose message is a sentence.
     open(source) {
+        let address = source;
+
         this.clear();
+        try {
+            if (typeof source === 'string')
+                address = new URL(source, document.baseURI).href;
+        } catch {
+            return Promise.reject(this.fail(`${source}: is no address`));
+        }
         this.worker = new Worker(new URL('worker.js', import.meta.url),
             { type: 'module' });
-        const address = typeof source === 'string'
-            ? new URL(source, document.baseURI).href : source;
-
         return new Promise((resolve, reject) => {
             this.worker.onmessage = ({ data }) => {
                 if (data.drawn)
@@ -127,8 +135,8 @@ export class Viewer extends EventTarget {
     }
 
     begin({ info, rig, segments, hasSound, name, size, simd }) {
-        Object.assign(this, { info, rig, segments, hasSound, name, size,
-            usesSimd: simd });
+        Object.assign(this, { info, rig, segments, hasSound, size,
+            name: visible(name), usesSimd: simd });
         const poses = rig.map((camera) => cam.poseOf(camera.values));
 
         this.home = rig.length ? rig[0].values : cam.standInLens();
@@ -140,7 +148,9 @@ export class Viewer extends EventTarget {
         this.changed();
     }
 
-    fail(sentence) {
+    fail(why) {
+        const sentence = visible(why);
+
         this.playing = false;
         this.busy = false;
         this.endWait();
@@ -258,9 +268,23 @@ export class Viewer extends EventTarget {
         const lens = this.fills
             ? cam.fitted(this.lens, ...this.room.map(
                 (x) => Math.max(1, Math.round(x * detail))))
-            : cam.resized(this.lens, this.scale);
+            : cam.resized(this.lens, this.exactScale());
 
         return this.moved ? cam.placed(lens, this.pose) : lens;
+    }
+
+    // Returns the size of an exact picture, relative to the camera's picture. If
+    // that has more than any screen, it is the window's.
+    exactScale() {
+        const width = cam.widthOf(this.lens), height = cam.heightOf(this.lens);
+        const scaled = [width, height].map((x) => x * this.scale);
+
+        if (Math.max(...scaled) <= MOST_SIDE &&
+            scaled[0] * scaled[1] <= MOST_PIXELS)
+            return this.scale;
+        const [across, down] = this.room ?? [1920, 1080];
+
+        return Math.min(this.scale, across / width, down / height);
     }
 
     isMoving() {

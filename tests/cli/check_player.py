@@ -9,6 +9,11 @@ the player of ports/web, in headless Chromium with WebGL2 in software,
   call        a picture is drawn by one draw call of all its splats
   window      pictures fill the element, at the resolution of the device; exact
               pictures have the camera's size and the decoder's bits
+  many        17 canvases on a page, more than a browser has contexts of WebGL,
+              all keep their picture. A player that is moved goes on; one that
+              was removed gives its context back, and shows the film again when
+              it is put back
+  large       of cameras with 16,384 x 16,384 pixels it draws what the window has
   pace        pictures get smaller on a slow machine, and are sharp at rest;
               they do not get smaller if the worker takes most of the time
   element     attributes, properties and events work as documented; users who
@@ -27,6 +32,7 @@ import sys
 
 from verdict import WEB, Verdicts, read
 import browser  # noqa: E402  (verdict knows where)
+import film  # noqa: E402
 
 GOOD = "vectors/good/"
 LEAST_DB, MOST_OFF = 45, 3
@@ -177,6 +183,77 @@ def check_window(tab):
                 got.every((x, i) => x === rgba[i]);
         })()""")
     verdict("window")
+
+
+# Shows a picture in each of 17 canvases. Returns the sums of their samples, and
+# that of the first one after it has given back its context and taken another.
+MANY = """(async () => {
+    const { SagaFile } = await import('/saga.js');
+    const { GpuScreen } = await import('/gpu.js');
+    const file = await SagaFile.open('/still.saga');
+    const splats = await file.splats(file.rig[0], 0);
+    const made = { ...splats, bytes: Uint8Array.from(splats.bytes) };
+    const sum = (screen) => screen.read().data.reduce((a, b) => a + b, 0);
+    const canvases = Array.from({ length: 17 },
+        () => document.createElement('canvas'));
+
+    document.body.replaceChildren(...canvases);
+    await new Promise((resolve) => setTimeout(resolve, 100));
+    const screens = canvases.map((canvas) => GpuScreen.open(canvas));
+    for (const screen of screens)
+        screen.showSplats(made);
+    await new Promise((resolve) => setTimeout(resolve, 200));
+    const sums = screens.map(sum);
+    const again = new Promise((resolve) => canvases[0].addEventListener(
+        'webglcontextrestored', resolve, { once: true }));
+
+    screens[0].release?.();
+    await new Promise((resolve) => setTimeout(resolve, 100));
+    const lost = screens[0].gl.isContextLost();
+
+    screens[0].regain?.();
+    if (lost)
+        await Promise.race([again,
+            new Promise((resolve) => setTimeout(resolve, 5000))]);
+    screens[0].showSplats(made);
+    const told = [...sums, sum(screens[0]), lost];
+
+    screens.forEach((screen) => screen.release?.());
+    return told;
+})()"""
+
+
+def check_many(tab):
+    *sums, again, lost = tab.run(MANY)
+    if len(sums) != 17 or len({*sums, again}) != 1 or not lost:
+        complain("the canvases have the sums", sums, again, lost)
+    put(tab)
+    tab.run("window.other = document.createElement('div'); "
+            "window.worker = viewer.worker; document.body.append(other); "
+            "other.append(player)")
+    tab.run("new Promise((resolve) => setTimeout(resolve, 100))")
+    expect(tab, "a player that is moved opens its film again:",
+           "viewer.worker === worker && viewer.info !== null")
+    tab.run("player.remove(); new Promise((resolve) => setTimeout(resolve, "
+            "100))")
+    expect(tab, "a player that was removed keeps its worker or context:",
+           "viewer.worker === null && viewer.screen.gl.isContextLost()")
+    tab.run("document.body.append(player)")
+    settle(tab)
+    expect(tab, "a player that was put back shows", """(() => {
+        const { data } = viewer.read();
+        return data.some((x, i) => i % 4 < 3 && x !== data[i % 4]);
+    })()""")
+    verdict("many")
+
+
+def check_large(tab):
+    for draw in ("", "exact"):
+        put(tab, src="/large.saga", draw=draw)
+        width, height = tab.run("[viewer.drawn.width, viewer.drawn.height]")
+        if width > 400 or height > 300 or max(width, height) < 300:
+            complain("of a large camera it draws", width, "x", height, draw)
+    verdict("large")
 
 
 # Simulates a machine that needs `per` ms for a picture of full size, `work` of
@@ -377,6 +454,11 @@ def main():
     names = sorted(os.listdir(GOOD))
     files.update({name: read(GOOD + name) for name in names})
     files[DEMO] = read("docs/demo.saga")
+    still = film.Edit(film.Film("vectors", "good/still.saga"))
+    for i in range(still.film.get("header.n_cameras")):
+        still.set("camera%d.width" % i, 16384)
+        still.set("camera%d.height" % i, 16384)
+    files["large.saga"] = still.whole()
     files["empty.html"] = (
         b"<!doctype html><meta name=viewport content=width=device-width><body>")
     server, tab = browser.FileServer(files), browser.Browser()
@@ -384,6 +466,8 @@ def main():
         tab.go(server.url + "empty.html")
         check_call(tab)
         check_window(tab)
+        check_many(tab)
+        check_large(tab)
         check_pace(tab)
         check_element(tab)
         check_keys(tab)

@@ -16,6 +16,8 @@
   checkpoint  for the checkpoint of a stopped training it serves the file that
               the training would write now, without changing the training;
               during the warm-up it prints that there is no file yet
+  large       for a camera of 16,384 x 16,384 pixels it neither draws nor
+              keeps a picture of that size
   command     the address is printed on stdout; Ctrl-C ends with status 0; a
               port in use and files that cannot be shown give a message of one
               line
@@ -32,6 +34,7 @@ import tempfile
 import time
 
 from verdict import SAGA, SAGA_DEC, WEB, Verdicts, pixels, read
+import film  # noqa: E402  (verdict knows where)
 
 GOOD = "vectors/good/still.saga"
 
@@ -316,6 +319,28 @@ def check_checkpoint(tmp):
     verdict("checkpoint")
 
 
+def make_large(path):
+    """Writes a film whose cameras have the largest size."""
+    edit = film.Edit(film.Film("vectors", "good/still.saga"))
+    for i in range(edit.film.get("header.n_cameras")):
+        edit.set("camera%d.width" % i, 16384).set("camera%d.height" % i, 16384)
+    with open(path, "wb") as f:
+        f.write(edit.whole())
+
+
+def check_large(tmp):
+    make_large(tmp + "/large.saga")
+    view = View(tmp + "/large.saga")
+    text = view.get("/")[2].decode()
+    peak = int(re.search(r"VmHWM:\s*(\d+)", open(
+        "/proc/%d/status" % view.process.pid).read())[1])
+    view.end()
+    if '"pictures":[]' not in text or peak > 200000:
+        complain("a large camera takes", peak, "kB;",
+                 re.findall(r'"pictures":.*?\]', text))
+    verdict("large: %d MB" % (peak // 1000))
+
+
 def check_command(view):
     refused([GOOD, "--port", str(view.port)], 2, "give another --port")
     refused(["none.saga"], 2, "none.saga: cannot be opened")
@@ -355,6 +380,7 @@ def main():
     check_port_80()
     with tempfile.TemporaryDirectory() as tmp:
         check_slow(tmp)
+        check_large(tmp)
         check_checkpoint(tmp)
     check_command(view)
     return 1 if checks.failed else 0

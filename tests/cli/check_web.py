@@ -11,6 +11,8 @@
               which Escape closes, and then a good file can be opened. A server
               that forbids other pages to read its files is distinguished from a
               server that does not answer
+  names       names of cameras and files are shown as text, whatever is in them,
+              with invisible characters made visible
   ranges      of a file with several segments only the head and the segments
               that are shown are fetched, each once, as the server counts. If
               the server does not support ranges, the whole file is fetched
@@ -38,9 +40,11 @@ import re
 import subprocess
 import sys
 import tempfile
+import urllib.parse
 
 from verdict import SAGA, SAGA_DEC, WEB, Verdicts, crc32c, pixels, read
 import browser  # noqa: E402  (verdict knows where)
+import film  # noqa: E402
 
 GOOD = "vectors/good/"
 SEGMENTS = "segments.saga"
@@ -261,6 +265,38 @@ def check_bad(page, manifest):
         complain("Escape does not close what is told")
     check_others(page)
     verdict("bad")
+
+
+NAMES = "<b>x</b>", "a\u0085b\u202ec", "<img src=x onerror=told=1>"
+
+
+def make_named():
+    """Returns a film whose cameras have these names."""
+    edit = film.Edit(film.Film("vectors", "good/names.saga"))
+    chunk = edit.film.chunk("NAME")
+    names = b"".join(bytes((0, len(n.encode()))) + n.encode() for n in NAMES)
+    return edit.payload("NAME", edit.film.data[chunk.at + 12:chunk.at + 20] +
+                        names).whole()
+
+
+def check_names(page):
+    shown = []
+    for src in ("named.saga", "<b>%1b\u202e.saga"):
+        page.show("src=" + urllib.parse.quote(src))
+        shown += page.tab.run("""[
+            ...[...document.getElementById('player').shadowRoot
+                .getElementById('camera').options].map((o) => o.label),
+            document.getElementById('name').textContent, document.title,
+            document.getElementById('sentence').textContent,
+            document.querySelectorAll('b, img').length, window.told ?? 0]""")
+    want = [NAMES[0], "a\\u{85}b\\u{202e}c", NAMES[2], "free", "named.saga",
+            "named.saga - saga", "", 0, 0]
+    # The other one is not on the server.
+    told = shown[-3] if len(shown) > 3 else ""
+    if shown[:len(want)] != want or shown[-2:] != [0, 0] or \
+            not told.startswith("<b>\\u{1b}\\u{202e}.saga: "):
+        complain("shown:", shown)
+    verdict("names")
 
 
 def check_others(page):
@@ -634,12 +670,14 @@ def main():
         files[rated] = read("docs/demo.saga")
     with tempfile.TemporaryDirectory() as tmp:
         files[LONG] = make_long(tmp)
+        files["named.saga"] = make_named()
         page = Page(files)
         try:
             page.show("")
             check_vectors(page, manifest)
             check_pixels(page, tmp)
             check_bad(page, manifest)
+            check_names(page)
             check_ranges(page, files, tmp)
             check_drop(page, files)
             check_controls(page, tmp)

@@ -10,7 +10,8 @@ import sys
 # Checks run in the root of the tree, on the programs that the caller names.
 ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
 os.chdir(ROOT)
-sys.path.insert(0, os.path.join(ROOT, "tests", "support"))
+for folder in ("support", "stream"):
+    sys.path.insert(0, os.path.join(ROOT, "tests", folder))
 BUILD = os.environ.get("BUILD", "build")
 SAGA = os.environ.get("SAGA", BUILD + "/saga")
 SAGA_DEC = os.environ.get("SAGA_DEC", BUILD + "/saga-dec")

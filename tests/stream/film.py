@@ -273,6 +273,12 @@ class Edit:
                 body = self.bytes_of(chunk.at + 12, chunk.at + 12 + n)
             self.set(f"{label}.crc", crc32c(crc32c(owner, head), body[:n]))
 
+    def whole(self):
+        """Returns the edited file."""
+        if self.sign:
+            self.sign_all()
+        return self.bytes_of(0, len(self.film.data))
+
     def line(self):
         if self.sign:
             self.sign_all()

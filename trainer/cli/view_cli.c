@@ -27,8 +27,11 @@
 enum {
     USUAL_PORT = 8470,       /* used if it is free */
     USUAL_SECONDS = 30,
-    MAX_PICTURES = 4         /* number of pictures whose CRC is given to the
+    MAX_PICTURES = 4,        /* number of pictures whose CRC is given to the
                               * page */
+    /* Of a picture that the page draws in the camera's size; as viewer.js. */
+    MAX_PIXELS = 1 << 25,
+    MAX_SIDE = 8192
 };
 
 /* The text in index.html that is replaced by the page's data. */
@@ -105,16 +108,21 @@ static bool add_pictures(json_t *list, saga_film *film, saga_error *error)
         uint8_t *rgb = NULL;
         char crc[9];
         size_t n = 0;
+        bool is_large = false;
 
         ok = saga_film_rig(film, i, &c, &number, error);
         /* The page draws the same picture and reports whether its CRC
-         * agrees. */
+         * agrees. It draws a larger one in the window's size. */
         if (ok) {
+            is_large = c.width > MAX_SIDE || c.height > MAX_SIDE ||
+                       (uint32_t)c.width * c.height > MAX_PIXELS;
+            if (is_large)
+                c.width = c.height = 1; /* shows whether it can be drawn */
             n = (size_t)3 * c.width * c.height;
             rgb = saga_alloc(n, 1, film->name, error);
             ok = rgb && saga_film_draw(film, &c, 0, 1, rgb, error);
         }
-        if (ok) {
+        if (ok && !is_large) {
             snprintf(crc, sizeof crc, "%08" PRIx32, saga_crc32c(0, rgb, n));
             json_array_append_new(list, json_pack(
                 "{s:i, s:i, s:s}", "camera", (int)i, "frame", 0, "crc", crc));
