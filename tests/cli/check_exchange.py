@@ -15,6 +15,10 @@ files that are cut and joined,
               renderer draws the splats; a sequence of SPZ files gives as many
               frames; a film in .splat4d or .4dgs gives the file that the same
               splats in PLY give; an invalid PLY is reported
+  meant       splats that are left out, clamped or read otherwise than the
+              format says are told in one line for each kind; splats at one
+              point are no error; what a level or the memory has no room for is
+              refused before anything is drawn
   cut         frames that were cut from a file draw the same pixels, from the
               same coded bytes
   join        the parts of a file, joined, are the file; in another order they
@@ -671,17 +675,18 @@ def check_import_film(tmp):
 
 
 def check_import_refused(tmp):
-    rows, nan = ball(5), float("nan")
-    out = tmp + "/refused.saga"
+    rows, out = ball(5), tmp + "/refused.saga"
     for data, says in (
             (b"no", "is not in a known splat format"),
             (ply(rows)[:-3], "announces 5 points"),
             (ply([]), "has no splats"),
-            (ply([[nan] + rows[0][1:]], ["q"] + COLUMNS[1:]), "has no x"),
+            (ply(rows, ["q"] + COLUMNS[1:]), "have no x"),
             (ply([r + [0.0] * 5 for r in rows],
                  COLUMNS + ["f_rest_%d" % k for k in range(5)]),
              "5 values of f_rest"),
-            (ply([[math.inf] + r[1:] for r in rows]), "numbers are finite")):
+            (ply([[math.inf] + r[1:] for r in rows]),
+             "has no splat to show: leaves out 5 of 5 splats: 5 with numbers "
+             "that are not finite")):
         bad = write(tmp + "/bad.ply", data)
         saga("import", bad, "-o", out, status=1, says=says)
     good = write(tmp + "/good.ply", ply(rows))
@@ -706,6 +711,63 @@ def check_import_refused(tmp):
     if [n for n in os.listdir(tmp) if n.startswith("refused")]:
         complain("something was written though it was refused")
     verdict("import")
+
+
+FOUND = "../shared/data/found/"
+SAMPLES = (("glb_log_scale/in.glb", "read as logarithms"),
+           ("ply_activated/in.ply", "read as lengths"),
+           ("ply_coincident/in.ply", ""),
+           ("ply_nan_first_row/in.ply", "leaves out 1 of 400 splats"),
+           ("sog_null_codebook/meta.json", "lacks its first number"),
+           ("spz_late_axis_extension/in.spz", ""))
+
+
+def check_meant(tmp):
+    out = tmp + "/meant.saga"
+    few = ["-o", out, "--size", "16x16", "--iterations", "2"]
+    nan = float("nan")
+
+    def told(rows, says, *options, status=0):
+        saga("import", write(tmp + "/meant.ply", ply(rows)), *few, *options,
+             status=status, says=says)
+
+    rows = ball(60)
+    told([[0.0] * 14, [nan] * 14] + rows, "leaves out 2 of 62 splats: 1 with "
+         "numbers that are not finite or above a million, 1 that are rows of "
+         "zeros\n")
+    told([r[:6] + [1 / (1 + math.exp(-k / 9 + 3))] +
+          [math.exp(x) for x in r[7:10]] + r[10:]
+          for k, r in enumerate(rows)],
+         "scales are read as lengths; by their size they are no logarithms "
+         "(1 file)\n")
+    told(rows, "leaves out 20 of 60 splats: 20 that are less visible",
+         "--primitives", "40")
+    # More splats lie at one point than a cell has room for.
+    told([[1.0, 2.0, 3.0] + r[3:] for r in rows] + rows, "")
+    told([[9e5] * 3 + rows[0][3:]] + rows, "positions outside the scene's cube "
+         "are moved to its faces (1 splat)\n")
+    # Level 0 has room for 1,024 primitives, and fewer if its memory says so.
+    told(ball(1100), "has 1100 splats, level 0 has room for ", "--level", "0",
+         status=1)
+    # What many splats take is known when they are read.
+    whole = ply(ball(800))
+    end = whole.index(b"end_header\n") + 11
+    write(tmp + "/many.ply", whole[:end].replace(
+        b"vertex 800\n", b"vertex 80000\n") + 100 * whole[end:])
+    saga("import", tmp + "/many.ply", *few, "--level", "3", "--memory", "1",
+         status=1, says="GiB to train with 80000 splats; --memory allows 1; "
+         "give --memory 2")
+    # In units of which a splat has more than 379, SPZ has no such scales.
+    told([[1e3 * x for x in r[:3]] + r[3:7] + [x + 7 for x in r[7:10]] + r[10:]
+          for r in rows], "")
+    saga("export", out, "-o", tmp + "/large.spz", "--sh", "0", says="scales "
+         "beyond the 4.54e-05 to 379 units of SPZ, and are clamped")
+    for name, says in SAMPLES:
+        if os.path.exists(FOUND + name):
+            saga("import", FOUND + name, *few, says=says)
+        else:
+            print("     skipped: no", FOUND + name)
+    verdict("meant")
 
 
 def check_layers(tmp):
@@ -745,6 +807,7 @@ with tempfile.TemporaryDirectory() as folder:
     check_programs(folder)
     check_outputs(folder)
     check_import(folder)
+    check_meant(folder)
     check_refused(folder, check_cut(folder)[0])
     check_join(folder, [folder + "/part%d.saga" % i for i in range(3)])
     check_base(folder)

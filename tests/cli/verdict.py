@@ -46,15 +46,16 @@ class Verdicts:
         return bool(why)
 
     def run(self, *command, status=0, says="", env=None):
-        """Runs a program, which must end with this status; if that is not 0,
-        its message must be one line. Returns what it printed."""
+        """Runs a program, which must end with this status and say this; if the
+        status is not 0, its message must be one line. Returns what it
+        printed."""
         done = subprocess.run([*map(str, command)], env=env, timeout=600,
                               stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         text = done.stderr.decode()
         if done.returncode != status:
             self.complain(command, "ends with", done.returncode, "not", status,
                           text)
-        elif status and (says not in text or text.count("\n") != 1):
+        elif says not in text or (status and text.count("\n") != 1):
             self.complain(command, "says", repr(text), "not", repr(says))
         return done.stdout.decode()
 

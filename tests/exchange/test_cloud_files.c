@@ -54,7 +54,7 @@ static bool read_bytes(saga_cloud *cloud, const uint8_t *bytes, size_t n)
     bool ok;
 
     write_bytes(path_of(path, ""), bytes, n);
-    ok = saga_cloud_read(cloud, path, &why);
+    ok = saga_cloud_read(cloud, path, 0, &why);
     unlink(path);
     assert_int_equal(ok, !saga_failed(&why));
     return ok;
@@ -206,7 +206,7 @@ TEST(splats_should_come_back_within_half_a_step)
             path_of(path, written[f].suffix);
             gen_cloud(&a, 300, degree);
             assert_done(saga_cloud_write(path, &a, &error));
-            assert_done(saga_cloud_read(&b, path, &error));
+            assert_done(saga_cloud_read(&b, path, 0, &error));
             unlink(path);
             check_cloud(&a, &b, &written[f].most);
         }
@@ -235,9 +235,173 @@ TEST(files_of_another_program_should_be_read)
 
         (void)snprintf(path, sizeof path, "tests/exchange/theirs/%s",
                        theirs[f].name);
-        assert_done(saga_cloud_read(&b, path, &error));
+        assert_done(saga_cloud_read(&b, path, 0, &error));
         check_cloud(&a, &b, &theirs[f].most);
     }
+}
+
+/* --- What the numbers mean ----------------------------------------------- */
+
+/* Makes the numbers of a cloud those that another writer would store. */
+enum { LENGTHS = 1, OPACITIES = 2, MILLIMETRES = 4, ALIKE = 8 };
+
+static void store_as(saga_cloud *c, unsigned how)
+{
+    for (size_t i = 0; i < 3 * c->n; i++) {
+        float *const s = &c->log_scale[i];
+
+        c->mean[i] *= how & MILLIMETRES ? 1e4f : 1;
+        *s += how & MILLIMETRES ? logf(1e4f) : 0;
+        *s = how & LENGTHS ? expf(*s) : *s;
+    }
+    for (size_t i = 0; i < c->n; i++)
+        c->logit[i] = how & OPACITIES ? (float)opacity_of(c, i)
+                    : how & ALIKE ? 0.9f : c->logit[i];
+}
+
+/* Checks that a file has these facts of the two numbers given, and no other. */
+static void check_facts(const saga_cloud *c, int a, int b)
+{
+    for (int i = 0; i < SAGA_N_FACTS; i++)
+        assert_int_equal(c->facts.count[i], i == a || i == b);
+}
+
+TEST(numbers_should_be_read_as_their_writer_meant_them)
+{
+    enum { NONE = -1 };
+    static const struct {
+        unsigned how;        /* as stored, and as it is read */
+        unsigned is;
+        int a, b;
+    } cases[] = {
+        { 0, 0, NONE, NONE },
+        { LENGTHS | OPACITIES, 0, SAGA_FACT_LINEAR_SCALE, SAGA_FACT_OPACITY },
+        { OPACITIES, 0, NONE, SAGA_FACT_OPACITY },
+        { LENGTHS, 0, SAGA_FACT_LINEAR_SCALE, NONE },
+        { MILLIMETRES, MILLIMETRES, NONE, NONE },
+        { MILLIMETRES | LENGTHS, MILLIMETRES, SAGA_FACT_LINEAR_SCALE, NONE },
+        { ALIKE, ALIKE, NONE, SAGA_FACT_UNSURE },
+        { ALIKE | LENGTHS, ALIKE | OPACITIES, SAGA_FACT_LINEAR_SCALE,
+          SAGA_FACT_OPACITY },
+    };
+
+    for (size_t k = 0; k < sizeof cases / sizeof cases[0]; k++) {
+        bounds most = FLOATS;
+        FREED_BY(saga_cloud_free) saga_cloud a;
+        FREED_BY(saga_cloud_free) saga_cloud b;
+        FREED_BY(saga_cloud_free) saga_cloud c;
+        char path[64];
+
+        path_of(path, ".ply");
+        gen_cloud(&a, 300, 1);
+        gen_cloud(&c, 300, 1);
+        store_as(&a, cases[k].how);
+        store_as(&c, cases[k].is & ~(unsigned)OPACITIES);
+        /* 0.9 that is an opacity has the logit log 9. */
+        for (size_t i = 0; i < c.n && cases[k].is & OPACITIES; i++)
+            c.logit[i] = logf(9);
+        assert_done(saga_cloud_write(path, &a, &error));
+        assert_done(saga_cloud_read(&b, path, 0, &error));
+        unlink(path);
+        most.mean *= 1e4;
+        check_cloud(&c, &b, &most);
+        check_facts(&b, cases[k].a, cases[k].b);
+    }
+}
+
+TEST(splats_that_are_none_should_be_left_out_and_counted)
+{
+    FREED_BY(saga_cloud_free) saga_cloud a;
+    FREED_BY(saga_cloud_free) saga_cloud b;
+    char path[64], line[SAGA_FACTS_NBYTES];
+    int from = 0;
+
+    path_of(path, ".ply");
+    gen_cloud(&a, 40, 0);
+    /* The first row is like all others; one is not turned but kept. */
+    a.mean[0] = NAN;
+    a.log_scale[3 * 7] = INFINITY;
+    a.colour[3 * 9] = 2e6f;
+    a.logit[11] = -6;
+    for (size_t k = 0; k < 4; k++)
+        a.quat[4 * 13 + k] = a.quat[4 * 17 + k] = 0;
+    for (size_t k = 0; k < 3; k++)
+        a.mean[3 * 13 + k] = a.log_scale[3 * 13 + k] = 0;
+    a.logit[13] = 0;
+    for (size_t i = 0; i < a.n; i++)
+        a.logit[i] = i == 11 || i == 13 ? a.logit[i] : 2;
+    assert_done(saga_cloud_write(path, &a, &error));
+    assert_done(saga_cloud_read(&b, path, 0, &error));
+    unlink(path);
+    assert_int_equal(b.n, 35);
+    assert_true(saga_cloud_facts_line(line, &from, &b.facts));
+    assert_string_equal(line, "leaves out 5 of 40 splats: 3 with numbers that "
+                        "are not finite or above a million, 1 that are rows "
+                        "of zeros, 1 with opacities below 1/256");
+    assert_true(saga_cloud_facts_line(line, &from, &b.facts));
+    assert_string_equal(line, "rotations of length 0 are read as none (1 "
+                        "splat)");
+    assert_false(saga_cloud_facts_line(line, &from, &b.facts));
+}
+
+TEST(fewer_splats_should_be_those_that_cover_most)
+{
+    FREED_BY(saga_cloud_free) saga_cloud a;
+    size_t n = 0;
+
+    gen_cloud(&a, 100, 1);
+    for (size_t i = 0; i < a.n; i++) {
+        a.mean[3 * i] = (float)i;
+        a.logit[i] = 0;
+        for (size_t k = 0; k < 3; k++)
+            a.log_scale[3 * i + k] = (float)((i * 37 + k) % 100) - 50;
+    }
+    assert_done(saga_cloud_thin(&a, 30, &error));
+    assert_int_equal(a.n, 30);
+    /* 37 and 100 have no common divisor, so that each value occurs once. */
+    for (size_t i = 0; i < 100; i++)
+        if (i * 37 % 100 >= 70 && i * 37 % 100 < 98)
+            assert_true(a.mean[3 * n++] <= (float)i);
+    for (size_t i = 1; i < a.n; i++)
+        assert_true(a.mean[3 * i] > a.mean[3 * i - 3]);
+    assert_int_equal(a.facts.count[SAGA_FACT_SMALL], 70);
+}
+
+TEST(limits_should_be_those_that_the_writers_clamp_at)
+{
+    for (size_t f = 0; f < sizeof written / sizeof written[0]; f++)
+        for (int beyond = 0; beyond < 4; beyond++) {
+            const saga_cloud_format *const format =
+                saga_cloud_format_of(written[f].suffix);
+            FREED_BY(saga_cloud_free) saga_cloud a;
+            FREED_BY(saga_cloud_free) saga_cloud b;
+            double most = 0;
+            size_t n;
+            char path[64];
+
+            path_of(path, written[f].suffix);
+            gen_cloud(&a, 300, 1);
+            /* One splat has a large or small scale, or strong colours. */
+            a.log_scale[30] = beyond == 1 ? 6.2f : beyond == 2 ? -10.2f : -3;
+            a.colour[12 * 10 + 5] = beyond == 3 ? -5 : 0;
+            n = saga_cloud_beyond(&a, format, 0) +
+                saga_cloud_beyond(&a, format, 1);
+            assert_done(saga_cloud_write(path, &a, &error));
+            assert_done(saga_cloud_read(&b, path, 0, &error));
+            unlink(path);
+            for (size_t i = 0; i < a.n; i++) {
+                const size_t j = nearest(&a, i, &b);
+
+                for (size_t k = 0; k < 3; k++)
+                    most = fmax(most, fabs((double)(a.log_scale[3 * i + k] -
+                                                    b.log_scale[3 * j + k])));
+                for (size_t k = 0; k < 12; k++)
+                    most = fmax(most, fabs((double)(a.colour[12 * i + k] -
+                                                    b.colour[12 * j + k])));
+            }
+            /* Rounding alone is below a tenth. */
+            assert_int_equal(n, most > 0.1);
+        }
 }
 
 /* --- SPZ ----------------------------------------------------------------- */
@@ -281,6 +445,7 @@ static bool read_gzipped(saga_cloud *cloud, const uint8_t *bytes, size_t n)
 
 /* Writes an SPZ header of n splats, and one splat of degree 0 with mean -1, 2,
  * 0.5 at 8 fraction bits. Returns the number of bytes. */
+enum { MOST_RAW = 6000 };
 static size_t one_splat(uint8_t *to, uint32_t version, uint32_t n,
                         uint32_t axes)
 {
@@ -301,11 +466,11 @@ static size_t one_splat(uint8_t *to, uint32_t version, uint32_t n,
      * here 0. */
     saga_put_le(&at, version == 2 ? 0x7f7fff : 0, version == 2 ? 3 : 4);
     if (axes) {
-        saga_put_le(&at, 0x12345678, 4);         /* an extension of another
-                                                  * program */
-        saga_put_le(&at, 5, 4);
-        saga_put_le(&at, 0, 4);
-        saga_put_le(&at, 0, 1);
+        saga_put_le(&at, 0x12345678, 4);         /* a long extension of
+                                                  * another program */
+        saga_put_le(&at, 5001, 4);
+        memset(at, 0, 5001);
+        at += 5001;
         saga_put_le(&at, 0xADBE0003, 4);
         saga_put_le(&at, 4, 4);
         saga_put_le(&at, axes, 4);
@@ -316,7 +481,7 @@ static size_t one_splat(uint8_t *to, uint32_t version, uint32_t n,
 TEST(spz_of_version_2_should_have_three_bytes_of_rotation)
 {
     FREED_BY(saga_cloud_free) saga_cloud c;
-    uint8_t raw[64];
+    uint8_t raw[MOST_RAW];
     const size_t n = one_splat(raw, 2, 1, 0);
 
     assert_true(read_gzipped(&c, raw, n));
@@ -339,7 +504,7 @@ TEST(spz_should_say_its_axes)
         double mean[3];
     } known[] = { { 4, { -1, -2, -0.5 } }, { 6, { -1, 2, 0.5 } },
                   { 7, { 1, -2, 0.5 } } };
-    uint8_t raw[64];
+    uint8_t raw[MOST_RAW];
     saga_cloud c;
     size_t n;
 
@@ -356,7 +521,7 @@ TEST(spz_should_say_its_axes)
 
 TEST(spz_should_not_be_believed)
 {
-    uint8_t raw[64];
+    uint8_t raw[MOST_RAW];
     saga_cloud c;
 
     for (int k = 0; k < 3; k++) {
@@ -368,6 +533,79 @@ TEST(spz_should_not_be_believed)
 
         assert_false(read_gzipped(&c, raw, n));
     }
+}
+
+/* Checks that bytes are refused, without more memory than `most`. */
+static void refused(const uint8_t *bytes, size_t n, uint64_t most,
+                    const char *says)
+{
+    char path[64];
+    saga_error why = { "" };
+    saga_cloud c;
+
+    write_bytes(path_of(path, ""), bytes, n);
+    assert_false(saga_cloud_read(&c, path, most, &why));
+    unlink(path);
+    if (!strstr(why.message, says))
+        fail_msg("%s", why.message);
+}
+
+TEST(spz_should_have_points_within_its_positions)
+{
+    uint8_t raw[MOST_RAW];
+    size_t n;
+
+    for (int bits = 24; bits <= 25; bits++) {
+        const uint8_t *packed;
+        saga_cloud c;
+
+        n = one_splat(raw, 3, 1, 0);
+        raw[13] = (uint8_t)bits;
+        packed = gzipped(raw, &n);
+        if (bits == 25) {
+            refused(packed, n, 0, "25 bits of a position follow");
+            continue;
+        }
+        assert_true(read_bytes(&c, packed, n));
+        check("x", -0x1p-16, (double)c.mean[0], 0);
+        saga_cloud_free(&c);
+    }
+}
+
+/* Appends a list of 256 zeros to a text. */
+static void put_codebook(char *text, const char *key)
+{
+    char *at = text + strlen(text);
+
+    at += sprintf(at, "\"%s\":{\"codebook\":[0", key);
+    for (int k = 1; k < 256; k++)
+        at += sprintf(at, ",0");
+    sprintf(at, "]}");
+}
+
+/* Some kilobytes that unfold to many splats are refused by what these would
+ * take. */
+TEST(bombs_should_be_refused_by_their_size)
+{
+    static uint8_t raw[16 + (20 << 18)];
+    char meta[2048] = "{\"version\":2,\"count\":268435456,\"means\":{"
+                      "\"mins\":[0,0,0],\"maxs\":[1,1,1]},";
+    uint8_t *at = raw;
+    size_t n = sizeof raw;
+    const uint8_t *packed;
+
+    saga_put_le(&at, 0x5053474e, 4);
+    saga_put_le(&at, 3, 4);
+    saga_put_le(&at, 1 << 18, 4);
+    saga_put_le(&at, 0x0c00, 2);
+    packed = gzipped(raw, &n);
+    refused(packed, n, 16 << 20, "has 262144 splats");
+    put_codebook(meta, "scales");
+    strcat(meta, ",");
+    put_codebook(meta, "sh0");
+    strcat(meta, "}");
+    refused((const uint8_t *)meta, strlen(meta), 16 << 20,
+            "has 268435456 splats");
 }
 
 /* --- Damage -------------------------------------------------------------- */
@@ -468,7 +706,8 @@ static void unzip(saga_bytes part[N_MEMBERS], saga_cloud *cloud)
     unlink(path);
     assert_true(saga_zip_open(&zip, &file, path));
     for (int i = 0; i < N_MEMBERS; i++) {
-        assert_done(saga_zip_read(&part[i], &zip, members[i], &error));
+        assert_done(saga_zip_read(&part[i], &zip, members[i], 1 << 20,
+                                   &error));
         write_member(members[i], part[i].data, part[i].nbytes);
     }
     saga_bytes_free(&file);
@@ -488,7 +727,7 @@ TEST(sog_in_a_folder_should_be_read)
     gen_cloud(&a, 40, 1);
     unzip(part, &a);
     (void)snprintf(path, sizeof path, "%s/meta.json", folder);
-    assert_done(saga_cloud_read(&b, path, &error));
+    assert_done(saga_cloud_read(&b, path, 0, &error));
     check_cloud(&a, &b, &written[4].most);
     saga_cloud_free(&b);
     for (uint32_t i = 0; i < count; i++) {
@@ -500,7 +739,7 @@ TEST(sog_in_a_folder_should_be_read)
         memcpy(copy, of->data, of->nbytes);
         write_member(members[i % N_MEMBERS], copy,
                      hurt(copy, of->nbytes, &r));
-        ok = saga_cloud_read(&b, path, &why);
+        ok = saga_cloud_read(&b, path, 0, &why);
         assert_int_equal(ok, !saga_failed(&why));
         saga_cloud_free(&b);
         write_member(members[i % N_MEMBERS], of->data, of->nbytes);
@@ -510,6 +749,88 @@ TEST(sog_in_a_folder_should_be_read)
         unlink(path);
         saga_bytes_free(&part[i]);
     }
+}
+
+/* Replaces the first `piece` behind `key` in meta.json. */
+static void edit_meta(const saga_bytes *meta, const char *key,
+                      const char *piece, const char *other)
+{
+    const char *const text = (const char *)meta->data;
+    const char *at = strstr(text, key);
+    char edited[16384];
+    int n;
+
+    assert_non_null(at);
+    at = strstr(at, piece);
+    assert_non_null(at);
+    /* A number ends with its comma. */
+    n = snprintf(edited, sizeof edited, "%.*s%s%s", (int)(at - text), text,
+                 other, strchr(at + 1, ','));
+    assert_in_range(n, 1, sizeof edited - 1);
+    write_member("meta.json", (const uint8_t *)edited, (size_t)n);
+}
+
+/* Older writers left out the first number of a list of codes. Our lists have
+ * equal steps, so that the number is found but for a 255th of a step. */
+TEST(sog_should_have_numbers_or_a_known_gap)
+{
+    static const struct {
+        const char *key, *piece, *other, *says;
+    } cases[] = {
+        { "\"scales\"", "-", "null", NULL },
+        { "\"sh0\"", "-", "null", NULL },
+        { "\"means\"", "-", "null", "means.mins[0] is not a number" },
+        { "\"means\"", "-", "\"x\"", "means.mins[0] is not a number" },
+        { "\"scales\"", "-", "\"-5\"", "scales.codebook[0] is not a number" },
+        { "\"scales\"", ",-", ",null", "scales.codebook[1] is not a number" },
+        { "\"count\"", "40", "null", "has a count of splats" }
+    };
+    FREED_BY(saga_cloud_free) saga_cloud a;
+    saga_bytes part[N_MEMBERS];
+    char path[64];
+
+    gen_cloud(&a, 40, 1);
+    unzip(part, &a);
+    for (size_t k = 0; k < sizeof cases / sizeof cases[0]; k++) {
+        saga_error why = { "" };
+        saga_cloud b;
+
+        edit_meta(&part[0], cases[k].key, cases[k].piece, cases[k].other);
+        (void)snprintf(path, sizeof path, "%s/meta.json", folder);
+        if (saga_cloud_read(&b, path, 0, &why)) {
+            bounds most = written[4].most;
+
+            assert_null(cases[k].says);
+            most.log_scale += 4.0 / 255 / 255;
+            check_cloud(&a, &b, &most);
+            check_facts(&b, SAGA_FACT_CODEBOOK, SAGA_FACT_CODEBOOK);
+            saga_cloud_free(&b);
+        } else if (!cases[k].says || !strstr(why.message, cases[k].says)) {
+            fail_msg("%s", why.message);
+        }
+    }
+    for (int i = 0; i < N_MEMBERS; i++) {
+        (void)snprintf(path, sizeof path, "%s/%s", folder, members[i]);
+        unlink(path);
+        saga_bytes_free(&part[i]);
+    }
+}
+
+/* A member must not be larger than what it can have to hold. */
+TEST(members_should_be_no_larger_than_wanted)
+{
+    saga_error why = { "" };
+    saga_bytes file, member;
+    saga_zip zip;
+
+    assert_done(saga_read_file(&file, "tests/exchange/theirs/splats.sog",
+                               &error));
+    assert_true(saga_zip_open(&zip, &file, "splats.sog"));
+    assert_done(saga_zip_read(&member, &zip, "meta.json", 1 << 16, &error));
+    saga_bytes_free(&member);
+    assert_false(saga_zip_read(&member, &zip, "meta.json", 100, &why));
+    assert_non_null(strstr(why.message, "more than its contents can need"));
+    saga_bytes_free(&file);
 }
 
 TEST(table_should_be_written_and_read)

@@ -88,7 +88,7 @@ static bool read_glb(saga_cloud *cloud, const char *text, const uint8_t *bin,
     fwrite(bin, 1, nbytes, f);
     assert_int_equal(fclose(f), 0);
     *why = (saga_error){ "" };
-    ok = saga_cloud_read(cloud, path, why);
+    ok = saga_cloud_read(cloud, path, 0, why);
     unlink(path);
     return ok;
 }
@@ -122,6 +122,28 @@ TEST(integers_should_be_read_as_what_they_stand_for)
     near(c.logit[0], log(0.2 / 0.8));
 }
 
+/* Scales that are negative are logarithms, and opacities above 1 logits. */
+TEST(logarithms_and_logits_should_be_found)
+{
+    static const float logs[3] = { -1, -2, 0.5f };
+    FREED_BY(saga_cloud_free) saga_cloud c;
+    uint8_t bin[64], *at = bin + 20;
+    const size_t n = put_bin(bin);
+    FREED char *const text = strdup(whole);
+    saga_error why;
+
+    put_floats(&at, logs);
+    /* The opacity is an integer that stands for itself: the byte is 51. */
+    memcpy(strstr(strstr(text, "5121"), "true"), "null", 4);
+    if (!read_glb(&c, text, bin, n, &why))
+        fail_msg("%s", why.message);
+    for (int k = 0; k < 3; k++)
+        near(c.log_scale[k], (double)logs[k]);
+    near(c.logit[0], 16); /* what is cut there */
+    assert_int_equal(c.facts.count[SAGA_FACT_LOG_SCALE], 1);
+    assert_int_equal(c.facts.count[SAGA_FACT_LOGIT], 1);
+}
+
 TEST(packed_splats_should_be_read_as_the_file_alone)
 {
     FREED_BY(saga_cloud_free) saga_cloud a;
@@ -141,7 +163,7 @@ TEST(packed_splats_should_be_read_as_the_file_alone)
                    spz.nbytes, spz.nbytes);
     if (!read_glb(&a, text, spz.data, spz.nbytes, &why))
         fail_msg("%s", why.message);
-    assert_done(saga_cloud_read(&b, "tests/exchange/theirs/version3.spz",
+    assert_done(saga_cloud_read(&b, "tests/exchange/theirs/version3.spz", 0,
                                 &error));
     assert_int_equal(a.n, b.n);
     assert_memory_equal(a.mean, b.mean, a.n * 3 * sizeof(float));

@@ -617,7 +617,7 @@ static int play_cloud(const char *path, saga_error *error)
 {
     saga_cloud cloud;
 
-    if (!saga_cloud_read(&cloud, path, error))
+    if (!saga_cloud_read(&cloud, path, 0, error))
         return 0;
     saga_cloud_free(&cloud);
     return 1;

@@ -14,6 +14,7 @@
 #include "output.h"
 
 #include <inttypes.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -31,15 +32,23 @@ typedef struct {
     saga_film film;
     saga_film_colours colours;
     bool unwritten;          /* the error is about an output */
+    size_t n_splats;         /* in all frames, and of these those with scales */
+    size_t beyond[2];        /* and with colours that the format clamps */
     saga_error error;
 } session;
 
 static bool make_cloud(saga_cloud *cloud, session *s, uint32_t frame)
 {
+    const saga_cloud_format *const format = saga_cloud_format_of(s->o->out);
     const saga_colouring how = { s->o->camera, s->o->degree };
 
-    return saga_film_cloud(cloud, &s->colours, &s->film, frame, how,
-                           &s->error);
+    if (!saga_film_cloud(cloud, &s->colours, &s->film, frame, how,
+                         &s->error))
+        return false;
+    s->n_splats += cloud->n;
+    for (int of = 0; of < 2; of++)
+        s->beyond[of] += saga_cloud_beyond(cloud, format, of);
+    return true;
 }
 
 /* Notes in s whether an output failed, which decides on the exit status. */
@@ -58,11 +67,31 @@ static void tell_colours(const session *s)
                255.0 * s->colours.rms);
 }
 
+/* Says what the format could not hold. */
+static void tell_beyond(const session *s)
+{
+    const saga_cloud_format *const format = saga_cloud_format_of(s->o->out);
+    const float *const range = format->limits.log_scale;
+
+    if (s->beyond[0])
+        (void)saga_cli_error(SAGA_EXIT_OK, "export: %s: %zu of %zu splats have "
+                             "scales beyond the %.3g to %.3g units of %s, and "
+                             "are clamped; .ply, .glb and .sog hold them",
+                             s->o->out, s->beyond[0], s->n_splats,
+                             exp((double)range[0]), exp((double)range[1]),
+                             format->name);
+    if (s->beyond[1])
+        (void)saga_cli_error(SAGA_EXIT_OK, "export: %s: %zu of %zu splats have "
+                             "colours beyond those of %s, and are clamped; "
+                             ".ply, .glb and .sog hold them", s->o->out,
+                             s->beyond[1], s->n_splats, format->name);
+}
+
 /* --- A file a frame ------------------------------------------------------ */
 
 /* Writes a frame into the folder, under the name that the pattern gives. */
 static bool write_part(session *s, const char *folder, const char *pattern,
-                       uint32_t frame, size_t *n_splats)
+                       uint32_t frame)
 {
     char *const name = saga_numbered_name(pattern, (int)frame, &s->error);
     char *const path = name ? saga_path_join(folder, name, &s->error) : NULL;
@@ -71,7 +100,6 @@ static bool write_part(session *s, const char *folder, const char *pattern,
 
     ok = path && make_cloud(&cloud, s, frame);
     if (ok) {
-        *n_splats += cloud.n;
         ok = written(s, saga_cloud_write(path, &cloud, &s->error));
         saga_cloud_free(&cloud);
     }
@@ -86,13 +114,12 @@ static bool fill_folder(session *s, const char *folder, const char *pattern)
     const uint32_t end = s->o->frames.b ? (uint32_t)s->o->frames.b
                                         : s->film.info.n_frames;
     saga_meter meter = { .quiet = s->o->quiet };
-    size_t n = 0;
     bool ok = true;
 
     for (uint32_t i = first; i < end && ok; i++) {
         char doing[64];
 
-        ok = write_part(s, folder, pattern, i, &n);
+        ok = write_part(s, folder, pattern, i);
         (void)snprintf(doing, sizeof doing, "frame %" PRIu32 " of %" PRIu32,
                        i, s->film.info.n_frames);
         saga_meter_show(&meter, (i - first + 1.0) / (end - first), doing);
@@ -100,7 +127,7 @@ static bool fill_folder(session *s, const char *folder, const char *pattern)
     saga_meter_end(&meter);
     if (ok)
         printf("%s: %" PRIu32 " frames, %.0f splats a frame\n", s->o->out,
-               end - first, (double)n / (end - first));
+               end - first, (double)s->n_splats / (end - first));
     return ok;
 }
 
@@ -173,6 +200,12 @@ static bool write_frame(session *s)
     return ok;
 }
 
+static void tell_all(const session *s)
+{
+    tell_colours(s);
+    tell_beyond(s);
+}
+
 static int export_all(session *s, const char *name, const saga_bytes *bytes)
 {
     int status = SAGA_EXIT_OK;
@@ -180,7 +213,7 @@ static int export_all(session *s, const char *name, const saga_bytes *bytes)
     if (saga_film_open(&s->film, name, bytes->data, bytes->nbytes, 1,
                        &s->error) &&
         (saga_is_numbered(s->o->out) ? write_sequence(s) : write_frame(s)))
-        tell_colours(s);
+        tell_all(s);
     else
         status = s->unwritten ? SAGA_EXIT_USAGE : SAGA_EXIT_DATA;
     if (status)

@@ -9,9 +9,12 @@
 #include "cloud_capture.h"
 #include "cloud_files.h"
 #include "commands.h"
+#include "cube.h"
 #include "error.h"
 #include "file.h"
 #include "import_cameras.h"
+#include "level_room.h"
+#include "model.h"
 #include "output.h"
 #include "policy.h"
 #include "train.h"
@@ -26,6 +29,11 @@
 
 enum { MOST_FILES = 65535 };
 
+/* Training a still takes this memory, measured with 20,000 to 160,000
+ * primitives. */
+#define FIXED_NBYTES 1e8
+#define PRIMITIVE_NBYTES 14000.0
+
 /* Lambda is chosen for this mean squared error between the file's and the
  * splats' pictures, which is 40 dB. */
 #define WANTED_MSE 1e-4
@@ -33,7 +41,7 @@ enum { MOST_FILES = 65535 };
 typedef struct {
     const char *out, *cameras;
     saga_cli_pair size;
-    int primitives, iterations, level, seed, threads;
+    int primitives, iterations, level, seed, threads, memory;
     double lambda, fps;      /* fps: NaN if it is not given */
     bool quiet;
 } options;
@@ -46,6 +54,7 @@ typedef struct {
     saga_bytes bytes;        /* of the sequence */
     saga_cloud_sequence *sequence; /* or NULL: each frame is a file */
     saga_cloud first;        /* splats of the first frame */
+    saga_cloud_facts facts;  /* what was not as it should be, in all frames */
     saga_import_cameras cameras;
     saga_capture capture;
     saga_splat_params given;
@@ -145,11 +154,73 @@ static bool open_sequence(session *s)
     return s->sequence != NULL;
 }
 
+static uint64_t most_nbytes(const session *s)
+{
+    return (uint64_t)s->o->memory << 30;
+}
+
 static bool read_first(session *s)
 {
     return s->sequence
         ? saga_sequence_read(&s->first, s->sequence, 0, &s->error)
-        : saga_cloud_read(&s->first, s->path[0], &s->error);
+        : saga_cloud_read(&s->first, s->path[0], most_nbytes(s), &s->error);
+}
+
+/* --- What it would need -------------------------------------------------- */
+
+/* Returns the number of primitives of a still. */
+static size_t n_wanted(const session *s)
+{
+    const size_t n = (size_t)s->o->primitives;
+
+    return n && n < s->first.n ? n : s->first.n;
+}
+
+/* Returns the memory of training a still with n primitives, without the file
+ * that the splats come from. */
+static double train_nbytes(const session *s, size_t n)
+{
+    double nbytes = FIXED_NBYTES + (double)n * PRIMITIVE_NBYTES +
+        (double)saga_cloud_nbytes(s->first.n, s->first.degree);
+
+    for (int v = 0; v < s->cameras.n_shots; v++)
+        nbytes += (double)saga_view_frame_nbytes(&s->cameras.shot[v]);
+    return nbytes;
+}
+
+/* Returns how many of n primitives of a still fit a level. */
+static uint32_t room_of(int level, size_t n)
+{
+    saga_train_options o = saga_train_defaults();
+
+    o.level = level;
+    o.motion = SAGA_TRAIN_STILL;
+    return saga_room_sure(&o, n < UINT32_MAX ? (uint32_t)n : UINT32_MAX);
+}
+
+/* Refuses a still for which the level or the memory has no room, before
+ * anything is drawn. */
+static bool check_size(session *s)
+{
+    const int level = s->o->level, top = SAGA_N_PROFILES - 1;
+    const size_t n = n_wanted(s), room = room_of(level, n);
+    const double need = 0x1p-30 * train_nbytes(s, n);
+    char remedy[128];
+
+    if (s->n_frames > 1)
+        return true;
+    (void)snprintf(remedy, sizeof remedy, "give %s--primitives %zu, which "
+                   "keeps the most visible", level < top &&
+                   room_of(top, n) == n ? "--level 3, or " : "", room);
+    if (room < n)
+        return saga_fail(&s->error, s->path[0], remedy, "has %zu splats, level "
+                         "%d has room for %zu", n, level, room);
+    (void)snprintf(remedy, sizeof remedy, "give --memory %.0f, or fewer "
+                   "--primitives, which keeps the most visible", ceil(need));
+    return need <= s->o->memory ||
+           saga_fail(&s->error, s->path[0], remedy, "takes %.1f GiB to train "
+                     "with %zu splats; --memory allows %d", need, n,
+                     s->o->memory);
 }
 
 /* --- Training ------------------------------------------------------------ */
@@ -176,14 +247,14 @@ static double pixels_of(const saga_capture *c)
 
 /* Sets the training's options. A still starts from its own splats; a sequence
  * is learned from nothing. */
-static bool set_options(saga_train_options *o, session *s)
+static void set_options(saga_train_options *o, session *s)
 {
     const options *const from = s->o;
     const bool still = s->n_frames == 1;
     const int n = from->iterations;
 
     *o = saga_train_defaults();
-    o->n_primitives = still ? (uint32_t)s->first.n
+    o->n_primitives = still ? (uint32_t)n_wanted(s)
                     : from->primitives ? (uint32_t)from->primitives
                     : o->n_primitives;
     o->level = from->level;
@@ -197,24 +268,19 @@ static bool set_options(saga_train_options *o, session *s)
                                            o->n_primitives) : 0.0;
     o->n_iterations = n ? n : o->n_iterations;
     if (!still)
-        return true;
+        return;
     /* The given splats replace the warm-up, which must nevertheless have one
      * iteration. */
     o->n_warm = 1;
     o->n_render = n ? n : 1500;
-    if (!saga_cloud_params(&s->given, &s->first, s->cameras.shot,
-                           s->cameras.n_shots, &s->error))
-        return false;
     o->given = &s->given;
-    return true;
 }
 
 static bool train(session *s)
 {
     saga_train_options o;
 
-    if (!set_options(&o, s))
-        return false;
+    set_options(&o, s);
     s->train = saga_train_new(&s->capture, &o, &s->error);
     s->meter = (saga_meter){ .quiet = s->o->quiet };
     return s->train && saga_train_run(s->train, &s->error) == SAGA_DONE;
@@ -224,6 +290,7 @@ static bool draw(session *s)
 {
     const saga_cloud_source source = {
         .path = s->path, .sequence = s->sequence, .n_frames = s->n_frames,
+        .first = &s->first, .most_nbytes = most_nbytes(s), .facts = &s->facts,
         .fps = s->sequence ? saga_sequence_fps(s->sequence)
              : isnan(s->o->fps) ? 30.0 : s->o->fps,
         .shot = s->cameras.shot, .n_shots = s->cameras.n_shots,
@@ -232,6 +299,61 @@ static bool draw(session *s)
 
     s->meter = (saga_meter){ .quiet = s->o->quiet };
     return saga_cloud_capture(&s->capture, &source, &s->error);
+}
+
+/* --- What was not as it should be ---------------------------------------- */
+
+/* Tells whether a number of a primitive, in half-cubes, will be clamped. */
+static bool is_clamped(double x, int attr)
+{
+    return x < saga_attributes[attr].lo || x > saga_attributes[attr].hi;
+}
+
+/* Counts the primitives that training will clamp. */
+static bool count_clamped(session *s)
+{
+    double *const range = saga_alloc((size_t)s->capture.n_views,
+                                     2 * sizeof *range, "cameras", &s->error);
+    saga_cube cube;
+    const bool ok = range && saga_cube_fit(&cube, range, &s->capture,
+                                           &s->error);
+
+    for (size_t i = 0; i < s->first.n && ok; i++) {
+        bool moved = false, resized = false;
+
+        for (size_t a = 0; a < 3; a++) {
+            const double x = (double)s->given.mean[3 * i + a];
+            const double scale = (double)s->given.log2_scale[3 * i + a];
+
+            moved |= is_clamped((x - cube.centre[a]) / cube.unit,
+                                SAGA_ATTR_MEAN);
+            resized |= is_clamped(scale - log2(cube.unit),
+                                  SAGA_ATTR_LOG2_SCALE);
+        }
+        s->facts.count[SAGA_FACT_MOVED] += moved;
+        s->facts.count[SAGA_FACT_RESIZED] += resized;
+    }
+    free(range);
+    return ok;
+}
+
+/* Makes the primitives of a still, and tells what became of the splats. */
+static bool prepare(session *s)
+{
+    char line[SAGA_FACTS_NBYTES];
+    int from = 0;
+
+    if (s->n_frames == 1 &&
+        !(saga_cloud_thin(&s->first, n_wanted(s), &s->error) &&
+          saga_cloud_params(&s->given, &s->first, s->cameras.shot,
+                            s->cameras.n_shots, &s->error) &&
+          count_clamped(s)))
+        return false;
+    saga_cloud_facts_add(&s->facts, &s->first.facts);
+    saga_meter_end(&s->meter);
+    while (saga_cloud_facts_line(line, &from, &s->facts))
+        (void)saga_cli_error(SAGA_EXIT_OK, "import: %s: %s", s->splats, line);
+    return true;
 }
 
 static bool write_file(session *s)
@@ -279,7 +401,8 @@ static int import(session *s)
     if (saga_output_open_alone(&s->out, s->o->out, &s->error)) {
         status = SAGA_EXIT_DATA;
         ok = list_files(s) && open_sequence(s) && read_first(s) &&
-             saga_import_find_cameras(&s->cameras) && draw(s) && train(s);
+             saga_import_find_cameras(&s->cameras) && check_size(s) &&
+             draw(s) && prepare(s) && train(s);
         saga_meter_end(&s->meter);
         if (!ok)
             saga_output_close(&s->out, false, &s->error);
@@ -306,7 +429,7 @@ static bool cannot_read(const char *path)
 
 static int run(int argc, char **argv)
 {
-    options o = { .level = 2, .seed = 1, .fps = NAN };
+    options o = { .level = 2, .seed = 1, .fps = NAN, .memory = 4 };
     session s = { .o = &o, .cameras = { .first = &s.first,
                                         .error = &s.error } };
     const int status = saga_cli_parse(&saga_command_import, &o, &s.splats,
@@ -341,9 +464,12 @@ static const saga_cli_option option_list[] = {
       "size of their pictures (default 400x400, or the size in\n"
       "FILE)", saga_cli_size, offsetof(options, size), 8, SAGA_MAX_SIDE },
     { "--primitives", "N",
-      "number of primitives of a sequence (default 5000); a\n"
-      "single file keeps its own number", saga_cli_int, offsetof(options,
+      "number of primitives of a sequence (default 5000); of a\n"
+      "single file, the N most visible splats are kept\n"
+      "(default: all)", saga_cli_int, offsetof(options,
       primitives), 1, 1 << 22 },
+    { "--memory", "GIB", "most memory for splats, pictures and training, in "
+      "GiB\n(default 4)", saga_cli_int, offsetof(options, memory), 1, 1 << 16 },
     { "--iterations", "N",
       "training steps (default 6000, for a single file 1500)", saga_cli_int,
       offsetof(options, iterations), 2, 10000000 },

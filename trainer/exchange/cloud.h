@@ -8,12 +8,22 @@
 #ifndef SAGA_CLOUD_H
 #define SAGA_CLOUD_H
 
+#include "cloud_facts.h"
 #include "error.h"
 #include "harmonics.h"
 
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
+
+/* How a reader has stored scales and opacities. In two formats some writers
+ * store the other kind, which saga_cloud_tidy finds out. */
+typedef enum saga_cloud_form {
+    SAGA_FORM_SURE = 0,      /* logarithms and logits */
+    SAGA_FORM_LOG,           /* as the file has them, by custom the same */
+    SAGA_FORM_LINEAR         /* as the file has them, by custom lengths and
+                              * opacities */
+} saga_cloud_form;
 
 typedef struct saga_cloud {
     size_t n;
@@ -23,11 +33,22 @@ typedef struct saga_cloud {
     float *log_scale;        /* natural logarithm of the standard deviations */
     float *logit;            /* (n) opacity = 1 / (1 + exp(-logit)) */
     float *colour;           /* R, G, B of each harmonic */
+    uint64_t most_nbytes;    /* memory that a reader may take; 0: any */
+    saga_cloud_form form;
+    saga_cloud_facts facts;
 } saga_cloud;
 
 /* Allocates a cloud of n splats whose harmonics have the given degree. */
 bool saga_cloud_alloc(saga_cloud *cloud, size_t n, int degree,
                       saga_error *error);
+
+/* Allocates an empty cloud for what a file announces, if reading that fits into
+ * most_nbytes, which stays as it is, like `facts`. `path` serves messages. */
+bool saga_cloud_admit(saga_cloud *cloud, size_t n, int degree,
+                      const char *path, saga_error *error);
+
+/* Returns the memory of n splats. */
+uint64_t saga_cloud_nbytes(size_t n, int degree);
 
 /* Frees a cloud; an empty one is allowed. */
 void saga_cloud_free(saga_cloud *cloud);

@@ -23,9 +23,6 @@ enum { MOST_POINTS = 20000 };
  * projected splat by this variance in square pixels. */
 #define VIEWERS_LOW_PASS R(0.3)
 
-/* A capture whose pictures need more bytes is refused. */
-#define MOST_NBYTES ((uint64_t)4 << 30)
-
 /* The near plane lies at this fraction of the scene's radius. */
 #define NEAR_PART 0.02
 
@@ -269,6 +266,14 @@ static bool draw_frame(saga_capture *c, saga_canvas *canvas,
     return ok;
 }
 
+static bool take_frame(saga_capture *c, saga_canvas *canvas,
+                       const saga_cloud *cloud, const saga_cloud_source *s,
+                       int number, saga_error *error)
+{
+    add_points(c, cloud, s->n_frames);
+    return draw_frame(c, canvas, cloud, number, error);
+}
+
 static bool read_frame(saga_capture *c, saga_canvas *canvas,
                        const saga_cloud_source *s, int number,
                        saga_error *error)
@@ -277,10 +282,11 @@ static bool read_frame(saga_capture *c, saga_canvas *canvas,
     bool ok;
 
     if (!(s->sequence ? saga_sequence_read(&cloud, s->sequence, number, error)
-                      : saga_cloud_read(&cloud, s->path[number], error)))
+                      : saga_cloud_read(&cloud, s->path[number],
+                                        s->most_nbytes, error)))
         return false;
-    add_points(c, &cloud, s->n_frames);
-    ok = draw_frame(c, canvas, &cloud, number, error);
+    saga_cloud_facts_add(s->facts, &cloud.facts);
+    ok = take_frame(c, canvas, &cloud, s, number, error);
     saga_cloud_free(&cloud);
     return ok;
 }
@@ -297,11 +303,12 @@ static bool begin(saga_capture *c, const saga_cloud_source *s,
     for (int v = 0; v < s->n_shots; v++)
         nbytes += (uint64_t)saga_view_frame_nbytes(&s->shot[v]) *
                   (uint64_t)s->n_frames;
-    if (nbytes > MOST_NBYTES)
-        return saga_fail(error, s->path[0], "use smaller pictures (--size) or "
-                         "fewer cameras", "pictures of %d frames from %d "
-                         "cameras take %.1f GB", s->n_frames, s->n_shots,
-                         1e-9 * (double)nbytes);
+    if (nbytes > s->most_nbytes)
+        return saga_fail(error, s->path[0], "use smaller pictures (--size), "
+                         "fewer cameras or more --memory", "pictures of %d "
+                         "frames from %d cameras take %.1f GiB; --memory "
+                         "allows %.1f", s->n_frames, s->n_shots, 0x1p-30 *
+                         (double)nbytes, 0x1p-30 * (double)s->most_nbytes);
     c->views = saga_calloc((size_t)s->n_shots, sizeof *c->views, "cameras",
                            error);
     c->points = saga_alloc(MOST_POINTS, sizeof *c->points, "points", error);
@@ -349,7 +356,8 @@ static bool fill(saga_capture *c, const saga_cloud_source *s,
                        s->n_frames);
         if (s->progress)
             s->progress(s->progress_user, (double)k / s->n_frames, doing);
-        ok = read_frame(c, &canvas, s, k, error);
+        ok = k == 0 ? take_frame(c, &canvas, s->first, s, k, error)
+                    : read_frame(c, &canvas, s, k, error);
     }
     saga_canvas_free(&canvas);
     return ok;

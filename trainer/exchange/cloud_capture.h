@@ -16,6 +16,9 @@
 typedef struct saga_cloud_source {
     char **path;             /* (n_frames), or the path of the sequence */
     saga_cloud_sequence *sequence; /* or NULL: each frame is a file */
+    const saga_cloud *first; /* the splats of frame 0, read before */
+    uint64_t most_nbytes;    /* memory for pictures, and for reading a file */
+    saga_cloud_facts *facts; /* what reading the other frames tells is added */
     int n_frames;
     double fps;
     const saga_shot *shot;   /* (n_shots) name, size, lens, place */

@@ -2,6 +2,7 @@
 #include "cloud_files.h"
 
 #include <string.h>
+#include <sys/stat.h>
 
 extern const saga_cloud_format saga_packed_format, saga_ply_format,
     saga_spz4_format, saga_spz_format, saga_glb_format, saga_sog_format;
@@ -62,16 +63,65 @@ static bool read_any(saga_cloud *cloud, const saga_bytes *bytes,
                      "is not in a known splat format (%s)", known);
 }
 
-bool saga_cloud_read(saga_cloud *cloud, const char *path, saga_error *error)
+/* Reads the bytes of a file that is not larger than `most`; 0: any. */
+static bool read_bytes(saga_bytes *bytes, const char *path, uint64_t most,
+                       saga_error *error)
+{
+    struct stat info;
+
+    if (most && stat(path, &info) == 0 && S_ISREG(info.st_mode) &&
+        (uint64_t)info.st_size > most)
+        return saga_fail(error, path, "give more --memory or a file of fewer "
+                         "splats", "has %.1f GiB; --memory allows %.1f",
+                         0x1p-30 * (double)info.st_size,
+                         0x1p-30 * (double)most);
+    return saga_read_file(bytes, path, error);
+}
+
+bool saga_cloud_read(saga_cloud *cloud, const char *path,
+                     uint64_t most_nbytes, saga_error *error)
 {
     saga_bytes bytes;
     bool ok;
 
     *cloud = (saga_cloud){ .n = 0 };
-    if (!saga_read_file(&bytes, path, error))
+    if (!read_bytes(&bytes, path, most_nbytes, error))
         return false;
+    /* Its splats have what the file leaves; at least a byte, because 0 means
+     * any number. */
+    if (most_nbytes)
+        cloud->most_nbytes = most_nbytes - bytes.nbytes + 1;
     ok = read_any(cloud, &bytes, path, error) &&
          saga_cloud_tidy(cloud, path, error);
     saga_bytes_free(&bytes);
     return ok;
+}
+
+/* Tells whether a number is beyond a range by more than is lost in rounding. */
+static bool is_beyond(const float *v, size_t n, float least, float most)
+{
+    const float slack = 1.0f / 32;
+
+    for (size_t i = 0; i < n; i++)
+        if (v[i] < least - slack || v[i] > most + slack)
+            return least < most;
+    return false;
+}
+
+size_t saga_cloud_beyond(const saga_cloud *cloud,
+                         const saga_cloud_format *format, int of)
+{
+    const saga_cloud_limits *const l = &format->limits;
+    const size_t each = 3 * (size_t)saga_n_harmonics(cloud->degree);
+    size_t n = 0;
+
+    for (size_t i = 0; i < cloud->n; i++) {
+        const float *const colour = cloud->colour + each * i;
+
+        n += of == 0 ? is_beyond(cloud->log_scale + 3 * i, 3, l->log_scale[0],
+                                 l->log_scale[1])
+                     : is_beyond(colour, 3, -l->constant, l->constant) ||
+                       is_beyond(colour + 3, each - 3, -l->rest, l->rest);
+    }
+    return n;
 }

@@ -239,5 +239,5 @@ static bool write_glb(const char *path, saga_cloud *cloud, saga_error *error)
 const saga_cloud_format saga_glb_format = {
     "glTF", ".glb", "floats, by KHR_gaussian_splatting; "
     "KHR_gaussian_splatting_compression_spz_2 is read, too",
-    saga_is_glb, saga_glb_read, write_glb
+    saga_is_glb, saga_glb_read, write_glb, { .log_scale = { 0 } }
 };

@@ -5,7 +5,6 @@
 #include "alloc.h"
 #include "json_memory.h"
 
-#include <math.h>
 #include <stdlib.h>
 
 #define SPZ_EXTENSION "KHR_gaussian_splatting_compression_spz_2"
@@ -343,15 +342,14 @@ static void take_splat(saga_cloud *cloud, size_t i, const accessor *a)
 
     for (int k = 0; k < 3; k++) {
         cloud->mean[3 * i + (size_t)k] = (float)value_of(&a[MEAN], i, k);
-        /* A scale of 0 has no logarithm; 1e-30 replaces it. */
         cloud->log_scale[3 * i + (size_t)k] =
-            (float)log(fmax(value_of(&a[SCALE], i, k), 1e-30));
+            (float)value_of(&a[SCALE], i, k);
     }
     /* glTF stores the real part last. */
     for (int k = 0; k < 4; k++)
         cloud->quat[4 * i + (size_t)((k + 1) % 4)] =
             (float)value_of(&a[ROTATION], i, k);
-    cloud->logit[i] = saga_cloud_logit(value_of(&a[OPACITY], i, 0));
+    cloud->logit[i] = (float)value_of(&a[OPACITY], i, 0);
     for (size_t k = 0; k < each; k++)
         cloud->colour[each * i + k] =
             (float)value_of(&a[COLOUR + k / 3], i, (int)(k % 3));
@@ -363,8 +361,9 @@ static bool read_arrays(saga_cloud *cloud, const glb *g)
     accessor a[N_ARRAYS];
 
     if (!find_arrays(a, g, degree) ||
-        !saga_cloud_alloc(cloud, a[MEAN].n, degree, g->error))
+        !saga_cloud_admit(cloud, a[MEAN].n, degree, g->path, g->error))
         return false;
+    cloud->form = SAGA_FORM_LINEAR;
     for (size_t i = 0; i < cloud->n; i++)
         take_splat(cloud, i, a);
     saga_cloud_turn(cloud, 2);

@@ -194,5 +194,6 @@ static bool write_packed(const char *path, saga_cloud *cloud,
 const saga_cloud_format saga_packed_format = {
     "compressed PLY", ".compressed.ply", "10 and 11 bits within chunks of 256 "
     "splats, 8-bit colours and opacities, as PlayCanvas has it",
-    saga_is_packed, saga_packed_read, write_packed
+    saga_is_packed, saga_packed_read, write_packed,
+    { { -MOST_LOG_SCALE, MOST_LOG_SCALE }, 1e6f, 4 }
 };

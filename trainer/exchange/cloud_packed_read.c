@@ -218,7 +218,8 @@ bool saga_packed_read(saga_cloud *cloud, const saga_bytes *bytes,
                      .n_rest = h.n_columns[SH], .ranges = c.next };
     from.words = from.ranges + h.count[CHUNK] * (size_t)(4 * from.n_columns);
     from.rest = from.words + 4 * PACKED_WORDS * n;
-    if (!saga_cloud_alloc(cloud, n, saga_degree_of_rest(from.n_rest), error))
+    if (!saga_cloud_admit(cloud, n, saga_degree_of_rest(from.n_rest), path,
+                          error))
         return false;
     /* A chunk's ranges serve all of its splats. */
     for (size_t i = 0; i < n; i++) {

@@ -108,26 +108,22 @@ static void name_columns(char text[N_COLUMNS][16],
         name[i] = text[i];
 }
 
-/* Finds the degree by the columns that the file has. The first row is enough to
- * see which are missing. */
-static bool find_degree(int *degree, const char *path,
-                        const char *const *name, const float *row,
-                        saga_error *error)
+/* Finds the degree by the columns that the file has. */
+static bool find_degree(int *degree, const saga_ply *ply, saga_error *error)
 {
     int n = 0;
 
-    /* saga_ply_columns gives NaN for a column that the file lacks. */
     for (int i = 0; i < REST; i++)
-        if (isnan(row[i]))
-            return saga_fail(error, path, "export the splats as a PLY with x y "
-                             "z, f_dc_*, opacity, scale_* and rot_*",
-                             "its first splat has no %s", name[i]);
-    while (n < MOST_REST && !isnan(row[REST + n]))
+        if (ply->field[i] < 0)
+            return saga_fail(error, ply->path, "export the splats as a PLY "
+                             "with x y z, f_dc_*, opacity, scale_* and rot_*",
+                             "its vertices have no %s", ply->names[i]);
+    while (n < MOST_REST && ply->field[REST + n] >= 0)
         n++;
     *degree = saga_degree_of_rest(n);
     return *degree >= 0 ||
-           saga_fail(error, path, "take 0, 9, 24 or 45", "has %d values of "
-                     "f_rest", n);
+           saga_fail(error, ply->path, "take 0, 9, 24 or 45", "has %d values "
+                     "of f_rest", n);
 }
 
 static void take_splat(saga_cloud *cloud, size_t i, const float *row)
@@ -151,19 +147,23 @@ static bool read_ply(saga_cloud *cloud, const saga_bytes *bytes,
 {
     char text[N_COLUMNS][16];
     const char *name[N_COLUMNS];
-    float *rows;
-    size_t n;
-    int degree = 0;
+    saga_ply ply = { .path = path, .names = name, .n_fields = N_COLUMNS };
+    float row[N_COLUMNS];
+    int degree;
     bool ok;
 
     name_columns(text, name);
-    if (!saga_ply_columns(bytes, path, name, N_COLUMNS, &rows, &n, error))
-        return false;
-    ok = (n == 0 || find_degree(&degree, path, name, rows, error)) &&
-         saga_cloud_alloc(cloud, n, degree, error);
-    for (size_t i = 0; i < n && ok; i++)
-        take_splat(cloud, i, rows + N_COLUMNS * i);
-    free(rows);
+    ok = saga_ply_open(&ply, bytes, error) &&
+         find_degree(&degree, &ply, error) &&
+         saga_cloud_admit(cloud, (size_t)ply.count, degree, path, error);
+    for (size_t i = 0; i < cloud->n && ok; i++) {
+        ok = saga_ply_next(row, &ply, i, error);
+        if (ok)
+            take_splat(cloud, i, row);
+    }
+    cloud->form = SAGA_FORM_LOG;
+    if (!ok)
+        saga_cloud_free(cloud);
     return ok;
 }
 
@@ -175,5 +175,5 @@ static bool is_ply(const saga_bytes *bytes)
 
 const saga_cloud_format saga_ply_format = {
     "PLY", ".ply", "floats, as trainers write them", is_ply, read_ply,
-    write_ply
+    write_ply, { .log_scale = { 0 } }
 };

@@ -294,5 +294,5 @@ static bool write_sog(const char *path, saga_cloud *cloud, saga_error *error)
 const saga_cloud_format saga_sog_format = {
     "SOG", ".sog", "16-bit positions, all else 8 bits, in WebP pictures; "
     "meta.json beside its pictures is read, too",
-    saga_is_sog, saga_sog_read, write_sog
+    saga_is_sog, saga_sog_read, write_sog, { .log_scale = { 0 } }
 };

@@ -9,7 +9,10 @@
 #include <stdlib.h>
 #include <webp/decode.h>
 
-enum { MOST_SPLATS = 1 << 28 }; /* pixels of a WebP picture */
+enum {
+    MOST_SPLATS = 1 << 28,   /* pixels of a WebP picture */
+    MOST_META_NBYTES = 1 << 22 /* it has some thousand numbers */
+};
 
 #define AGAIN "export it again"
 
@@ -39,6 +42,7 @@ typedef struct {
     size_t n, n_rows;        /* number of splats; number of rows of the
                               * palette */
     int degree;
+    size_t n_mended;         /* lists of codes that lacked their first number */
     double least[3], most[3]; /* range of the stored positions */
     double scale[SOG_CODES], sh0[SOG_CODES], rest[SOG_CODES];
     picture pictures[N_PICTURES];
@@ -52,8 +56,19 @@ static const json_t *entry(const sog *s, const char *key, const char *name)
     return json_object_get(json_object_get(s->meta, key), name);
 }
 
+/* Older writers left out the first number of a list of codes, which has no end
+ * on that side; the list goes on as it does between its ends. */
+static bool mend_codebook(double *to, size_t n, sog *s)
+{
+    if (n != SOG_CODES)
+        return false;
+    to[0] = to[1] + (to[1] - to[n - 1]) / (double)(n - 1);
+    s->n_mended++;
+    return true;
+}
+
 /* Reads a list of n numbers. */
-static bool take_numbers(double *to, size_t n, const sog *s, const char *key,
+static bool take_numbers(double *to, size_t n, sog *s, const char *key,
                          const char *name)
 {
     const json_t *const list = entry(s, key, name);
@@ -61,8 +76,15 @@ static bool take_numbers(double *to, size_t n, const sog *s, const char *key,
     if (json_array_size(list) != n)
         return saga_fail(s->error, s->path, AGAIN, "%s.%s has %zu numbers, not "
                          "%zu", key, name, json_array_size(list), n);
-    for (size_t i = 0; i < n; i++)
-        to[i] = json_number_value(json_array_get(list, i));
+    for (size_t i = n; i-- > 0;) {
+        const json_t *const item = json_array_get(list, i);
+
+        if (json_is_number(item))
+            to[i] = json_number_value(item);
+        else if (i > 0 || !json_is_null(item) || !mend_codebook(to, n, s))
+            return saga_fail(s->error, s->path, AGAIN, "%s.%s[%zu] is not a "
+                             "number", key, name, i);
+    }
     return true;
 }
 
@@ -86,15 +108,16 @@ static bool take_meta(sog *s)
 {
     const json_int_t version =
         json_integer_value(json_object_get(s->meta, "version"));
-    const json_int_t n =
-        json_integer_value(json_object_get(s->meta, "count"));
+    const json_t *const count = json_object_get(s->meta, "count");
+    const json_int_t n = json_is_integer(count) ? json_integer_value(count)
+                                                : -1;
 
     if (version != SOG_VERSION)
         return saga_fail(s->error, s->path, "save it as version 2", "is not "
                          "SOG, or of version %d", (int)version);
     if (n < 0 || n > MOST_SPLATS)
-        return saga_fail(s->error, s->path, AGAIN, "announces %lld splats",
-                         (long long)n);
+        return saga_fail(s->error, s->path, AGAIN, "has a count of splats that "
+                         "is no number of 0 to %d", MOST_SPLATS);
     s->n = (size_t)n;
     return take_numbers(s->least, 3, s, "means", "mins") &&
            take_numbers(s->most, 3, s, "means", "maxs") &&
@@ -110,7 +133,8 @@ static bool open_meta(sog *s, const saga_bytes *bytes)
     s->is_zip = saga_zip_open(&s->zip, bytes, s->path);
     if (!s->is_zip) {
         s->meta = saga_json_parse(bytes, s->path, s->error);
-    } else if (saga_zip_read(&text, &s->zip, "meta.json", s->error)) {
+    } else if (saga_zip_read(&text, &s->zip, "meta.json", MOST_META_NBYTES,
+                             s->error)) {
         s->meta = saga_json_parse(&text, s->path, s->error);
         saga_bytes_free(&text);
     }
@@ -140,17 +164,22 @@ static bool read_beside(saga_bytes *bytes, const sog *s, const char *name)
     return ok;
 }
 
+/* Returns the most pixels of a picture. Each splat has at most 15; small
+ * pictures may have a few more. */
+static size_t most_pixels(const sog *s)
+{
+    return 16 * s->n + 65536;
+}
+
 static bool decode(picture *p, const sog *s, const saga_bytes *bytes,
                    const char *name)
 {
-    /* Each splat has at most 15 pixels; small pictures may have a few more. */
-    const size_t most = 16 * s->n + 65536;
     int width, height;
 
     if (!WebPGetInfo(bytes->data, bytes->nbytes, &width, &height))
         return saga_fail(s->error, s->path, "save it as lossless WebP",
                          "%.200s is not a WebP picture", name);
-    if ((size_t)width * (size_t)height > most)
+    if ((size_t)width * (size_t)height > most_pixels(s))
         return saga_fail(s->error, s->path, AGAIN, "%.200s has %dx%d pixels, "
                          "for %zu splats", name, width, height, s->n);
     p->rgba = WebPDecodeRGBA(bytes->data, bytes->nbytes, &width, &height);
@@ -171,7 +200,9 @@ static bool read_picture(sog *s, int i)
     if (!name)
         return saga_fail(s->error, s->path, AGAIN, "%s has no file number %zu",
                          places[i].key, places[i].index);
-    if (!(s->is_zip ? saga_zip_read(&bytes, &s->zip, name, s->error)
+    /* A lossless picture hardly grows by its coding. */
+    if (!(s->is_zip ? saga_zip_read(&bytes, &s->zip, name,
+                                    8 * (uint64_t)most_pixels(s), s->error)
                     : read_beside(&bytes, s, name)))
         return false;
     ok = decode(&s->pictures[i], s, &bytes, name);
@@ -274,12 +305,11 @@ static bool take_splat(saga_cloud *cloud, size_t i, const sog *s)
 
 static bool take_splats(saga_cloud *cloud, const sog *s)
 {
-    bool ok = saga_cloud_alloc(cloud, s->n, s->degree, s->error);
+    bool ok = true;
 
     for (size_t i = 0; i < s->n && ok; i++)
         ok = take_splat(cloud, i, s);
-    if (!ok)
-        saga_cloud_free(cloud);
+    cloud->facts.count[SAGA_FACT_CODEBOOK] += s->n_mended > 0;
     return ok;
 }
 
@@ -294,9 +324,12 @@ bool saga_sog_read(saga_cloud *cloud, const saga_bytes *bytes,
                    const char *path, saga_error *error)
 {
     sog s = { .path = path, .error = error };
-    const bool ok = open_meta(&s, bytes) && read_pictures(&s) &&
-                    take_splats(cloud, &s);
+    const bool ok = open_meta(&s, bytes) &&
+                    saga_cloud_admit(cloud, s.n, s.degree, path, error) &&
+                    read_pictures(&s) && take_splats(cloud, &s);
 
+    if (!ok)
+        saga_cloud_free(cloud);
     json_decref(s.meta);
     for (int i = 0; i < N_PICTURES; i++)
         WebPFree(s.pictures[i].rgba);

@@ -270,14 +270,19 @@ static bool write_open(const char *path, saga_cloud *cloud, saga_error *error)
     return write_version(path, cloud, OPEN_VERSION, error);
 }
 
+/* What bytes can hold: logarithms of scales in sixteenths from -10 on, and
+ * coefficients. */
+#define SPZ_LIMITS { { -10, 255 / 16.0f - 10 }, \
+    (float)(0.5 / SPZ_COLOUR_PART), 1 }
+
 const saga_cloud_format saga_spz_format = {
     "SPZ", ".spz", "24-bit positions, 8-bit opacities, colours and scales, "
     "10-bit quaternions, gzipped; version 3 is written, 2 to 4 are read",
-    saga_is_spz, saga_spz_read, write_gzipped
+    saga_is_spz, saga_spz_read, write_gzipped, SPZ_LIMITS
 };
 
 const saga_cloud_format saga_spz4_format = {
     "SPZ version 4", ".v4.spz", "the numbers of SPZ, in a zstd stream for each "
     "attribute; fewer programs read it",
-    saga_is_spz, saga_spz_read, write_open
+    saga_is_spz, saga_spz_read, write_open, SPZ_LIMITS
 };

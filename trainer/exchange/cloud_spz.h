@@ -35,12 +35,6 @@ enum {
  * that a byte covers more than the colours 0..1. */
 #define SPZ_COLOUR_PART 0.15
 
-/* Decodes the splats of a file in the axes of the file; `path` serves messages.
- * *axis is the axis around which the cloud must be turned by 180 degrees to
- * have the axes of PLY (saga_cloud_turn), or -1 if it already has them. */
-bool saga_spz_decode(saga_cloud *cloud, int *axis, const saga_bytes *bytes,
-                     const char *path, saga_error *error);
-
 /* Tells whether the bytes are a gzip stream, or begin as version 4 does. */
 bool saga_is_spz(const saga_bytes *bytes);
 

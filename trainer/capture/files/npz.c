@@ -7,6 +7,9 @@
 
 enum { MOST_NAME = 128 };
 
+/* The weights of the largest network have half of this. */
+#define MOST_NBYTES ((uint64_t)1 << 30)
+
 /* Writes the name of the member that holds an array. */
 static const char *member_of(char member[MOST_NAME], const char *name)
 {
@@ -45,7 +48,8 @@ bool saga_npz_read(saga_npy *npy, const saga_npz *npz, const char *name,
     bool ok;
 
     *npy = (saga_npy){ 0 };
-    if (!saga_zip_read(&bytes, &npz->zip, member_of(member, name), error))
+    if (!saga_zip_read(&bytes, &npz->zip, member_of(member, name),
+                       MOST_NBYTES, error))
         return false;
     ok = saga_npy_parse(npy, bytes.data, bytes.nbytes, npz->path, error);
     saga_bytes_free(&bytes);

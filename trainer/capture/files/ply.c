@@ -11,7 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MAX_PROPERTIES = 256, MAX_LINE = 512 };
+enum { MAX_PROPERTIES = SAGA_PLY_MOST_PROPERTIES, MAX_LINE = 512 };
 
 enum ply_type { PLY_I8, PLY_U8, PLY_I16, PLY_U16, PLY_I32, PLY_U32, PLY_F32,
                 PLY_F64 };
@@ -33,17 +33,7 @@ static const char *const point_fields[N_FIELDS] = {
     "x", "y", "z", "red", "green", "blue"
 };
 
-typedef struct ply_header {
-    bool ascii;
-    uint64_t count;
-    int n_properties;
-    uint8_t type[MAX_PROPERTIES];
-    const char *const *names; /* (n_fields) what is looked for */
-    int n_fields;
-    int field[MAX_PROPERTIES]; /* property index, -1: missing */
-} ply_header;
-
-static bool add_property(ply_header *h, const char *type, const char *name)
+static bool add_property(saga_ply *h, const char *type, const char *name)
 {
     if (h->n_properties == MAX_PROPERTIES)
         return false;
@@ -66,7 +56,7 @@ typedef struct ply_state {
     bool seen_format, seen_vertex, in_vertex;
 } ply_state;
 
-static bool header_line(ply_header *h, ply_state *s, const char *line)
+static bool header_line(saga_ply *h, ply_state *s, const char *line)
 {
     char a[32], b[64];
     unsigned long long n;
@@ -91,42 +81,41 @@ static bool header_line(ply_header *h, ply_state *s, const char *line)
     return true;
 }
 
-static bool header_is_whole(const ply_header *h, const ply_state *s,
-                            const char *path, saga_error *error)
+static bool header_is_whole(const saga_ply *h, const ply_state *s,
+                            saga_error *error)
 {
     if (!s->seen_format)
-        return saga_fail(error, path, "export the points as PLY",
+        return saga_fail(error, h->path, "export the points as PLY",
                          "has no format line in its header");
     if (!h->n_properties)
-        return saga_fail(error, path, "export the points as PLY",
+        return saga_fail(error, h->path, "export the points as PLY",
                          "has no vertices with properties");
     return true;
 }
 
-/* Parses the header. h->names and h->n_fields must be set. */
-static bool parse_header(ply_header *h, saga_cursor *c, const char *path,
-                         saga_error *error)
+static bool parse_header(saga_ply *h, saga_error *error)
 {
+    saga_cursor *const c = &h->cursor;
     char line[MAX_LINE];
     ply_state s = {0};
     /* -1 marks a field that the file does not have. */
     for (int f = 0; f < h->n_fields; f++)
         h->field[f] = -1;
     if (!saga_take_line(c, line, sizeof line) || strcmp(line, "ply") != 0)
-        return saga_fail(error, path, "export the points as PLY",
+        return saga_fail(error, h->path, "export the points as PLY",
                          "is not a PLY file");
     /* Lines are read up to end_header, where the checks need all of them. */
     while (saga_take_line(c, line, sizeof line)) {
         if (strcmp(line, "end_header") == 0)
-            return header_is_whole(h, &s, path, error);
+            return header_is_whole(h, &s, error);
         if (!header_line(h, &s, line))
-            return saga_fail(error, path, "save it as ascii or "
+            return saga_fail(error, h->path, "save it as ascii or "
                              "binary_little_endian, with vertices first and "
                              "scalar properties",
                              "header line \"%.80s\" is not "
                              "supported", line);
     }
-    return saga_fail(error, path, "copy it again",
+    return saga_fail(error, h->path, "copy it again",
                      "is cut short in its header");
 }
 
@@ -145,7 +134,7 @@ static double load_value(const uint8_t *p, int type)
     }
 }
 
-static bool take_binary(saga_cursor *c, const ply_header *h, double *values)
+static bool take_binary(saga_cursor *c, const saga_ply *h, double *values)
 {
     for (int i = 0; i < h->n_properties; i++) {
         const uint8_t *const p =
@@ -159,7 +148,7 @@ static bool take_binary(saga_cursor *c, const ply_header *h, double *values)
 
 /* Reads the values of a vertex from text. The buffer ends in NUL, so that
  * strtod stops there at the latest. */
-static bool take_ascii(saga_cursor *c, const ply_header *h, double *values)
+static bool take_ascii(saga_cursor *c, const saga_ply *h, double *values)
 {
     for (int i = 0; i < h->n_properties; i++) {
         const char *const text = (const char *)c->next;
@@ -184,7 +173,7 @@ static uint8_t colour_byte(double v, int type)
     return x >= 255.0 ? 255 : x > 0.0 ? (uint8_t)x : 0;
 }
 
-static bool fill_point(saga_point *point, const ply_header *h,
+static bool fill_point(saga_point *point, const saga_ply *h,
                        const double *values)
 {
     /* Points without a colour are grey. */
@@ -201,7 +190,7 @@ static bool fill_point(saga_point *point, const ply_header *h,
 
 /* Returns the least number of bytes for one vertex, which bounds the count
  * before anything is allocated. */
-static uint64_t least_nbytes(const ply_header *h)
+static uint64_t least_nbytes(const saga_ply *h)
 {
     uint64_t n = 0;
     /* A number in text takes at least a digit and a separator. */
@@ -210,46 +199,63 @@ static uint64_t least_nbytes(const ply_header *h)
     return n;
 }
 
-static bool check_length(const ply_header *h, const saga_cursor *c,
-                         const char *path, saga_error *error)
+static bool check_length(const saga_ply *h, saga_error *error)
 {
+    const size_t left = saga_left(&h->cursor);
     /* + 1, because the last number in text may lack its separator. */
-    return h->count <= (saga_left(c) + 1) / least_nbytes(h) ||
-           saga_fail(error, path, "copy it again", "announces %llu points "
+    return h->count <= (left + 1) / least_nbytes(h) ||
+           saga_fail(error, h->path, "copy it again", "announces %llu points "
                      "but has only %zu bytes left",
-                     (unsigned long long)h->count, saga_left(c));
+                     (unsigned long long)h->count, left);
 }
 
-static bool take_vertex(double *values, saga_cursor *c, const ply_header *h,
-                        uint64_t i, const char *path, saga_error *error)
+static bool take_vertex(double *values, saga_ply *h, uint64_t i,
+                        saga_error *error)
 {
-    return (h->ascii ? take_ascii(c, h, values) : take_binary(c, h, values)) ||
-           saga_fail(error, path, "copy it again", "is cut short at point "
+    return (h->ascii ? take_ascii(&h->cursor, h, values)
+                     : take_binary(&h->cursor, h, values)) ||
+           saga_fail(error, h->path, "copy it again", "is cut short at point "
                      "%llu of %llu", (unsigned long long)i,
                      (unsigned long long)h->count);
 }
 
-static bool read_points(saga_cursor *c, const char *path, saga_point **points,
-                        size_t *n_points, size_t *n_dropped,
-                        saga_error *error)
+bool saga_ply_open(saga_ply *ply, const saga_bytes *bytes, saga_error *error)
 {
-    ply_header h = {.names = point_fields, .n_fields = N_FIELDS};
+    ply->cursor = (saga_cursor){bytes->data, bytes->data + bytes->nbytes,
+                                false};
+    return parse_header(ply, error) && check_length(ply, error);
+}
+
+bool saga_ply_next(float *values, saga_ply *ply, uint64_t number,
+                   saga_error *error)
+{
+    double all[MAX_PROPERTIES];
+    if (!take_vertex(all, ply, number, error))
+        return false;
+    for (int f = 0; f < ply->n_fields; f++)
+        values[f] = ply->field[f] < 0 ? NAN : (float)all[ply->field[f]];
+    return true;
+}
+
+static bool read_points(saga_ply *h, const saga_bytes *bytes,
+                        saga_point **points, size_t *n_points,
+                        size_t *n_dropped, saga_error *error)
+{
     double values[MAX_PROPERTIES];
-    if (!parse_header(&h, c, path, error))
+    if (!saga_ply_open(h, bytes, error))
         return false;
-    if (h.field[FIELD_X] < 0 || h.field[FIELD_Y] < 0 || h.field[FIELD_Z] < 0)
-        return saga_fail(error, path, "export positions with the points",
+    if (h->field[FIELD_X] < 0 || h->field[FIELD_Y] < 0 ||
+        h->field[FIELD_Z] < 0)
+        return saga_fail(error, h->path, "export positions with the points",
                          "vertices have no x, y, z");
-    if (!check_length(&h, c, path, error))
-        return false;
     /* The file is long enough for that count, so the allocation is safe. */
-    *points = saga_alloc((size_t)h.count, sizeof **points, path, error);
+    *points = saga_alloc((size_t)h->count, sizeof **points, h->path, error);
     if (!*points)
         return false;
-    for (uint64_t i = 0; i < h.count; i++) {
-        if (!take_vertex(values, c, &h, i, path, error))
+    for (uint64_t i = 0; i < h->count; i++) {
+        if (!take_vertex(values, h, i, error))
             return false;
-        if (fill_point(&(*points)[*n_points], &h, values))
+        if (fill_point(&(*points)[*n_points], h, values))
             ++*n_points;
         else
             ++*n_dropped;
@@ -260,56 +266,20 @@ static bool read_points(saga_cursor *c, const char *path, saga_point **points,
 bool saga_ply_read(const char *path, saga_point **points, size_t *n_points,
                    size_t *n_dropped, saga_error *error)
 {
+    saga_ply h = {.path = path, .names = point_fields, .n_fields = N_FIELDS};
     saga_bytes bytes;
     *points = NULL;
     *n_points = *n_dropped = 0;
     if (!saga_read_file(&bytes, path, error))
         return false;
-    saga_cursor c = {bytes.data, bytes.data + bytes.nbytes, false};
-    const bool ok = read_points(&c, path, points, n_points, n_dropped, error);
+    const bool ok = read_points(&h, &bytes, points, n_points, n_dropped,
+                                error);
     saga_bytes_free(&bytes);
     if (!ok) {
         free(*points);
         *points = NULL;
         *n_points = 0;
     }
-    return ok;
-}
-
-static bool read_columns(saga_cursor *c, const char *path, ply_header *h,
-                         float **columns, saga_error *error)
-{
-    const size_t width = (size_t)h->n_fields;
-    double values[MAX_PROPERTIES];
-    if (!parse_header(h, c, path, error) || !check_length(h, c, path, error))
-        return false;
-    *columns = saga_alloc((size_t)h->count, width * sizeof **columns, path,
-                          error);
-    if (!*columns)
-        return false;
-    for (uint64_t i = 0; i < h->count; i++) {
-        if (!take_vertex(values, c, h, i, path, error))
-            return false;
-        for (size_t f = 0; f < width; f++)
-            (*columns)[i * width + f] = h->field[f] < 0
-                ? NAN : (float)values[h->field[f]];
-    }
-    return true;
-}
-
-bool saga_ply_columns(const saga_bytes *bytes, const char *path,
-                      const char *const *names, int n_names, float **columns,
-                      size_t *n, saga_error *error)
-{
-    ply_header h = {.names = names, .n_fields = n_names};
-    saga_cursor c = {bytes->data, bytes->data + bytes->nbytes, false};
-    *columns = NULL;
-    const bool ok = read_columns(&c, path, &h, columns, error);
-    if (!ok) {
-        free(*columns);
-        *columns = NULL;
-    }
-    *n = (size_t)h.count;
     return ok;
 }
 

@@ -3,9 +3,10 @@
 
 #include "alloc.h"
 #include "error.h"
+#include "unpack.h"
 
+#include <inttypes.h>
 #include <stdlib.h>
-#define ZLIB_CONST
 #include <zlib.h>
 
 /* Sizes of ZIP's records without their parts of variable length. */
@@ -112,33 +113,32 @@ static const uint8_t *packed(const saga_zip *zip, const member *m)
     return saga_take(&c, m->packed_nbytes);
 }
 
-/* Unpacks a whole member. Deflate packs at most 1032 bytes into one. */
+/* Unpacks a whole member. */
 static bool unpack(uint8_t *to, const uint8_t *from, const member *m)
 {
-    z_stream z = { .next_in = from, .avail_in = (uInt)m->packed_nbytes,
-                   .next_out = to, .avail_out = (uInt)m->nbytes };
+    saga_unpack *u;
     bool ok;
 
     if (m->method == STORED) {
         memcpy(to, from, m->nbytes);
         return true;
     }
-    /* A negative window size means that the data has no zlib header. */
-    if (inflateInit2(&z, -MAX_WBITS) != Z_OK)
-        return false;
-    ok = inflate(&z, Z_FINISH) == Z_STREAM_END && z.avail_out == 0;
-    inflateEnd(&z);
+    u = saga_unpack_open(SAGA_DEFLATE, from, m->packed_nbytes);
+    ok = u && saga_unpack_take(u, to, m->nbytes) == m->nbytes &&
+         saga_unpack_ended(u);
+    saga_unpack_close(u);
     return ok;
 }
 
 static bool is_possible(const member *m)
 {
     return m->method == STORED ? m->packed_nbytes == m->nbytes
-        : m->method == DEFLATED && m->nbytes / 1032 <= m->packed_nbytes;
+        : m->method == DEFLATED &&
+          saga_unpack_may(SAGA_DEFLATE, m->packed_nbytes, m->nbytes);
 }
 
 bool saga_zip_read(saga_bytes *to, const saga_zip *zip, const char *name,
-                   saga_error *error)
+                   uint64_t most, saga_error *error)
 {
     const uint8_t *from;
     member m;
@@ -152,6 +152,10 @@ bool saga_zip_read(saga_bytes *to, const saga_zip *zip, const char *name,
         return saga_fail(error, zip->path, "save it stored or deflated",
                          "holds %s in an unsupported form, or is cut short",
                          name);
+    if (m.nbytes > most)
+        return saga_fail(error, zip->path, "save it again", "holds %s with %zu "
+                         "bytes, more than its contents can need (%" PRIu64
+                         ")", name, m.nbytes, most);
     /* A NUL follows the last byte. */
     to->data = saga_calloc(m.nbytes + 1, 1, zip->path, error);
     if (!to->data)

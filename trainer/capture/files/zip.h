@@ -19,8 +19,9 @@ bool saga_zip_open(saga_zip *zip, const saga_bytes *bytes, const char *path);
 
 bool saga_zip_has(const saga_zip *zip, const char *name);
 
-/* Unpacks a member and checks its CRC. It is released with saga_bytes_free. */
+/* Unpacks a member of at most `most` bytes and checks its CRC. It is released
+ * with saga_bytes_free. */
 bool saga_zip_read(saga_bytes *member, const saga_zip *zip, const char *name,
-                   saga_error *error);
+                   uint64_t most, saga_error *error);
 
 #endif
