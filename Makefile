@@ -401,7 +401,10 @@ $(foreach t,$(TESTS_SRC:.c=),$(eval $(BUILD)/$(notdir $(t)): $(OBJ)/$(t).o))
 $(filter %_f64,$(TESTS)): $(TWICE)
 $(TESTS): $(HELPERS) $(REFERENCE) $(TRAIN) $(LIB)
 	$(LINK) $(OMP) $(filter %.o,$^) $(filter $(TWICE),$^) \
-	    $(filter-out $(TWICE),$(filter %.a,$^)) $(CMOCKA) $(HOST_LIBS) -o $@
+	    $(filter-out $(TWICE),$(filter %.a,$^)) $(WRAP_$(@F)) $(CMOCKA) \
+	    $(HOST_LIBS) -o $@
+# A test that comes between the calls of a function.
+WRAP_test_read_once = -Wl,--wrap=saga_crc32c
 
 $(BUILD)/bench_share $(BUILD)/bench_numerics: $(BUILD)/%: $(OBJ)/bench/%.o
 $(BUILD)/bench_table: $(BENCH_OBJ)

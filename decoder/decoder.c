@@ -5,6 +5,7 @@
  * draw.c those used after them.
  */
 #include "animate.h"
+#include "crc32c.h"
 #include "head.h"
 #include "range_dec.h"
 #include "reconstruct.h"
@@ -182,6 +183,9 @@ static saga_status read_chunk(saga_decoder *dec, const saga_scaffold *sc,
         !saga_range_dec_finish(&range))
         return SAGA_ERR_DATA;
     dec->final_range[part] = range.range;
+    dec->segment_digest = saga_crc32c(dec->segment_digest,
+                                      (const uint8_t *)&chunk.crc,
+                                      sizeof chunk.crc);
     *crc = chunk.crc;
     *at += SAGA_CHUNK_NBYTES + chunk.nbytes;
     return SAGA_OK;
@@ -231,22 +235,25 @@ saga_status saga_open(saga_decoder **dec, void *work, size_t work_nbytes,
                       const uint8_t *head, size_t n, const saga_watch *watch)
 {
     saga_decoder *const d = work;
-    saga_info info;
+    saga_header header;
+    saga_plan plan;
     saga_status s;
 
     *dec = NULL;
-    s = saga_probe(&info, head, n);
+    /* The header is read once, because the bytes may change meanwhile: all that
+     * follows uses this copy, whose plan fits into the block. */
+    s = saga_block_plan(&header, &plan, head, n, 0);
     if (s)
         return s;
     if ((uintptr_t)work % SAGA_WORK_ALIGN)
         return SAGA_ERR_ALIGN;
-    if (work_nbytes < info.work_nbytes)
+    if (work_nbytes < plan.work_nbytes)
         return SAGA_ERR_SPACE;
-    s = saga_block_plan(&d->header, &d->plan, head, n, 1);
-    if (s)
-        return s;
-    /* The block is large enough from here on. Networks come before the base,
-     * whose symbols are predicted by them. */
+    if (n < saga_head_nbytes(&header))
+        return SAGA_ERR_TRUNCATED;
+    d->header = header;
+    d->plan = plan;
+    /* Networks come before the base, whose symbols are predicted by them. */
     begin(d);
     (void)set_watch(d, watch);
     s = read_networks(d, head);
@@ -302,8 +309,12 @@ saga_status saga_decode(saga_decoder *dec, const saga_segment *segment,
         return SAGA_ERR_TRUNCATED;
     s = read_segment_header(&seg, dec, segment, bytes, n);
     (void)set_watch(dec, watch);
-    if (s == SAGA_OK)
+    if (s == SAGA_OK) {
+        dec->segment_digest = saga_crc32c(dec->owner,
+                                          (const uint8_t *)&seg.number,
+                                          sizeof seg.number);
         s = read_layers(dec, &seg, bytes, n);
+    }
     if (set_watch(dec, NULL))
         s = SAGA_ERR_STOPPED;
     dec->has_segment = s == SAGA_OK;

@@ -103,15 +103,13 @@ static int costs_too_much(const saga_decoder *dec)
 }
 
 /* Identifies a view: views of one decoder differ in their number, views of
- * different decoders in file, segment, time or camera. */
+ * different decoders in file, segment, layers, time or camera. */
 static void number_view(saga_decoder *dec, int32_t t)
 {
     const uint8_t *const camera = (const uint8_t *)&dec->camera;
-    uint32_t crc = dec->owner;
+    const uint32_t crc = saga_crc32c(dec->segment_digest, (const uint8_t *)&t,
+                                     sizeof t);
 
-    crc = saga_crc32c(crc, (const uint8_t *)dec->final_range,
-                      sizeof dec->final_range);
-    crc = saga_crc32c(crc, (const uint8_t *)&t, sizeof t);
     /* Padding after the last field is not included. */
     dec->view_digest = saga_crc32c(crc, camera,
                                    offsetof(saga_camera, background_q15) +
@@ -180,8 +178,13 @@ saga_status saga_draw(const saga_decoder *dec, saga_job *job,
     if (job->cursor[0] == 0) {
         job->cursor[1] = dec->n_views;
         job->cursor[2] = digest;
+        job->cursor[3] = dec->n_splats;
     }
-    if (job->cursor[1] != dec->n_views || job->cursor[2] != digest)
+    /* A digest may collide, if bytes are chosen for it. The scratch has numbers
+     * of splats below n_splats, so that this comparison and the one with
+     * n_counted in raster_list.c keep every access in bounds even then. */
+    if (job->cursor[1] != dec->n_views || job->cursor[2] != digest ||
+        job->cursor[3] != dec->n_splats)
         return SAGA_ERR_STATE;
     return saga_raster(job, picture, &drawing, budget);
 }

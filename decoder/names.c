@@ -56,9 +56,11 @@ static uint32_t read_name(saga_naming *naming, const uint8_t *p, uint32_t at,
         if (!naming->name[i])
             return 0;
     for (i = 0; i < more; i++) {
-        if (p[at + i] < 0x20 || p[at + i] == 0x7f)
+        const uint8_t c = p[at + i];
+
+        if (c < 0x20 || c == 0x7f)
             return 0;
-        naming->name[shared + i] = (char)p[at + i];
+        naming->name[shared + i] = (char)c;
     }
     naming->name[shared + more] = 0;
     return is_utf8(naming->name) ? at + more : 0;

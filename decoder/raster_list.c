@@ -165,9 +165,12 @@ static int visit_tiles(raster *r, raster_progress *at, const tile_range *t,
             return 0;
         r->budget--;
         if (q->n != CLOSED) {
-            if (is_listing)
-                r->list[q->first + q->n] = splat;
-            q->n++;
+            /* If these are not the splats that were counted (draw.c), some
+             * may have no place in the list. */
+            if (!is_listing)
+                q->n++;
+            else if (q->first + q->n < end)
+                r->list[q->first + q->n++] = splat;
             ++*n;
         }
         if (at->x++ == t->x1) {
@@ -262,10 +265,12 @@ static void step_list(raster *r)
 {
     raster_state *const s = r->s;
 
-    /* This repeats the visit that counted, so that each entry has a place. */
+    /* This repeats the visit that counted, so that each entry has a place. It
+     * ends with the keys at the latest. */
     if (s->n_listed < s->n_counted)
         visit_all(r, &s->listed);
-    if (s->n_listed == s->n_counted)
+    if (s->n_listed == s->n_counted ||
+        s->listed.key == s->n_kept + (r->n - s->n_passed))
         s->step = s->is_first ? STEP_CLEAR : STEP_BLEND;
 }
 

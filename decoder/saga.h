@@ -20,6 +20,10 @@
  *   reads or writes outside the memory that it was given. Loops are bounded by
  *   counts that were checked against the header, and the level of a file bounds
  *   the time that they take.
+ * - Bytes may change while a function reads them, as those of a mapped file
+ *   may: the above still holds, although what the function returns is then
+ *   undefined. saga_open copies the header and checks the copy; saga_decode and
+ *   saga_find check the fields that they have read.
  * - Stack: each function uses at most 4 KiB, not counting the function that a
  *   saga_watch calls.
  * - Units: positions are in box units, in which the cube of a segment is

@@ -26,7 +26,9 @@ struct saga_decoder {
     uint32_t owner;              /* CRC of the head's last chunk, which the CRCs
                                   * of segments continue */
     uint32_t n_views;            /* number of views prepared so far */
-    uint32_t view_digest;        /* CRC over file, segment, time and camera */
+    uint32_t segment_digest;     /* CRC over the CRCs of the head and of all
+                                  * decoded chunks of the segment */
+    uint32_t view_digest;        /* CRC over segment_digest, time and camera */
     uint32_t cpu;                /* saga_cpu of this machine */
     saga_tally tally;            /* work of the current saga_open or
                                   * saga_decode; its pointers are cleared when

@@ -147,6 +147,63 @@ TEST(job_should_be_refused_when_the_decoder_is_another)
     player_close(&q);
 }
 
+/* Two segments with the same payload differ in nothing but their numbers. */
+TEST(job_should_be_refused_when_the_segment_is_a_repetition)
+{
+    gen_stream g = gen_stream_make(&options);
+    const saga_symbols second = g.segment[1];
+    player p, q;
+    painter a;
+
+    g.segment[1] = g.segment[0];
+    g.n_frames[1] = g.n_frames[0];
+    player_open(&p, &g);
+    player_open(&q, &g);
+    g.segment[1] = second;
+    gen_stream_free(&g);
+    player_decode(&p, 0);
+    player_decode(&q, 1);
+    view(&p, 0, 0);
+    view(&q, 0, 0);
+    assert_memory_equal(p.report.final_range, q.report.final_range,
+                        sizeof p.report.final_range);
+    begin_job(&p, &a);
+    assert_refused(&q, &a);
+    player_close(&p);
+    player_close(&q);
+}
+
+/* Nothing is read or written out of place (the sanitizers look), and the job
+ * ends, even if two views have one digest. This test forges it. */
+TEST(job_should_stay_in_bounds_when_digests_collide)
+{
+    enum { CROWDED = 40, NBYTES = 3 * SAGA_JOB_NBYTES(8, CROWDED) };
+    FREED void *const scratch = must(malloc(NBYTES));
+    player p, q;
+    painter a, b;
+
+    begin(&p);
+    begin(&q);
+    player_decode(&q, 1);
+    for (uint32_t budget = 1; budget < 3000; budget += 7) {
+        view(&p, 0, 0);
+        view(&q, 0, 0);
+        prepare(&b);
+        b.job.tile = 8;
+        b.job.list_capacity = CROWDED;
+        b.job.scratch = scratch;
+        b.job.scratch_nbytes = NBYTES;
+        a = b;
+        (void)go_on(&q, &b, 1);
+        if (go_on(&p, &a, budget) != SAGA_AGAIN)
+            break;
+        memcpy(a.job.cursor + 1, b.job.cursor + 1, 2 * sizeof(uint32_t));
+        (void)finish(&q, &a);
+    }
+    player_close(&p);
+    player_close(&q);
+}
+
 TEST(job_should_be_refused_when_finished_for_another_view)
 {
     FREED_BY(player_close) player p;
@@ -277,6 +334,66 @@ TEST(budget_should_be_refused_when_0)
     assert_int_equal(go_on(&p, &a, FEW), SAGA_AGAIN);
     assert_int_equal(go_on(&p, &a, 0), SAGA_ERR_ARG);
     assert_ok(finish(&p, &a));
+}
+
+/* --- The caller's memory ------------------------------------------------- */
+
+/* Shows segment 0 from bytes that are freed as soon as a call returns. */
+static void begin_without_bytes(player *p, const player *from)
+{
+    FREED uint8_t *const bytes = must(malloc(from->n));
+    const saga_segment seg = from->seg;
+
+    *p = *from;
+    p->work = must(aligned_alloc(SAGA_WORK_ALIGN, p->info.work_nbytes));
+    memcpy(bytes, from->bytes, from->n);
+    assert_ok(saga_open(&p->dec, p->work, p->info.work_nbytes, bytes,
+                        p->info.head_nbytes, NULL));
+    memset(bytes, 0, p->info.head_nbytes);
+    assert_ok(saga_decode(p->dec, &seg, bytes + seg.offset, seg.nbytes, NULL));
+}
+
+TEST(decoder_should_keep_no_pointer_to_the_bytes)
+{
+    FREED_BY(player_close) player p;
+    FREED void *work = NULL;
+    painter a, b;
+    player q;
+
+    begin_drawn(&p, &b);
+    player_find(&p, 0);
+    begin_without_bytes(&q, &p);
+    work = q.work;
+    assert_ok(saga_view(q.dec, &p.camera, 0));
+    prepare(&a);
+    assert_ok(finish(&q, &a));
+    assert_memory_equal(a.rgb, b.rgb, sizeof a.rgb);
+}
+
+/* A block may be used again without closing anything. */
+TEST(job_should_be_refused_when_the_block_has_another_film)
+{
+    gen_options other = options;
+    FREED_BY(player_close) player p;
+    FREED_BY(player_close) player q;
+    saga_decoder *dec;
+    painter a;
+
+    other.seed = 6;
+    begin(&p);
+    player_make(&q, &other);
+    begin_job(&p, &a);
+    p.work = must(realloc(p.work, SAGA_WORK_MAX(1)));
+    assert_int_equal((uintptr_t)p.work % SAGA_WORK_ALIGN, 0);
+    assert_ok(saga_open(&dec, p.work, SAGA_WORK_MAX(1), q.bytes,
+                        q.info.head_nbytes, NULL));
+    q.seg = player_find(&q, 0);
+    assert_int_equal(saga_draw(dec, &a.job, &a.picture, FEW), SAGA_ERR_STATE);
+    assert_ok(saga_decode(dec, &q.seg, q.bytes + q.seg.offset, q.seg.nbytes,
+                          NULL));
+    assert_int_equal(saga_draw(dec, &a.job, &a.picture, FEW), SAGA_ERR_STATE);
+    assert_ok(saga_view(dec, &q.camera, 0));
+    assert_int_equal(saga_draw(dec, &a.job, &a.picture, FEW), SAGA_ERR_STATE);
 }
 
 /* --- Segments ------------------------------------------------------------ */
