@@ -5,10 +5,15 @@
 #include "checkpoint.h"
 #include "cloud_files.h"
 #include "colmap.h"
+#include "film_sound.h"
 #include "gen_cloud.h"
+#include "gen_mutate.h"
+#include "gen_stream.h"
+#include "layout.h"
 #include "npy.h"
 #include "picture.h"
 #include "ply.h"
+#include "splice.h"
 #include "toml.h"
 #include "train.h"
 
@@ -24,7 +29,7 @@
 const char *const input_kind_text[INPUT_N_KINDS] = {
     "PNG", "JPEG", "EXR", "EXR depth", "npy", "PLY", "PLY text", "JSON",
     "Panoptic Sports", "TOML", "COLMAP", "COLMAP text", "compressed PLY",
-    "PLY of splats", "SPZ", "GLB", "SOG", "checkpoint"
+    "PLY of splats", "SPZ", "GLB", "SOG", "checkpoint", "film"
 };
 
 enum { W = 8, H = 6, MAX_PIXELS = 1 << 16, N_COLMAP = 3 };
@@ -363,6 +368,16 @@ static uint8_t *seed_checkpoint(size_t *n)
     return read_file("seed", n);
 }
 
+/* A film with all chunks that a file can have. */
+static uint8_t *seed_film(size_t *n)
+{
+    const gen_options all = { .seed = 4, .level = 1, .n_coarse = 2,
+                              .n_segments = 2, .n_layers = 2, .base = 1,
+                              .named = 1, .exposed = 1, .sounds = 1 };
+
+    return gen_stream_bytes(&all, n);
+}
+
 uint8_t *input_seed(input_kind kind, size_t *n)
 {
     saga_error error = { "" };
@@ -375,6 +390,8 @@ uint8_t *input_seed(input_kind kind, size_t *n)
         return seed_cloud(saga_cloud_format_at((int)(kind - INPUT_CLOUD)), n);
     if (kind == INPUT_CHECKPOINT)
         return seed_checkpoint(n);
+    if (kind == INPUT_FILM)
+        return seed_film(n);
     if (kind == INPUT_PNG)
         return read_file("a.png", n);
     if (kind == INPUT_EXR)
@@ -623,6 +640,49 @@ static int play_cloud(const char *path, saga_error *error)
     return 1;
 }
 
+/* Cuts the film, and replaces its sound by none. */
+static int walk_film(const char *path, const saga_bytes *film,
+                     saga_error *error)
+{
+    const saga_splice_part part = { .name = path, .bytes = film->data,
+                                    .nbytes = film->nbytes };
+    const saga_recording none = { 0 };
+    saga_error silent = { "" };
+    saga_layout layout;
+    saga_bytes mute;
+    uint8_t *cut;
+    size_t n;
+    const int ok = saga_splice(&cut, &n, &part, 1, error);
+
+    if (ok) {
+        check(saga_layout_read_whole(&layout, path, cut, n, error),
+              "a cut film is refused");
+        saga_layout_free(&layout);
+    }
+    free(cut);
+    if (saga_sound_put(&mute, path, film, &none, &silent))
+        check(ok, "a film has sound, but cannot be cut");
+    saga_bytes_free(&mute);
+    return ok;
+}
+
+static int play_film(const char *path, saga_error *error)
+{
+    saga_error refusal = { "" };
+    saga_bytes film;
+    int ok;
+
+    if (!saga_read_file(&film, path, error))
+        return 0;
+    ok = walk_film(path, &film, error);
+    if (film.nbytes > SAGA_HEADER_NBYTES) {
+        mutate_sign(film.data, film.nbytes);
+        (void)walk_film(path, &film, &refusal);
+    }
+    saga_bytes_free(&film);
+    return ok;
+}
+
 static int play_file(input_kind kind, const char *path, saga_error *error)
 {
     saga_point *points = NULL;
@@ -634,6 +694,8 @@ static int play_file(input_kind kind, const char *path, saga_error *error)
         return play_cloud(path, error);
     if (kind == INPUT_CHECKPOINT)
         return play_checkpoint(path, error);
+    if (kind == INPUT_FILM)
+        return play_film(path, error);
     if (kind == INPUT_NPY) {
         ok = saga_npy_read(&npy, path, error);
         if (ok)

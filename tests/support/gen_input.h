@@ -26,6 +26,8 @@ typedef enum input_kind {
     INPUT_COLMAP_TEXT,
     INPUT_CLOUD,             /* and four more, of saga_cloud_format_at(0..4) */
     INPUT_CHECKPOINT = INPUT_CLOUD + 5,
+    INPUT_FILM,              /* a .saga file, for cut, join and mux; also with
+                              * its checksums computed anew */
     INPUT_N_KINDS
 } input_kind;
 

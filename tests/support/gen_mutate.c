@@ -229,10 +229,20 @@ size_t mutate_sign_chunk(uint8_t *p, size_t n, uint32_t owner)
     return SAGA_CHUNK_NBYTES + (size_t)chunk.nbytes;
 }
 
+/* Returns whether the chunk at p[0..n) is one whose CRC continues that of NETS.
+ */
+static int is_aside(const uint8_t *p, size_t n)
+{
+    const uint32_t type = n < 4 ? 0 : fx_load32_le(p);
+
+    return type == SAGA_CHUNK_NAMES || type == SAGA_CHUNK_EXPOSURES ||
+           type == SAGA_CHUNK_SOUND;
+}
+
 void mutate_sign(uint8_t *bytes, size_t n)
 {
     size_t at, k;
-    uint32_t owner;
+    uint32_t owner, nets = 0;
 
     if (n < SAGA_HEADER_NBYTES)
         return;
@@ -241,10 +251,16 @@ void mutate_sign(uint8_t *bytes, size_t n)
         return;
     gen_stream_sign_header(bytes);
     owner = fx_load32_le(bytes + at - 4);
-    for (uint32_t i = 0; (k = mutate_sign_chunk(bytes + at, n - at, owner)) > 0;
-         i++, at += k)
+    for (uint32_t i = 0;
+         (k = mutate_sign_chunk(bytes + at, n - at,
+                                is_aside(bytes + at, n - at) ? nets : owner)) >
+             0;
+         i++, at += k) {
         if (i == NETS_CHUNK || (i > NETS_CHUNK && i < 5 && has_base(bytes)))
             owner = fx_load32_le(bytes + at + 8);
+        if (i == NETS_CHUNK)
+            nets = owner;
+    }
 }
 
 /* --- Walking a segment with a witness ------------------------------------ */

@@ -11,48 +11,17 @@
 
 #include <string.h>
 
-/* The layout of a film and the place of its sound. */
-typedef struct {
-    saga_layout layout;
-    size_t before, after;    /* bytes before the sound; bytes up to its end */
-} parts;
-
-/* Fills p. If it returns true, the caller must free the layout. */
-static bool take_apart(parts *p, const char *name, const saga_bytes *film,
-                       saga_error *error)
-{
-    saga_info info;
-    const saga_status s = saga_probe(&info, film->data, film->nbytes);
-    const saga_layout *const l = &p->layout;
-
-    if (s != SAGA_OK)
-        return saga_fail(error, name, "give a whole .saga file",
-                         "its header is refused: %s", saga_status_text(s));
-    if (!saga_layout_read(&p->layout, name, film->data, film->nbytes, error))
-        return false;
-    p->before = info.head_nbytes +
-                (l->names_nbytes ? SAGA_CHUNK_NBYTES + l->names_nbytes : 0u) +
-                (l->exposures_nbytes ? SAGA_CHUNK_NBYTES + l->exposures_nbytes
-                                     : 0u);
-    p->after = p->before +
-               (l->sound_nbytes ? SAGA_CHUNK_NBYTES + l->sound_nbytes : 0u);
-    return true;
-}
-
 /* Checks that whole segments follow one another up to the file's end, because
  * saga_file_sign walks from chunk to chunk. */
-static bool check_segments(const parts *p, const char *name, size_t n,
+static bool check_segments(const saga_layout *l, const char *name, size_t n,
                            saga_error *error)
 {
-    uint64_t at = p->after;
+    uint64_t at = l->sound_end;
 
-    if (p->layout.n_damaged)
-        return saga_fail(error, name, "copy the file again, or encode it again",
-                         "%s", p->layout.damage);
-    for (uint32_t i = 0; i < p->layout.n_segments; i++) {
-        if (p->layout.segment[i].offset != at)
+    for (uint32_t i = 0; i < l->n_segments; i++) {
+        if (l->segment[i].offset != at)
             break;
-        at += p->layout.segment[i].nbytes;
+        at += l->segment[i].nbytes;
     }
     return at == n ||
            saga_fail(error, name, "`saga cut FILE :` writes it without them",
@@ -66,12 +35,11 @@ static size_t chunk_nbytes(const saga_recording *take)
 }
 
 /* Moves the offsets of all segments in the index by a number of bytes. */
-static void move_index(uint8_t *file, const parts *p, int64_t by)
+static void move_index(uint8_t *file, const saga_layout *l, int64_t by)
 {
-    uint8_t *const entries = file + p->layout.header_nbytes +
-                             SAGA_CHUNK_NBYTES;
+    uint8_t *const entries = file + l->header_nbytes + SAGA_CHUNK_NBYTES;
 
-    for (uint32_t i = 0; i < p->layout.n_segments; i++) {
+    for (uint32_t i = 0; i < l->n_segments; i++) {
         saga_io in = { entries + i * SAGA_INDEX_ENTRY_NBYTES, NULL, 0 };
         saga_io out = { NULL, entries + i * SAGA_INDEX_ENTRY_NBYTES, 0 };
         saga_index_entry e;
@@ -84,16 +52,16 @@ static void move_index(uint8_t *file, const parts *p, int64_t by)
 
 /* Writes the film with the chunk of the recording. The caller sets the CRCs
  * afterwards. */
-static void put_together(uint8_t *to, const parts *p, const saga_bytes *film,
-                         const saga_recording *take)
+static void put_together(uint8_t *to, const saga_layout *l,
+                         const saga_bytes *film, const saga_recording *take)
 {
-    uint8_t *at = to + p->before;
+    uint8_t *at = to + l->sound_at;
     const saga_io none = { NULL, at, 0 };
     saga_io io = none;
     saga_chunk chunk = { SAGA_CHUNK_SOUND,
                          (uint32_t)(SAGA_SOUND_NBYTES + take->nbytes), 0 };
 
-    memcpy(to, film->data, p->before);
+    memcpy(to, film->data, (size_t)l->sound_at);
     if (take->ogg) {
         saga_chunk_io(&io, &chunk);
         at += SAGA_CHUNK_NBYTES;
@@ -101,9 +69,10 @@ static void put_together(uint8_t *to, const parts *p, const saga_bytes *film,
         memcpy(at, take->ogg, take->nbytes);
         at += take->nbytes;
     }
-    memcpy(at, film->data + p->after, film->nbytes - p->after);
-    move_index(to, p, (int64_t)chunk_nbytes(take) -
-                      (int64_t)(p->after - p->before));
+    memcpy(at, film->data + l->sound_end,
+           film->nbytes - (size_t)l->sound_end);
+    move_index(to, l, (int64_t)chunk_nbytes(take) -
+                      (int64_t)(l->sound_end - l->sound_at));
 }
 
 static bool check_take(const saga_recording *take, saga_error *error)
@@ -122,21 +91,23 @@ static bool check_take(const saga_recording *take, saga_error *error)
 bool saga_sound_put(saga_bytes *out, const char *name, const saga_bytes *film,
                     const saga_recording *take, saga_error *error)
 {
-    parts p;
+    saga_layout l;
 
     *out = (saga_bytes){ NULL, 0 };
-    if (!check_take(take, error) || !take_apart(&p, name, film, error))
+    if (!check_take(take, error) ||
+        !saga_layout_read_whole(&l, name, film->data, film->nbytes, error))
         return false;
-    if (!check_segments(&p, name, film->nbytes, error)) {
-        saga_layout_free(&p.layout);
+    if (!check_segments(&l, name, film->nbytes, error)) {
+        saga_layout_free(&l);
         return false;
     }
-    out->nbytes = film->nbytes - (p.after - p.before) + chunk_nbytes(take);
+    out->nbytes = film->nbytes - (size_t)(l.sound_end - l.sound_at) +
+                  chunk_nbytes(take);
     out->data = saga_alloc(out->nbytes, 1, "the film with its sound", error);
     if (out->data) {
-        put_together(out->data, &p, film, take);
-        saga_file_sign(out->data, out->nbytes, p.layout.header_nbytes);
+        put_together(out->data, &l, film, take);
+        saga_file_sign(out->data, out->nbytes, l.header_nbytes);
     }
-    saga_layout_free(&p.layout);
+    saga_layout_free(&l);
     return out->data != NULL;
 }

@@ -28,27 +28,6 @@ typedef struct {
     uint32_t n_segments, n_frames; /* written until now */
 } splice;
 
-static bool read_header(piece *p, saga_error *error)
-{
-    const saga_splice_part *const part = p->part;
-    saga_io io = { part->bytes, NULL, SAGA_MAGIC_NBYTES };
-    saga_info info;
-    const saga_status s = saga_probe(&info, part->bytes, part->nbytes);
-
-    if (s != SAGA_OK)
-        return saga_fail(error, part->name, "give a whole .saga file",
-                         "its header is refused: %s", saga_status_text(s));
-    saga_header_io(&io, &p->header);
-    saga_tools_io(&io, &p->header);
-    return true;
-}
-
-static bool check_damage(const piece *p, saga_error *error)
-{
-    return !p->layout.n_damaged ||
-           saga_fail(error, p->part->name, "copy the file again, or encode it "
-                     "again", "%s", p->layout.damage);
-}
 
 /* Sets *segment to the segment that begins with a frame, or to n_segments if
  * the frame is the end of the file. Fails if a segment has the frame inside. */
@@ -105,22 +84,22 @@ static bool take_layers(piece *p, saga_error *error)
 static bool read_piece(piece *p, const saga_splice_part *part,
                        saga_error *error)
 {
+    saga_io io = { part->bytes, NULL, SAGA_MAGIC_NBYTES };
+
     p->part = part;
-    return read_header(p, error) &&
-           saga_layout_read(&p->layout, part->name, part->bytes, part->nbytes,
-                            error) &&
-           check_damage(p, error) && take_layers(p, error) &&
-           find_segments(p, error);
+    if (!saga_layout_read_whole(&p->layout, part->name, part->bytes,
+                                part->nbytes, error))
+        return false;
+    saga_header_io(&io, &p->header);
+    saga_tools_io(&io, &p->header);
+    return take_layers(p, error) && find_segments(p, error);
 }
 
 /* --- What must agree ----------------------------------------------------- */
 
 static const uint8_t *networks_of(const piece *p)
 {
-    /* The networks' payload follows the header, the whole index chunk, and the
-     * head of the networks' chunk. */
-    return p->part->bytes + p->header.header_nbytes +
-           2 * SAGA_CHUNK_NBYTES + p->layout.index_nbytes;
+    return p->part->bytes + p->layout.nets_at;
 }
 
 typedef struct {
@@ -128,33 +107,27 @@ typedef struct {
     size_t n;
 } span;
 
-static size_t chunk_nbytes(uint32_t payload_nbytes)
-{
-    return payload_nbytes ? SAGA_CHUNK_NBYTES + payload_nbytes : 0;
-}
-
-/* Returns the chunks of names and of exposures, which follow the networks and
- * the base. They describe the cameras, so that every part of a film has them.
- * The span is empty if the file has neither. */
+/* Returns the chunks of names and of exposures. They describe the cameras, so
+ * that every part of a film has them. The span is empty if the file has
+ * neither. */
 static span cameras_of(const piece *p)
 {
-    return (span){ networks_of(p) + p->layout.nets_nbytes +
-                   p->header.base_nbytes,
-                   chunk_nbytes(p->layout.names_nbytes) +
-                   chunk_nbytes(p->layout.exposures_nbytes) };
+    const saga_layout *const l = &p->layout;
+
+    return (span){ p->part->bytes + l->cameras_at,
+                   (size_t)(l->sound_at - l->cameras_at) };
 }
 
-/* Returns the chunk of sound, which follows those of the cameras. It is taken
- * only with a whole file, because a cut would need the sound cut as well. It is
- * empty otherwise. */
+/* Returns the chunk of sound. It is taken only with a whole file, because a cut
+ * would need the sound cut as well. It is empty otherwise. */
 static span sound_of(const piece *p, int n_pieces)
 {
-    const span cameras = cameras_of(p);
+    const saga_layout *const l = &p->layout;
     const bool whole = n_pieces == 1 && p->first == 0 &&
-                       p->end == p->layout.n_segments;
+                       p->end == l->n_segments;
 
-    return (span){ cameras.bytes + cameras.n,
-                   whole ? chunk_nbytes(p->layout.sound_nbytes) : 0 };
+    return (span){ p->part->bytes + l->sound_at,
+                   whole ? (size_t)(l->sound_end - l->sound_at) : 0 };
 }
 
 /* Writes the fields of a header that must agree for two files to have the same

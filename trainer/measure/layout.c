@@ -123,10 +123,17 @@ static bool take_if_there(uint32_t *nbytes, walk *w, uint32_t type,
  * `at`. */
 static bool take_aside(walk *w, uint64_t at)
 {
-    return take_if_there(&w->to->names_nbytes, w, SAGA_CHUNK_NAMES, &at) &&
-           take_if_there(&w->to->exposures_nbytes, w, SAGA_CHUNK_EXPOSURES,
-                         &at) &&
-           take_if_there(&w->to->sound_nbytes, w, SAGA_CHUNK_SOUND, &at);
+    saga_layout *const to = w->to;
+
+    to->cameras_at = at;
+    if (!take_if_there(&to->names_nbytes, w, SAGA_CHUNK_NAMES, &at) ||
+        !take_if_there(&to->exposures_nbytes, w, SAGA_CHUNK_EXPOSURES, &at))
+        return false;
+    to->sound_at = at;
+    if (!take_if_there(&to->sound_nbytes, w, SAGA_CHUNK_SOUND, &at))
+        return false;
+    to->sound_end = at;
+    return true;
 }
 
 static const uint32_t part_type[SAGA_N_PARTS] = {
@@ -160,20 +167,27 @@ static bool take_head(walk *w, const saga_header *h)
     saga_layout *const to = w->to;
     saga_chunk c;
 
+    /* The header's lengths and those of the chunks must agree, because the
+     * programs that copy from the file count by the one and walk by the other.
+     */
     to->header_nbytes = h->header_nbytes;
     to->n_layers = saga_n_layers(h);
     if (!take_chunk(&c, w, SAGA_CHUNK_INDEX, h->header_nbytes))
         return false;
     to->index_nbytes = c.nbytes;
-    if (c.nbytes / SAGA_INDEX_ENTRY_NBYTES != h->n_segments)
+    if (c.nbytes != (uint64_t)h->n_segments * SAGA_INDEX_ENTRY_NBYTES)
         return damaged(w, SAGA_CHUNK_INDEX, h->header_nbytes,
                        "it has not one entry per segment");
     at = (uint64_t)h->header_nbytes + SAGA_CHUNK_NBYTES + c.nbytes;
     if (!take_chunk(&c, w, SAGA_CHUNK_NETS, at))
         return false;
+    if (c.nbytes != h->nets_nbytes)
+        return damaged(w, SAGA_CHUNK_NETS, at,
+                       "the header gives another length of it");
     to->nets_nbytes = c.nbytes;
     w->owner = c.crc;
-    at += SAGA_CHUNK_NBYTES + (uint64_t)c.nbytes;
+    to->nets_at = at + SAGA_CHUNK_NBYTES;
+    at = to->nets_at + c.nbytes;
     /* Names, exposures and sound are stored after the base, but their CRCs
      * continue from that of NETS. */
     return take_aside(w, at + h->base_nbytes) &&
@@ -318,23 +332,78 @@ static bool read_all(walk *w, const saga_header *h, const char *name,
     return true;
 }
 
+static bool probe(saga_info *info, const char *name, const uint8_t *bytes,
+                  size_t n, saga_error *error)
+{
+    const saga_status s = saga_probe(info, bytes, n);
+
+    return s == SAGA_OK ||
+           saga_fail(error, name, "give a whole .saga file",
+                     "its header is refused: %s", saga_status_text(s));
+}
+
 bool saga_layout_read(saga_layout *layout, const char *name,
                       const uint8_t *bytes, size_t n, saga_error *error)
 {
     walk w = { bytes, n, layout, 0 };
     saga_io io = { bytes, NULL, SAGA_MAGIC_NBYTES };
+    saga_info info;
     saga_header h;
 
     *layout = (saga_layout){ .file_nbytes = n };
-    if (n < SAGA_HEADER_NBYTES)
-        return saga_fail(error, name, "copy the file again", "has no header");
+    if (!probe(&info, name, bytes, n, error))
+        return false;
     saga_header_io(&io, &h);
     saga_tools_io(&io, &h);
-    if (h.header_nbytes >= SAGA_HEADER_NBYTES && h.header_nbytes <= n)
-        /* The header ends with its CRC, from which those of INDX and NETS
-         * continue. */
-        w.owner = (uint32_t)saga_load_le(bytes + h.header_nbytes - 4, 4);
+    /* The header ends with its CRC, from which those of INDX and NETS
+     * continue. */
+    w.owner = (uint32_t)saga_load_le(bytes + h.header_nbytes - 4, 4);
     return read_all(&w, &h, name, error);
+}
+
+/* Opens the file, and asks the decoder for the header of each segment. */
+static bool check_by_decoder(const saga_layout *l, const char *name,
+                             const uint8_t *bytes, size_t n, saga_error *error)
+{
+    saga_info info;
+    saga_decoder *dec;
+    saga_layer_report layer;
+    void *work;
+    saga_status s;
+
+    if (!probe(&info, name, bytes, n, error))
+        return false;
+    work = saga_aligned_alloc(SAGA_WORK_ALIGN, info.work_nbytes, name, error);
+    if (!work)
+        return false;
+    s = saga_open(&dec, work, info.work_nbytes, bytes, n, NULL);
+    for (uint32_t i = 0; i < l->n_segments && s == SAGA_OK; i++) {
+        const saga_layout_segment *const g = &l->segment[i];
+        const saga_segment seg = { .number = i, .first_frame = g->first_frame,
+                                   .n_frames = g->n_frames,
+                                   .offset = g->offset, .nbytes = g->nbytes };
+
+        s = saga_find_layer(&layer, dec, &seg, bytes + g->offset, g->nbytes, 0);
+    }
+    free(work);
+    return s == SAGA_OK ||
+           saga_fail(error, name, "copy the file again, or encode it again",
+                     "its networks, its base or the header of a segment is "
+                     "refused: %s", saga_status_text(s));
+}
+
+bool saga_layout_read_whole(saga_layout *layout, const char *name,
+                            const uint8_t *bytes, size_t n, saga_error *error)
+{
+    bool ok = saga_layout_read(layout, name, bytes, n, error);
+
+    if (ok && layout->n_damaged)
+        ok = saga_fail(error, name, "copy the file again, or encode it again",
+                       "%s", layout->damage);
+    ok = ok && check_by_decoder(layout, name, bytes, n, error);
+    if (!ok)
+        saga_layout_free(layout);
+    return ok;
 }
 
 uint64_t saga_layout_cut(const saga_layout *layout, uint32_t n_layers)

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
  * Finds where the bytes of a .saga file are: its chunks are located with the
- * index and checked against their CRCs, but nothing is decoded.
+ * index and checked against their CRCs, but no symbol of a segment is decoded.
+ * All code of the trainer that looks into a file does so through this walk.
  */
 #ifndef SAGA_LAYOUT_H
 #define SAGA_LAYOUT_H
@@ -49,6 +50,12 @@ typedef struct saga_layout {
                               * are payload sizes */
     uint32_t base_nbytes[SAGA_N_PARTS]; /* payload sizes; 0: the file has no
                                          * base */
+    uint64_t nets_at;        /* offset of the payload of NETS; the chunks of
+                              * the base follow it */
+    uint64_t cameras_at;     /* offset of the chunks of names and exposures, */
+    uint64_t sound_at;       /* of that of the sound, and of the byte after it;
+                              * a chunk that is absent has no bytes */
+    uint64_t sound_end;
     uint64_t part_nbytes[SAGA_N_PARTS]; /* payload sizes, summed over
                                          * segments */
     uint64_t framing_nbytes; /* size of all chunk headers */
@@ -62,12 +69,18 @@ typedef struct saga_layout {
                                       * none */
 } saga_layout;
 
-/* Checks all bytes[0..n) of the file `name`, whose header saga_probe accepts.
- * Fails, with *layout empty, if the head (index, networks, base) is damaged or
+/* Checks all bytes[0..n) of the file `name`. Fails, with *layout empty, if
+ * saga_probe refuses it, if the head (index, networks, base) is damaged or if
  * memory is short. A damaged segment does not make it fail: that segment is
  * marked and its sizes are 0. */
 bool saga_layout_read(saga_layout *layout, const char *name,
                       const uint8_t *bytes, size_t n, saga_error *error);
+
+/* Reads the layout for a program that copies parts of the file: fails on any
+ * damage, and on whatever the decoder refuses in the head or in the header of a
+ * segment, symbols of networks and base included. */
+bool saga_layout_read_whole(saga_layout *layout, const char *name,
+                            const uint8_t *bytes, size_t n, saga_error *error);
 
 /* Returns the size of the file that `saga cut` would write with the first
  * n_layers layers of each segment. */
