@@ -262,6 +262,7 @@ many() {
     check shutter python3 tests/cli/check_shutter.py
     check path python3 tests/cli/check_path.py
     check pipe python3 tests/cli/check_pipe.py
+    check blocks python3 tests/cli/check_blocks.py
     check sight python3 tests/cli/check_sight.py
     check exchange python3 tests/cli/check_exchange.py
     check boxes python3 tests/cli/check_boxes.py

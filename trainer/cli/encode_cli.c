@@ -267,10 +267,11 @@ static const saga_cli_option option_list[] = {
       saga_cli_int, AT(every), 0, 1000000 },
     { "--resume", NULL,
       "continue from FILE.saga.ckpt; give the other options as\n"
-      "before. The result is the same as without the break. The\n"
-      "--size may be another, and until the warm-up ends --level,\n"
-      "--lambda and --layers too. A file that is finished is\n"
-      "left as it is, with status 0", saga_cli_flag, AT(resume), 0, 0 },
+      "before. The result is the same as without the break.\n"
+      "--size may be another, and until the warm-up ends\n"
+      "--level, --lambda and --layers, too. A file that is\n"
+      "finished is left as it is, with status 0", saga_cli_flag,
+      AT(resume), 0, 0 },
     { "--log", "FILE",
       "record the training: a line for every tenth iteration, as\n"
       "CSV in FILE.csv or as JSON lines in FILE.jsonl;\n"
@@ -280,8 +281,8 @@ static const saga_cli_option option_list[] = {
     SAGA_CLI_QUIET(saga_encode_options, quiet),
     { "-v", NULL,
       "print all of the report as text, also what it takes to\n"
-      "judge the method: tools, bytes by kind, the entropy model,\n"
-      "PSNR at each stage", saga_cli_flag, AT(verbose), 0, 0 },
+      "judge the method: tools, bytes by kind, the entropy\n"
+      "model, PSNR at each stage", saga_cli_flag, AT(verbose), 0, 0 },
     { "--ablate", "LIST",
       "for research: leave out parts of the entropy model or of\n"
       "the training, to measure what they save. LIST has words\n"
