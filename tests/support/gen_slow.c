@@ -9,6 +9,7 @@
 #include "fx.h"
 #include "gen_given.h"
 #include "plan.h"
+#include "prob.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -252,6 +253,96 @@ void gen_slow_make(gen_stream *g, int level, int kind, uint32_t share)
     for (uint32_t i = 0; i < SAGA_MAX_LAYERS; i++)
         make_layer_symbols(&g->segment[i], &g->header.model, &n,
                            kind == GEN_SLOW_ANCHORS);
+}
+
+static void fill(int32_t *p, size_t n, int32_t value)
+{
+    while (n > 0)
+        p[--n] = value;
+}
+
+void gen_slow_search(gen_stream *g)
+{
+    const uint32_t features = g->header.model.features;
+    const int32_t last = (int32_t)saga_prob_scale(63).max;
+
+    /* Outputs that stand for the smallest standard deviation become those of
+     * the largest. */
+    for (int net = SAGA_NET_E_COARSE; net <= SAGA_NET_E_PRIM; net++) {
+        saga_net_shape s;
+        int32_t *bias;
+        uint32_t n;
+
+        saga_model_net(&s, &g->header.model, net);
+        bias = g->nets.layer[net][s.n_layers - 1].bias;
+        n = s.dim[s.n_layers];
+        fill(bias + n / 2, n / 2, 6 * (1 << 8));
+    }
+    for (uint32_t i = 0; i < saga_n_layers(&g->header); i++) {
+        saga_symbols *const s = &g->segment[i];
+
+        fill(s->centre, 4 * (size_t)s->n.coarse, last);
+        fill(s->feature, features * (size_t)s->n.coarse, last);
+        fill(s->fine_offset, 4 * (size_t)s->n.fine, last);
+        fill(s->prim_offset, 4 * (size_t)s->n.prim, last);
+    }
+}
+
+/* Sets numbers of anchors that are just enough for n primitives. */
+static void set_crowd(saga_counts *max, uint32_t n)
+{
+    max->prim = n;
+    max->fine = (n + SAGA_MAX_CHILDREN - 1) / SAGA_MAX_CHILDREN;
+    max->coarse = (max->fine + SAGA_MAX_CHILDREN - 1) / SAGA_MAX_CHILDREN;
+}
+
+/* Looks at the box from 32 times its side, so that all of it is in a small part
+ * of the picture. */
+static void set_camera(gen_stream *g)
+{
+    enum { SIDE = 256 };
+    saga_rig_camera *const c = g->rig;
+
+    g->header.n_cameras = 1;
+    for (uint32_t i = 0; i < 3; i++)
+        c->rotation_q30[4 * i] = 1 << 30;
+    c->centre[2] = -(1 << 28);
+    c->near_plane = 1;
+    c->width = c->height = SIDE;
+    for (uint32_t i = 0; i < 2; i++) {
+        c->focal_q16[i] = SIDE << 16;
+        c->principal_q16[i] = SIDE << 15;
+    }
+}
+
+void gen_slow_crowd(gen_stream *g, int level)
+{
+    saga_header *const h = &g->header;
+    uint32_t low = 1, high = saga_caps[level].n_prim + 1;
+
+    memset(g, 0, sizeof *g);
+    make_header(h);
+    h->level = (uint8_t)level;
+    h->n_segments = h->n_frames = 1;
+    make_model(&h->model, level, GEN_SLOW_ANCHORS, 8);
+    h->model.width[SAGA_NET_COLOUR] = 32;
+    for (int i = 0; i < SAGA_N_TIERS; i++)
+        h->model.tier[i].window = 0;
+    while (high - low > 1) {
+        const uint32_t middle = low + (high - low) / 2;
+
+        set_crowd(&h->max, middle);
+        if (is_valid(h))
+            low = middle;
+        else
+            high = middle;
+    }
+    set_crowd(&h->max, low);
+    make_nets(g);
+    g->n_segments = 1;
+    g->n_frames[0] = 1;
+    make_layer_symbols(&g->segment[0], &h->model, &h->max, 0);
+    set_camera(g);
 }
 
 /* Puts primitive i into the centre of one of gen_given's leaves in front of the

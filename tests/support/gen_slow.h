@@ -19,6 +19,14 @@ enum { GEN_SLOW_WIDE, GEN_SLOW_NARROW, GEN_SLOW_ANCHORS, GEN_N_SLOW };
  * is refused. The layers together have 1/share of these. */
 void gen_slow_make(gen_stream *g, int level, int kind, uint32_t share);
 
+/* Changes all residuals of such a stream to the last one that the widest table
+ * has before the escape, which takes the longest search. */
+void gen_slow_search(gen_stream *g);
+
+/* Makes as many primitives as the level allows, all of which the rig's camera
+ * sees as small splats, with colours that depend on the view. */
+void gen_slow_crowd(gen_stream *g, int level);
+
 /* Makes n splats that cover the whole picture of the rig's camera, 256 by 256
  * pixels, and are so faint that no pixel ever stops. */
 void gen_slow_wall(gen_stream *g, int level, uint32_t n);
