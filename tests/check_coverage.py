@@ -6,8 +6,8 @@ vectors exercise.
 Probes are inserted into a copy of the decoder's plain C code, in coverage/ of
 the build folder: one for each extreme of stream/extremes.py, and one for each
 condition under which the decoder refuses a file (run_small_mutants.py finds
-them). Then check_vectors runs on all vectors, and tells the probes where each
-line of MANIFEST and REFUSALS begins. The results are two tables: the good files
+them). Then check_vectors runs on all vectors, those of v1-more too, and tells
+the probes where each line of a list begins. The results are two tables: the good files
 that reach each extreme, and the lines of bad files that each condition refuses.
 
 Fails if a row of a table is empty, if a rule of section 4 of bitstream.md has
@@ -30,6 +30,9 @@ import run_small_mutants as small
 ROOT = os.path.join(HERE, "..")
 COPY = os.path.join(os.environ.get("BUILD", "build"), "coverage")
 README = "vectors/README.md"
+FOLDERS = ("vectors", "vectors/v1-more")
+# Lines of the second folder about files that the first has, too.
+REPEATED = ("bad/", "sound/", "../v1/good/")
 
 COVER_H = """
 void saga_cover_line(const char *line);
@@ -139,7 +142,8 @@ def run(n_probes):
         f.write(COVER_C % n_probes)
     path = "tests/stream/check_vectors.c"
     text = small.read(path)
-    for name in ("check_line", "check_picture", "check_refusal"):
+    for name in ("check_line", "check_picture", "check_value",
+                 "check_refusal"):
         text = text.replace(
             f"static int {name}(const char *dir, const char *line)\n{{",
             f"static int {name}(const char *dir, const char *line)\n{{"
@@ -155,16 +159,20 @@ def run(n_probes):
          "WERROR=-w", "CORE_CFLAGS=-mgeneral-regs-only", "LDFLAGS=cover.o",
          f"CFLAGS=-include {os.path.abspath(COPY)}/cover.h",
          "build/check_vectors"], cwd=COPY, check=True)
-    done = subprocess.run(
-        ["build/check_vectors", os.path.abspath("vectors"), "plain"],
-        cwd=COPY, capture_output=True, text=True)
-    if done.returncode:
-        fail(f"check_vectors with probes: {done.stdout.splitlines()[-1]}")
-    lines = [line.split("\t")
-             for line in small.read(f"{COPY}/coverage.txt").splitlines() if line]
-    return done.returncode == 0, [
-        (what.split(" "), {int(k) for k in hits.split()})
-        for what, hits in lines]
+    ok, lines = True, []
+    for folder in FOLDERS:
+        done = subprocess.run(
+            ["build/check_vectors", os.path.abspath(folder), "plain"],
+            cwd=COPY, capture_output=True, text=True)
+        if done.returncode:
+            ok = fail(f"check_vectors with probes: "
+                      f"{done.stdout.splitlines()[-1]}")
+        for line in small.read(f"{COPY}/coverage.txt").splitlines():
+            if line and (folder == FOLDERS[0] or
+                         not line.startswith(REPEATED)):
+                what, hits = line.split("\t")
+                lines.append((what.split(" "), {int(k) for k in hits.split()}))
+    return ok, lines
 
 
 # --- Tables ------------------------------------------------------------------
@@ -218,7 +226,7 @@ def main():
             for k in hits:
                 if k < len(good):
                     files[k].add(words[0])
-        elif not words[0].startswith("cut/"):
+        elif not words[0].startswith(("cut/", "../")):
             rules.add(words[0])
             # A line that has no status but 0 refuses nothing.
             if words[2 if "/" in words[0] else 3] != "0":

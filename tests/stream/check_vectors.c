@@ -4,10 +4,11 @@
  * bad files must give their exact status. PATH is plain, x4 or avx2
  * (common/cpu.h) instead of the best one of the machine. The program is plain C
  * without a test library, so that it runs on every target. A missing file is a
- * failure. Then every line of DIR/PICTURES, if that exists, and of DIR/REFUSALS
- * is checked. Prints `N passed, N failed`.
+ * failure. Then every line of DIR/REFUSALS is checked, and of DIR/PICTURES,
+ * DIR/BOXES and DIR/VALUES if they exist. Prints `N passed, N failed`.
  *
- * check_vectors --answer: answers the questions of vectors/conform.py.
+ * check_vectors --answer [LEVEL]: answers the questions of vectors/conform.py,
+ * as a decoder that refuses files above a level.
  *
  * Symbols are read by ref_recorder.h and the shared traversal, everything else
  * through saga.h.
@@ -25,11 +26,12 @@
 #include "vectors.h"
 
 #include <inttypes.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum { PIXELS_NBYTES = 3 * 640 * 480 };
+enum { PIXELS_NBYTES = 3 * 640 * 480, LEVEL_AT = 12 };
 
 saga_cpu saga_cpu_best(void);
 
@@ -196,12 +198,12 @@ static int check_line(const char *dir, const char *line)
     return ok;
 }
 
-/* --- PICTURES ------------------------------------------------------------ */
+/* --- PICTURES, BOXES ----------------------------------------------------- */
 
-/* Returns the `bits` of a kind of picture, or 0. */
+/* Returns the `bits` of a kind of picture or of the boxes, or 0. */
 static int bits_of(const char *kind)
 {
-    for (int i = 0; i < SAGA_N_PICTURE_KINDS; i++)
+    for (int i = 0; i <= SAGA_N_PICTURE_KINDS; i++)
         if (strcmp(kind, saga_picture_kinds[i].name) == 0)
             return saga_picture_kinds[i].bits;
     return 0;
@@ -219,7 +221,7 @@ static int check_picture(const char *dir, const char *line)
     if (sscanf(line, "%255s %15s %" SCNu32 " %" SCNd32 " %" SCNu32 " %" SCNx32,
                name, kind, &at.segment, &at.t, &at.camera, &want) != 6 ||
         !bits_of(kind)) {
-        printf("FAIL PICTURES: cannot read the line: %s", line);
+        printf("FAIL PICTURES or BOXES: cannot read the line: %s", line);
         return 0;
     }
     bytes = read_file(dir, name, &n);
@@ -232,6 +234,133 @@ static int check_picture(const char *dir, const char *line)
         if (s)
             printf("FAIL %s: %s: %s\n", name, kind, saga_status_text(s));
         ok = s == SAGA_OK && same(name, kind, got, want);
+    }
+    free(bytes);
+    return ok;
+}
+
+/* --- VALUES -------------------------------------------------------------- */
+
+enum { VALUE = 256, MOST_ARGUMENTS = 3 };
+
+/* What a line of VALUES asks: a kind, and the number of its arguments. */
+typedef struct {
+    const char *kind;
+    int n_arguments;
+} value_kind;
+
+static const value_kind value_kinds[] = {
+    { "time", 2 }, { "name", 1 }, { "gains", 1 }, { "world", 3 }
+};
+
+/* Returns a kind by its name, or NULL. */
+static const value_kind *value_kind_of(const char *name)
+{
+    for (size_t i = 0; i < sizeof value_kinds / sizeof *value_kinds; i++)
+        if (strcmp(name, value_kinds[i].kind) == 0)
+            return &value_kinds[i];
+    return NULL;
+}
+
+static saga_status name_in_hex(char *text, const uint8_t *bytes, size_t n,
+                               uint32_t camera)
+{
+    saga_naming naming;
+    const saga_status s = saga_name_camera(&naming, bytes, n, camera);
+
+    if (s)
+        return s;
+    strcpy(text, *naming.name ? "" : "-");
+    for (size_t i = 0; naming.name[i]; i++)
+        sprintf(text + 2 * i, "%02x", (uint8_t)naming.name[i]);
+    return s;
+}
+
+/* Writes the place in the world of a point of the box. */
+static saga_status world(char *text, const uint8_t *bytes, size_t n,
+                         const long *p)
+{
+    saga_info info;
+    const saga_status s = saga_probe(&info, bytes, n);
+    double x[3];
+
+    if (s)
+        return s;
+    for (int i = 0; i < 3; i++)
+        x[i] = ldexp(info.centre_mantissa[i], info.centre_exponent) +
+               (double)p[i] * ldexp(info.unit_mantissa, info.unit_exponent);
+    snprintf(text, VALUE, "%.9g %.9g %.9g", x[0], x[1], x[2]);
+    return s;
+}
+
+/* Writes the answer to a question, which is the status if that is not 0. */
+static void value_of(char *text, const value_kind *kind, const long *a,
+                     const uint8_t *bytes, size_t n)
+{
+    saga_segment seg;
+    saga_exposure e;
+    saga_status s = SAGA_OK;
+
+    if (strcmp(kind->kind, "time") == 0) {
+        s = saga_find(&seg, bytes, n, (uint32_t)a[0], (uint32_t)a[1]);
+        if (!s)
+            snprintf(text, VALUE, "%" PRIu32 " %" PRId32, seg.number, seg.t);
+    } else if (strcmp(kind->kind, "gains") == 0) {
+        s = saga_find_exposure(&e, bytes, n, (uint32_t)a[0]);
+        if (!s)
+            snprintf(text, VALUE, "%u %u %u", e.gain_q12[0], e.gain_q12[1],
+                     e.gain_q12[2]);
+    } else if (strcmp(kind->kind, "name") == 0) {
+        s = name_in_hex(text, bytes, n, (uint32_t)a[0]);
+    } else {
+        s = world(text, bytes, n, a);
+    }
+    if (s)
+        snprintf(text, VALUE, "%d", (int)s);
+}
+
+/* Reads the arguments of a kind. Returns where they end, or NULL. */
+static const char *read_arguments(long *a, const value_kind *kind,
+                                  const char *text)
+{
+    for (int i = 0; i < kind->n_arguments; i++) {
+        char *end;
+
+        a[i] = strtol(text, &end, 10);
+        if (end == text || *end != ' ')
+            return NULL;
+        text = end + 1;
+    }
+    return text;
+}
+
+static int check_value(const char *dir, const char *line)
+{
+    char name[256], kind[16], got[VALUE];
+    const char *want = NULL;
+    const value_kind *k = NULL;
+    long a[MOST_ARGUMENTS];
+    int used = 0, ok = 0;
+    uint8_t *bytes;
+    size_t n = 0;
+
+    if (sscanf(line, "%255s %15s %n", name, kind, &used) == 2)
+        k = value_kind_of(kind);
+    if (k)
+        want = read_arguments(a, k, line + used);
+    if (!want) {
+        printf("FAIL VALUES: cannot read the line: %s", line);
+        return 0;
+    }
+    bytes = read_file(dir, name, &n);
+    if (!bytes) {
+        printf("FAIL %s: missing\n", name);
+    } else {
+        value_of(got, k, a, bytes, n);
+        ok = strlen(got) == strcspn(want, "\n") &&
+             strncmp(got, want, strlen(got)) == 0;
+        if (!ok)
+            printf("FAIL %s %s: %s, not %s", name, kind, got, want);
     }
     free(bytes);
     return ok;
@@ -373,42 +502,70 @@ static void answer_picture(const uint8_t *bytes, size_t n, int bits,
         printf("%08" PRIx32 "\n", crc);
 }
 
+/* Returns whether a decoder of the levels up to `top` refuses a file for its
+ * level, which is check 10 of opening. */
+static int is_above(const uint8_t *bytes, size_t n, int top)
+{
+    saga_info info;
+    const saga_status s = saga_probe(&info, bytes, n);
+
+    return (s == SAGA_OK || s == SAGA_ERR_LEVEL) && bytes[LEVEL_AT] > top;
+}
+
+/* Answers a question about a file; its arguments and the file's name are in
+ * `rest`. A number instead of a kind is the segment of a good file. Returns 0
+ * if there is no such file. */
+static int answer_line(const char *kind, const char *rest, int top)
+{
+    const value_kind *const of_value = value_kind_of(kind);
+    const int is_good = kind[strspn(kind, "0123456789")] == '\0';
+    const int is_picture = bits_of(kind) != 0;
+    const value_kind shape = {
+        kind, of_value ? of_value->n_arguments : is_good ? 2 : 3 * is_picture
+    };
+    long a[MOST_ARGUMENTS];
+    const char *const path = read_arguments(a, &shape, rest);
+    size_t n = 0;
+    uint8_t *const bytes = path ? read_file("", path, &n) : NULL;
+    char text[VALUE];
+
+    if (!bytes)
+        return 0;
+    if (is_above(bytes, n, top)) {
+        printf("%d\n", (int)SAGA_ERR_LEVEL);
+    } else if (of_value) {
+        value_of(text, of_value, a, bytes, n);
+        printf("%s\n", text);
+    } else if (is_good) {
+        answer_good(bytes, n, (unsigned)atoi(kind), (int)a[0],
+                    (unsigned)a[1]);
+    } else if (is_picture) {
+        answer_picture(bytes, n, bits_of(kind), &(saga_stages_at){
+            (uint32_t)a[0], (int32_t)a[1], (uint32_t)a[2] });
+    } else {
+        printf("%d\n", (int)refusal(kind, bytes, n));
+    }
+    free(bytes);
+    return 1;
+}
+
 /* Answers every line of the standard input; returns 0 if one has no file. */
-static int answer(void)
+static int answer(int top)
 {
     static char line[LINE];
     char kind[16];
-    unsigned number, camera;
-    int t, at = 0;
-    size_t n = 0;
+    int at = 0;
 
     while (fgets(line, sizeof line, stdin)) {
-        uint8_t *bytes;
-        const int is_good =
-            sscanf(line, "%u %d %u %n", &number, &t, &camera, &at) == 3;
-        const int is_picture = !is_good &&
-            sscanf(line, "%15s %u %d %u %n", kind, &number, &t, &camera,
-                   &at) == 4;
-
-        if (!is_good && !is_picture && sscanf(line, "%15s %n", kind, &at) != 1)
-            return 0;
         line[strcspn(line, "\n")] = '\0';
-        bytes = read_file("", line + at, &n);
-        if (!bytes)
+        if (sscanf(line, "%15s %n", kind, &at) != 1 ||
+            !answer_line(kind, line + at, top))
             return 0;
-        if (is_good)
-            answer_good(bytes, n, number, t, camera);
-        else if (is_picture)
-            answer_picture(bytes, n, bits_of(kind),
-                           &(saga_stages_at){ number, t, camera });
-        else
-            printf("%d\n", (int)refusal(kind, bytes, n));
-        free(bytes);
     }
     return 1;
 }
 
-/* --- Both lists ---------------------------------------------------------- */
+/* --- The lists ----------------------------------------------------------- */
 
 /* Selects a path; returns 0 if the machine lacks it. */
 static int choose_path(const char *name)
@@ -424,8 +581,7 @@ static int choose_path(const char *name)
     return cpu <= best;
 }
 
-/* Returns whether a folder has a list. One with refusals alone has no PICTURES.
- */
+/* Returns whether a folder has a list. */
 static int has_list(const char *dir, const char *list)
 {
     char path[1024];
@@ -467,24 +623,31 @@ static int check_list(const char *dir, const char *list,
 
 int main(int argc, char **argv)
 {
-    int ok;
+    static const struct {
+        const char *name;
+        int (*check)(const char *dir, const char *line);
+        int may_lack;
+    } lists[] = {
+        { "MANIFEST", check_line, 0 }, { "PICTURES", check_picture, 1 },
+        { "BOXES", check_picture, 1 }, { "VALUES", check_value, 1 },
+        { "REFUSALS", check_refusal, 0 }
+    };
+    const int answers = argc > 1 && strcmp(argv[1], "--answer") == 0;
 
     if (argc < 2 || argc > 3) {
         fprintf(stderr, "usage: check_vectors DIR [plain | x4 | avx2]\n"
-                        "       check_vectors --answer\n");
+                        "       check_vectors --answer [LEVEL]\n");
         return 2;
     }
-    if (!choose_path(argc > 2 ? argv[2] : NULL)) {
+    if (!choose_path(argc > 2 && !answers ? argv[2] : NULL)) {
         printf("FAIL %s: this machine has no such path\n", argv[2]);
         return 1;
     }
-    if (strcmp(argv[1], "--answer") == 0)
-        return !answer();
-    ok = check_list(argv[1], "MANIFEST", check_line) &
-         (!has_list(argv[1], "PICTURES") ||
-          check_list(argv[1], "PICTURES", check_picture)) &
-         check_list(argv[1], "REFUSALS", check_refusal);
-    n_failed += !ok;
+    if (answers)
+        return !answer(argc > 2 ? atoi(argv[2]) : SAGA_N_PROFILES);
+    for (size_t i = 0; i < sizeof lists / sizeof *lists; i++)
+        if (!lists[i].may_lack || has_list(argv[1], lists[i].name))
+            n_failed += !check_list(argv[1], lists[i].name, lists[i].check);
     printf("%d passed, %d failed\n", n_passed, n_failed);
     return n_failed != 0;
 }

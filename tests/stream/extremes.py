@@ -9,6 +9,9 @@ in C. If the fragment begins with +, it is a statement that may be the body of a
 loop without braces; conditions look at its variables each time it has run.
 """
 A, B = "arithmetic", "bitstream"
+FORMATS = ("coarse", "hyper", "sigma", "fuse_c", "fuse_f", "fine", "support",
+           "opacity", "scale", "slope", "time", "width", "motion1", "motion2",
+           "motion3", "colour")
 
 PLACES = [
     # --- Elementary functions ------------------------------------------------
@@ -263,6 +266,9 @@ PLACES = [
         (B, "features is 64", "sc->model->features == 64"),
         (B, "octaves is 1", "sc->model->octaves == 1"),
         (B, "octaves is 8", "sc->model->octaves == 8"),
+        *((B, f"q_{name} is above 15",
+           f"sc->model->out_q[SAGA_OUT_{name.upper()}] > 15")
+          for name in FORMATS),
     ]),
     ("decoder/reconstruct.c", "    p->quat[0] = fx_sat16(p->quat[0] + "
      "(1 << q[SAGA_OUT_QUAT]));\n", [
@@ -356,6 +362,20 @@ PLACES = [
         (A, "t is odd", "t & 1 && t != 65535"),
         (A, "a picture of one pixel",
          "camera->width == 1 && camera->height == 1"),
+        (B, "a picture of more than 65,536 pixels",
+         "camera->width * camera->height > 65536"),
+        (B, "a picture with a side above 320",
+         "camera->width > 320 || camera->height > 320"),
+        (B, "a principal point is below 0", "camera->principal_q16[0] < 0 || "
+         "camera->principal_q16[1] < 0"),
+        (B, "a principal point is -2^30 or 2^30",
+         "__builtin_abs(camera->principal_q16[0]) == 1 << 30 || "
+         "__builtin_abs(camera->principal_q16[1]) == 1 << 30"),
+        (B, "a camera's centre is at -2^29 or 2^29",
+         " || ".join(f"__builtin_abs(camera->centre[{k}]) == 1 << 29"
+                     for k in range(3))),
+        (B, "a segment has four layers or more",
+         "dec->header.more_layers >= 3"),
         (B, "fps_num / fps_den is no integer",
          "dec->header.fps_num % dec->header.fps_den"),
     ]),
@@ -364,6 +384,17 @@ PLACES = [
          (A, "no primitive is left", "n == 0"),
          (A, "two splats have the same depth",
           "n > 1 && keys[0].depth == keys[1].depth"),
+     ]),
+    ("decoder/draw.c", "    dec->box_pixels = saga_raster_boxes(keys, "
+     "splats, n, camera);\n", [
+         (B, "cover is at its limit", "dec->box_pixels == "
+          "(uint64_t)saga_caps[dec->header.level].cover * "
+          "(camera->width * camera->height < 65536 ? 65536u : "
+          "(uint32_t)camera->width * camera->height)"),
+         (B, "cover exceeds the limit of a picture's own pixels, below 65,536",
+          "camera->width * camera->height < 65536 && dec->box_pixels > "
+          "(uint64_t)saga_caps[dec->header.level].cover * camera->width * "
+          "camera->height"),
      ]),
     ("decoder/project.c",
      "    const int32_t depth = (int32_t)fx_rshift64(vz, 30);\n", [
@@ -375,8 +406,9 @@ PLACES = [
      ]),
     ("decoder/project.c", "    const int64_t slope = fx_rshift64(focal_q44, "
      "28);\n", [
-         (A, "drop: a mean is too far", "abs64(mean - side * 128) > "
-          "LIMIT_MEAN"),
+         *((A, f"drop: a mean is too far in {name}",
+            f"axis == {axis} && abs64(mean - side * 128) > LIMIT_MEAN")
+           for axis, name in enumerate("xy")),
          (A, "x/z or y/z is clamped to 2^31 - 1",
           "fx_rshift64((int64_t)x * o->recip, n) > INT32_MAX"),
          (A, "x/z or y/z is clamped to -(2^31 - 1)",
@@ -447,6 +479,11 @@ PLACES = [
          (B, "a picture of 16 bits", "r->pic->bits == 16"),
          (B, "a picture of depths", "r->pic->bits == SAGA_DEPTH"),
      ]),
+
+    # --- Names ---------------------------------------------------------------
+    ("decoder/names.c", "    naming->name[shared + more] = 0;\n", [
+        (B, "a name of 63 bytes", "shared + more == 63"),
+    ]),
 
     # --- Blending ------------------------------------------------------------
     ("decoder/blend.c", "        uint32_t w;\n", [

@@ -124,11 +124,20 @@ def opening(plain, bank, hashed):
     for bit in (7, *range(11, 32)):
         head_row(plain, "open.4", f"tools|2^{bit}", VERSION,
                  header__tools=plain.get("header.tools") | 1 << bit)
+    for kind in ("coarse", "fine", "prim"):
+        head_row(plain, "open.8", f"sources_{kind}|16", VERSION,
+                 **{f"header.sources_{kind}":
+                    plain.get(f"header.sources_{kind}") | 16})
     n = plain.header_nbytes
     for by in (-1, 1):
         head_row(plain, "open.5", f"header_nbytes{by:+}", DATA,
                  header__header_nbytes=n + by)
     head_row(plain, "open.9", "n_frames<n_segments", DATA, header__n_frames=1)
+    # Check 10 comes after these.
+    head_row(plain, "open.8", "more_layers=8-and-level=4", VERSION,
+             header__more_layers=8, header__level=4)
+    head_row(plain, "open.9", "octaves=9-and-level=4", DATA,
+             header__octaves=9, header__level=4)
     networks(plain, [n for n in plain.fields if n.startswith("header.net_")])
     networks(bank, [n for n in bank.fields if n.startswith("bank.net_")])
     networks(hashed, ["hash.net_res.width"])
@@ -289,7 +298,9 @@ def continued(film):
 
 # --- Index and segments ------------------------------------------------------
 
-def index(plain):
+def index(plain, three):
+    """Adds errors of the index of a film, and one of a film of three
+    segments."""
     n = plain.get("INDX.nbytes")
     frames = plain.get("header.n_frames")
     for by in (-1, -16):
@@ -310,6 +321,11 @@ def index(plain):
                         plain.get(f"index{last}.n_frames") + 1), kind="last")
     row("find", "second-entry=0", DATA,
         Edit(plain).set(f"index{last}.n_frames", 0), kind="last")
+    # In 32 bits, the sum of the first two is 2 and that of all 30.
+    row("find", "sum-of-frames-above-2^32", DATA,
+        Edit(three).set("index0.n_frames", 3).set("header.n_frames", 30)
+        .set("index1.n_frames", 2**32 - 1).set("index2.n_frames", 28),
+        kind="last")
     for name, value in (("offset", len(plain.data)), ("offset", 1 << 63),
                         ("offset", (1 << 64) - 1), ("nbytes", 2**32 - 1)):
         row("segment.1", f"index0.{name}={value}", TRUNCATED,
@@ -403,12 +419,20 @@ def names(film):
         edit = Edit(film).replace(chunk.at + 20, chunk.nbytes - 20, payload)
         edit.set("NAME.nbytes", 8 + len(payload)).cut(chunk.end)
         row(rule, f"example-{number + 1}", status, edit, kind="names")
-    for name, new in (("64-bytes", b"\0\x40" + b"a" * 64 + b"\0\0" * 2),
-                      ("63-shared-and-1", b"\0\x3f" + b"a" * 63 +
-                       b"\x3f\1b\0\0")):
+    long, c1 = b"a" * 62, "".join(map(chr, range(0x80, 0xa0))).encode()
+    odd = "\ufeff\ufffe\U0001ffff\u2028\u202e".encode()
+    for status, name, new in (
+            (DATA, "64-bytes", b"\0\x40" + long + b"aa\0\0\0\0"),
+            (DATA, "63-shared-and-1", b"\0\x3f" + long + b"a\x3f\1b\0\0"),
+            (OK, "63-bytes", b"\0\x3f" + long + b"a\0\0\0\0"),
+            (OK, "62-shared-and-1", b"\0\x3e" + long + b"\x3e\1b\x3f\0"),
+            (OK, "controls-of-C1", b"\0\x3e" + c1[:62] + b"\0\2" + c1[62:] +
+             b"\0\0"),
+            (OK, "marks", bytes([0, len(odd)]) + odd + b"\0\0\0\0")):
         edit = Edit(film).replace(chunk.at + 20, chunk.nbytes - 20, new)
         edit.set("NAME.nbytes", 8 + len(new)).cut(chunk.end)
-        row("names.6", f"name-of-{name}", DATA, edit, kind="names")
+        row("names.6" if status else "names", f"name-of-{name}", status, edit,
+            kind="names")
     row("names.1", "no-camera", ARG, Edit(film).without_cameras(), kind="names")
     for n in (0, 7):
         edit = Edit(film).replace(chunk.at + 12 + n, chunk.nbytes - 12 - n, b"")
@@ -577,7 +601,7 @@ def main():
     level_rows(hashed)
     level_rows(film("memory_level3"))
     chunks(plain, layers)
-    index(plain)
+    index(plain, film("segments"))
     segments(plain, layers)
     views(plain)
     names(film("names"))

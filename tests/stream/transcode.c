@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
  * transcode FILE: prints payloads of a good file's NETS and PRIM in which
- * symbols near the end break one rule of docs/bitstream.md each, and trees that
- * break another, for make_refusals.py: RULE NAME STATUS CHUNK PAYLOAD.
+ * symbols near the end break one rule of docs/bitstream.md each or are at its
+ * limit, and trees that break another, for make_refusals.py: RULE NAME STATUS
+ * CHUNK PAYLOAD.
  *
  * The payload is decoded and encoded again. At the symbol in question the
  * encoder writes what the rule forbids, while the traversal, which would stop
@@ -43,13 +44,14 @@ typedef struct {
                               * decoded */
 } lie;
 
-enum { KEEP = -(1 << 20), MAX_LIES = 4 };
+enum { KEEP = -(1 << 20), MAX_LIES = 9 };
 
 /* Symbols that break a rule. Without a symbol in all of `lies` the row ends. */
 typedef struct {
     const char *rule, *name;
     int in_prim;
     lie lies[MAX_LIES];
+    int is_valid;            /* the row is at a limit and breaks nothing */
 } broken;
 
 typedef struct {
@@ -164,10 +166,11 @@ static void run_part(transcoder *t, opened *o, const saga_scaffold *sc,
     }
 }
 
-static void print(const char *rule, const char *name, const char *chunk,
-                  const uint8_t *p, size_t n)
+static void print(const broken *b, const char *chunk, const uint8_t *p,
+                  size_t n)
 {
-    printf("%s %s %d %s ", rule, name, (int)SAGA_ERR_DATA, chunk);
+    printf("%s %s %d %s ", b->rule, b->name,
+           b->is_valid ? SAGA_OK : SAGA_ERR_DATA, chunk);
     for (size_t i = 0; i < n; i++)
         printf("%02x", p[i]);
     printf("\n");
@@ -202,7 +205,7 @@ static void transcode(opened *o, const broken *b)
         run_part(&t, o, &sc, b->in_prim ? PART_PRIM : PART_NETS, out);
         memcpy(t.total, t.seen, sizeof t.total);
     }
-    print(b->rule, b->name, b->in_prim ? "segment0.PRIM" : "NETS", out,
+    print(b, b->in_prim ? "segment0.PRIM" : "NETS", out,
           saga_range_enc_finish(&t.to));
 }
 
@@ -263,8 +266,8 @@ static void chain(const opened *o, const char *name, uint32_t split,
                                          [touches], 2, has_child && i == 0);
         }
     }
-    print("section.10", name, "segment0.COAR", out,
-          saga_range_enc_finish(&e));
+    print(&(broken){ .rule = "section.10", .name = name }, "segment0.COAR",
+          out, saga_range_enc_finish(&e));
 }
 
 static void trees(const opened *o)
@@ -287,45 +290,62 @@ static void trees(const opened *o)
 
 #define LIE(sym, from_end, n, write, give) { sym, from_end, n, write, give }
 
+/* A row whose shift is 24, and whose sum with half a unit of the shift is
+ * 32767 (32767 + 32514) + bias + 2^23, which is 2^31 for a bias of 32513. */
+#define HALF(bias, give) { \
+    LIE(SAGA_SYM_NET_STEP, 0, 1, 1, 1), \
+    LIE(SAGA_SYM_NET_STEP_SHIFT, 0, 1, 0, 0), \
+    LIE(SAGA_SYM_NET_BIAS_SHIFT, 0, 1, 0, 0), \
+    LIE(SAGA_SYM_NET_ROW_SHIFT, 1, 1, 3, 3), \
+    LIE(SAGA_SYM_NET_ROW_SHIFT, 0, 1, 0, 0), \
+    LIE(SAGA_SYM_NET_BIAS, 0, 1, bias, give), \
+    LIE(SAGA_SYM_NET_WEIGHT, 0, 1, 32767, 32767), \
+    LIE(SAGA_SYM_NET_WEIGHT, 1, 1, 32514, 32514), \
+    LIE(SAGA_SYM_NET_WEIGHT, 2, 90, 0, 0) }
+
 /* Each case breaks one rule by changing symbols of the last layer of the last
  * network, which computes the colour. Cases that need a certain weight set the
  * layer's step to 1, so that a symbol's value is the weight. */
 static const broken rows[] = {
-    { "section.9", "step=0", 0, { LIE(SAGA_SYM_NET_STEP, 0, 1, 0, KEEP) } },
+    { "section.9", "step=0", 0, { LIE(SAGA_SYM_NET_STEP, 0, 1, 0, KEEP) }, 0 },
     { "section.9", "shift=25", 0, {
         LIE(SAGA_SYM_NET_ROW_SHIFT, 1, 1, 3, 3),
-        LIE(SAGA_SYM_NET_ROW_SHIFT, 0, 1, 1, 0) } },
+        LIE(SAGA_SYM_NET_ROW_SHIFT, 0, 1, 1, 0) }, 0 },
     { "section.9", "shift=31", 0, {
         LIE(SAGA_SYM_NET_ROW_SHIFT, 1, 1, 3, 3),
-        LIE(SAGA_SYM_NET_ROW_SHIFT, 0, 1, 7, 0) } },
+        LIE(SAGA_SYM_NET_ROW_SHIFT, 0, 1, 7, 0) }, 0 },
     { "section.9", "weight=32768", 0, {
         LIE(SAGA_SYM_NET_STEP, 0, 1, 1, 1),
         LIE(SAGA_SYM_NET_STEP_SHIFT, 0, 1, 0, 0),
-        LIE(SAGA_SYM_NET_WEIGHT, 0, 1, 32768, 0) } },
+        LIE(SAGA_SYM_NET_WEIGHT, 0, 1, 32768, 0) }, 0 },
     { "section.9", "weight=-32768", 0, {
         LIE(SAGA_SYM_NET_STEP, 0, 1, 1, 1),
         LIE(SAGA_SYM_NET_STEP_SHIFT, 0, 1, 0, 0),
-        LIE(SAGA_SYM_NET_WEIGHT, 0, 1, -32768, 0) } },
+        LIE(SAGA_SYM_NET_WEIGHT, 0, 1, -32768, 0) }, 0 },
     { "section.9", "row-sum", 0, {
         LIE(SAGA_SYM_NET_STEP, 0, 1, 1, 1),
         LIE(SAGA_SYM_NET_STEP_SHIFT, 0, 1, 0, 0),
-        LIE(SAGA_SYM_NET_WEIGHT, 0, 3, 32767, 0) } },
+        LIE(SAGA_SYM_NET_WEIGHT, 0, 3, 32767, 0) }, 0 },
+    { "section.9", "half-a-unit-at-the-limit", 0, HALF(32512, 32512), 1 },
+    { "section.9", "half-a-unit", 0, HALF(32513, 32512), 0 },
+    { "section.9", "half-a-unit-and-a-bias-below-0", 0, HALF(-32513, -32512),
+      0 },
     { "section.9", "bias=2^31", 0, {
         LIE(SAGA_SYM_NET_BIAS_SHIFT, 0, 1, 31, 0),
-        LIE(SAGA_SYM_NET_BIAS, 0, 1, 1, 0) } },
+        LIE(SAGA_SYM_NET_BIAS, 0, 1, 1, 0) }, 0 },
     { "section.9", "bias=-2^31", 0, {
         LIE(SAGA_SYM_NET_BIAS_SHIFT, 0, 1, 31, 0),
-        LIE(SAGA_SYM_NET_BIAS, 0, 1, -1, 0) } },
+        LIE(SAGA_SYM_NET_BIAS, 0, 1, -1, 0) }, 0 },
     { "section.7", "escape-of-a-weight=65536", 0, {
         LIE(SAGA_SYM_NET_STEP, 0, 1, 1, 1),
         LIE(SAGA_SYM_NET_STEP_SHIFT, 0, 1, 16, 16),
-        LIE(SAGA_SYM_NET_WEIGHT, 0, 1, 65536, 0) } },
+        LIE(SAGA_SYM_NET_WEIGHT, 0, 1, 65536, 0) }, 0 },
     { "section.7", "escape=65536", 1, {
-        LIE(SAGA_SYM_PRIM_OFFSET, 0, 1, 65536, 0) } },
+        LIE(SAGA_SYM_PRIM_OFFSET, 0, 1, 65536, 0) }, 0 },
     { "section.7", "escape=-65536", 1, {
-        LIE(SAGA_SYM_PRIM_OFFSET, 0, 1, -65536, 0) } },
+        LIE(SAGA_SYM_PRIM_OFFSET, 0, 1, -65536, 0) }, 0 },
     { "section.7", "escape=131000", 1, {
-        LIE(SAGA_SYM_PRIM_OFFSET, 0, 1, 131000, 0) } }
+        LIE(SAGA_SYM_PRIM_OFFSET, 0, 1, 131000, 0) }, 0 }
 };
 
 int main(int argc, char **argv)

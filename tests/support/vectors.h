@@ -35,16 +35,17 @@ typedef struct saga_stages {
     uint32_t frame;              /* CRC: 8-bit picture */
 } saga_stages;
 
-/* The kinds of pictures of vectors/PICTURES, with their `bits` (saga_picture).
- */
+/* The kinds of pictures of vectors/PICTURES, with their `bits` (saga_picture),
+ * and after them the boxes of the splats, which are a kind of their own. */
 typedef struct saga_picture_kind {
     const char *name;
     int bits;
 } saga_picture_kind;
 
-enum { SAGA_N_PICTURE_KINDS = 2 };
+enum { SAGA_N_PICTURE_KINDS = 2, SAGA_BOXES = -1 };
 
-extern const saga_picture_kind saga_picture_kinds[SAGA_N_PICTURE_KINDS];
+extern const saga_picture_kind
+    saga_picture_kinds[SAGA_N_PICTURE_KINDS + 1];
 
 /* Returns the CRC of the symbols: every integer as 4 bytes, little-endian, in
  * the order of symbols.h: the networks' layers in the order of the stream, the
@@ -62,8 +63,9 @@ saga_status saga_stages_of(saga_stages *stages, const uint8_t *bytes, size_t n,
                            uint32_t number, int32_t t, uint32_t camera,
                            uint8_t *pixels, size_t pixels_nbytes);
 
-/* Sets *crc to that of a picture with samples of `bits`, for a segment, a time
- * and a camera as above. Returns the first status that is not SAGA_OK. */
+/* Sets *crc to that of a picture with samples of `bits`, or of the boxes, for a
+ * segment, a time and a camera as above. Returns the first status that is not
+ * SAGA_OK. */
 saga_status saga_picture_crc(uint32_t *crc, const uint8_t *bytes, size_t n,
                              const saga_stages_at *at, int bits);
 
