@@ -123,13 +123,13 @@ class Builder:
     def __init__(self, folder, ways, build=BUILD, flags=()):
         self.compiles, self.link = commands(build, flags)
         self.folder, self.ways = folder, ways
+        self.program = f"{BUILD}/mutant/check_vectors"
 
     def try_source(self, path, text):
         """Returns the verdict of check_vectors on a changed file, NOTICED,
         MISSED or BROKEN, and its output."""
         source = f"{BUILD}/mutant/{os.path.basename(path)}"
         objects = f"{BUILD}/mutant/mutant.o"
-        program = f"{BUILD}/mutant/check_vectors"
         os.makedirs(os.path.dirname(source), exist_ok=True)
         with open(source, "w") as f:
             f.write(text)
@@ -143,10 +143,10 @@ class Builder:
         link.insert(1, objects)
         # check_vectors has functions of common/cpu.c of its own, in order to
         # choose a path, so that it cannot be linked with this file.
-        if subprocess.run(link + ["-o", program],
+        if subprocess.run(link + ["-o", self.program],
                           capture_output=True).returncode:
             return BROKEN, ""
-        return self.run(program)
+        return self.run(self.program)
 
     def run(self, program):
         for way in self.ways:

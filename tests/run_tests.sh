@@ -295,6 +295,7 @@ many() {
     [ "$what" != all ] || check coverage python3 tests/check_coverage.py
     [ "$what" != all ] || check crashes python3 tests/cli/run_crashes.py
     [ "$what" != all ] || check checks python3 tests/run_small_mutants.py checks
+    [ "$what" != all ] || check planted python3 tests/run_planted.py
 }
 
 export BUILD="$build" SAGA="$build/gcc/saga" SAGA_DEC="$build/gcc/saga-dec"
