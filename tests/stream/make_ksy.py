@@ -20,7 +20,8 @@ doc: |
   The container: header, cameras, index, chunks, segments and their layers. The
   payloads of NETS, COAR, FINE and PRIM are range coded and stay bytes here.
   Checksums and the rules that join several fields are not checked; section 4
-  of bitstream.md has them.
+  of bitstream.md has them. Of a file that is cut, the segments that begin in it
+  are read, and of several layers those that are complete.
 seq:
   - id: header
     type: header
@@ -121,11 +122,14 @@ JOINED = """\
       - id: entry
         type: index_entry
     instances:
+      left:
+        value: '_root._io.size - entry.offset'
       segment:
         io: _root._io
         pos: entry.offset
-        size: entry.nbytes
+        size: 'left < entry.nbytes ? left : entry.nbytes'
         type: segment
+        if: left > 0
   segment:
     seq:
       - id: start
@@ -138,8 +142,10 @@ JOINED = """\
         repeat-expr: _root.n_layers
       - id: chunks
         type: scaffold
-        repeat: expr
-        repeat-expr: _root.n_layers
+        repeat: until
+        repeat-until: >-
+          chunks.size == _root.n_layers or
+          layers[chunks.size].nbytes > _io.size - _io.pos
   names_chunk:
     seq:
       - id: start
