@@ -13,8 +13,7 @@ files that are cut and joined,
               README lists the same formats as the help
   import      a file that was encoded from PLY splats is drawn as an independent
               renderer draws the splats; a sequence of SPZ files gives as many
-              frames; a film in .splat4d or .4dgs gives the file that the same
-              splats in PLY give; an invalid PLY is reported
+              frames; an invalid PLY is reported
   meant       splats that are left out, clamped or read otherwise than the
               format says are told in one line for each kind; splats at one
               point are no error; what a level or the memory has no room for is
@@ -45,7 +44,6 @@ import struct
 import subprocess
 import sys
 import tempfile
-import zlib
 
 import splats
 from verdict import SAGA, SAGA_DEC, Verdicts, crc32c, read
@@ -546,132 +544,7 @@ def check_import(tmp):
     if info["n_frames"] != 3 or info["frames_per_second"] != [12, 1]:
         complain("the sequence has", info["n_frames"], "frames at",
                  info["frames_per_second"])
-    check_import_film(tmp)
     check_import_refused(tmp)
-
-
-def packed(numbers, width):
-    """Returns a stream of .splat4d: zstd with one block that is not compressed.
-    """
-    data = bytes(x >> 8 * b & 255 for b in range(width) for x in numbers)
-    frame = struct.pack("<IBI", 0xfd2fb528, 0xa0, len(data)) + \
-        struct.pack("<I", len(data) << 3 | 1)[:3] + data
-    return struct.pack("<BII", width, len(numbers), len(frame)), frame
-
-
-def zigzag(numbers):
-    return [2 * x if x >= 0 else -2 * x - 1 for x in numbers]
-
-
-def film_of(places, still):
-    """Returns a film in .splat4d. places[t][i] are the bins of a splat's
-    position; still[i] are a splat's bytes R, G, B, opacity and rotation, and the
-    bins of its scale."""
-    n, n_frames = len(still), len(places)
-    moving = [i for i in range(n)
-              if any(p[i] != places[0][i] for p in places)]
-    bits = [0] * ((n + 7) // 8)
-    for i in set(range(n)) - set(moving):
-        bits[i // 8] |= 128 >> i % 8
-    full = [255] * (n // 8) + [(0xff00 >> n % 8) & 255] * (n % 8 > 0)
-    scale = [s[8:] for s in still]
-    # Positions that stand still have half the step.
-    base = [[2 * x for x in p] for p in places[0]]
-
-    def differences(rows):
-        return zigzag([x - y for row, last in zip(rows, [[0] * 3] + rows)
-                       for x, y in zip(row, last)])
-
-    section = b"".join(h + f for h, f in (
-        packed(bits, 1), *[packed(full, 1)] * 4,
-        packed(differences(base), 4), packed(differences(scale), 2),
-        *(packed([x for s in still for x in s[a:b]], 1)
-          for a, b in ((0, 3), (3, 4), (4, 8)))))
-    key = packed(zigzag([x for i in moving for x in places[0][i]]), 4)
-    changes = packed(zigzag([x - y for t in range(1, n_frames) for i in moving
-                             for x, y in zip(places[t][i],
-                                             places[t - 1][i])]), 2)
-    group = struct.pack("<H", 2) + \
-        b"\0\0" + key[0] + b"\0\1" + changes[0] + key[1] + changes[1]
-    at = 1000
-    head = json.dumps({
-        "n": n, "t": n_frames, "fps": 12, "gop": n_frames,
-        "steps": {"pos": 0.125, "base_pos": 0.0625, "scale_log": 0.5,
-                  "base_scale_log": 0.25, "rot": 1, "rgb": 1, "alpha": 1},
-        "static_section": {"offset": at, "len": len(section)},
-        "gops": [{"offset": at + len(section), "len": len(group), "f0": 0,
-                  "f1": n_frames - 1}]}).encode()
-    return (b"SP4D" + struct.pack("<HHI", 1, 0, len(head)) +
-            head).ljust(at, b"\0") + section + group
-
-
-def stream_4dgs(number, rows):
-    """Returns a stream of .4dgs, packed by zlib."""
-    data = zigzag([x for row in rows for x in row])
-    planes = zlib.compress(bytes(x >> 8 * b & 255 for b in range(4)
-                                 for x in data))
-    return struct.pack("<5BIQ", number, 4, 0, 0, len(rows[0]), len(rows),
-                       len(planes)) + planes
-
-
-def film_4dgs_of(places, still, fps):
-    """Returns the film of film_of in .4dgs: a chunk and a window for each
-    frame, in which nothing moves or fades."""
-    def text(s):
-        return struct.pack("<I", len(s)) + s
-
-    def record(kind, content):
-        return struct.pack("<BQ", kind, len(content)) + content
-
-    n, magic = len(still), b"\x894DGS1\r\n"
-    spans = [(t / fps, (t + 1) / fps) for t in range(len(places))]
-    film = magic + record(1, text(b"") + text(b"") + struct.pack(
-        "<dQd", len(places) / fps, n * len(places), 0.05) +
-        text(b"gaussian-birth") + bytes(6 * 8 + 2 + 4))
-    film += record(3, text(b"uniform-v1") + struct.pack(
-        "<11d", 0, 0, 0, 0.125, 0.25, 1 / 128, 1 / 255, 1 / 255, 1, 1, 1) +
-        bytes(5))
-    film += record(4, struct.pack("<I", len(spans)) +
-                   b"".join(struct.pack("<2d", *span) for span in spans))
-    for t, frame in enumerate(places):
-        streams = b"".join(stream_4dgs(k, rows) for k, rows in enumerate((
-            frame, [s[8:] for s in still], [[3]] * n, [[0] * 3] * n,
-            [[s[1], s[0] - s[1], s[2] - s[1]] for s in still],
-            [[s[3]] for s in still], [[0] * 3] * n, [[0]] * n, [[0]] * n,
-            [[1]] * n, [[t]] * n)))
-        film += record(5, struct.pack("<ddII", *spans[t], 0, n) + text(b"") +
-                       struct.pack("<QQ", len(streams), len(streams)) + streams)
-    return film + record(2, bytes(20)) + magic
-
-
-def check_import_film(tmp):
-    still = [(200, i, 255 - i, 250, 255, 128, 128, 128, -3, -4, -5)
-             for i in range(60)]
-    places = [[(i % 8 - 4, i // 8 - 4 + t * (i % 3 == 0), 3 * t * (i % 3 == 0))
-               for i in range(60)] for t in range(3)]
-    write(tmp + "/film.any", film_of(places, still))
-    os.mkdir(tmp + "/plys")
-    for t, frame in enumerate(places):
-        write(tmp + "/plys/%d.ply" % t, ply([
-            [0.125 * x for x in place] +
-            [(x / 255 - 0.5) / 0.28209479177387814 for x in s[:3]] +
-            [math.log(s[3] / 255 / (1 - s[3] / 255))] +
-            [0.25 * x for x in s[8:]] + [(x - 128) / 128 for x in s[4:8]]
-            for place, s in zip(frame, still)]))
-    more = ["--primitives", "60", "--iterations", "60", "--size", "48x48"]
-    saga("import", tmp + "/film.any", "-o", tmp + "/a.saga", *more)
-    saga("import", tmp + "/plys", "-o", tmp + "/b.saga", "--fps", "12", *more)
-    if read(tmp + "/a.saga") != read(tmp + "/b.saga"):
-        complain("a film is not encoded as its frames are")
-    write(tmp + "/film.4dgs", film_4dgs_of(places, still, 12))
-    saga("import", tmp + "/film.4dgs", "-o", tmp + "/c.saga", "--fps", "12",
-         *more)
-    if read(tmp + "/c.saga") != read(tmp + "/b.saga"):
-        complain("a film in .4dgs is not encoded as its frames are")
-    for film in (film_of(places, still), film_4dgs_of(places, still, 12)):
-        bad = write(tmp + "/bad.any", film[:-9])
-        saga("import", bad, "-o", tmp + "/refused.saga", status=1,
-             says="copy it again")
 
 
 def check_import_refused(tmp):

@@ -42,17 +42,15 @@ typedef struct {
     const char *out, *cameras;
     saga_cli_pair size;
     int primitives, iterations, level, seed, threads, memory;
-    double lambda, fps;      /* fps: NaN if it is not given */
+    double lambda, fps;
     bool quiet;
 } options;
 
 typedef struct {
     const options *o;
     const char *splats;      /* a file, or a folder of a sequence */
-    char **path;             /* (n_files) */
-    int n_files, n_frames;
-    saga_bytes bytes;        /* of the sequence */
-    saga_cloud_sequence *sequence; /* or NULL: each frame is a file */
+    char **path;             /* (n_frames) */
+    int n_frames;
     saga_cloud first;        /* splats of the first frame */
     saga_cloud_facts facts;  /* what was not as it should be, in all frames */
     saga_import_cameras cameras;
@@ -68,14 +66,14 @@ typedef struct {
 
 static bool add_file(session *s, const char *folder, const char *name)
 {
-    char **const path = saga_realloc(s->path, (size_t)s->n_files + 1,
+    char **const path = saga_realloc(s->path, (size_t)s->n_frames + 1,
                                      sizeof *path, "file names", &s->error);
 
     if (!path)
         return false;
     s->path = path;
-    path[s->n_files] = saga_path_join(folder, name, &s->error);
-    return path[s->n_files] && ++s->n_files;
+    path[s->n_frames] = saga_path_join(folder, name, &s->error);
+    return path[s->n_frames] && ++s->n_frames;
 }
 
 static bool is_splats(const char *name)
@@ -127,33 +125,6 @@ static bool list_files(session *s)
     return ok;
 }
 
-static bool is_sequence(const char *path)
-{
-    uint8_t first[SAGA_SEQUENCE_HEAD_NBYTES];
-    saga_bytes bytes = { first, 0 };
-    FILE *const f = fopen(path, "rb");
-
-    if (f) {
-        bytes.nbytes = fread(first, 1, sizeof first, f);
-        fclose(f);
-    }
-    return saga_is_sequence(&bytes);
-}
-
-/* Opens a sequence, if the only file is one. */
-static bool open_sequence(session *s)
-{
-    s->n_frames = s->n_files;
-    if (s->n_files > 1 || !is_sequence(s->path[0]))
-        return true;
-    if (!saga_read_file(&s->bytes, s->path[0], &s->error))
-        return false;
-    s->sequence = saga_sequence_open(&s->bytes, s->path[0], s->o->fps,
-                                     &s->error);
-    s->n_frames = s->sequence ? saga_sequence_n_frames(s->sequence) : 0;
-    return s->sequence != NULL;
-}
-
 static uint64_t most_nbytes(const session *s)
 {
     return (uint64_t)s->o->memory << 30;
@@ -161,9 +132,7 @@ static uint64_t most_nbytes(const session *s)
 
 static bool read_first(session *s)
 {
-    return s->sequence
-        ? saga_sequence_read(&s->first, s->sequence, 0, &s->error)
-        : saga_cloud_read(&s->first, s->path[0], most_nbytes(s), &s->error);
+    return saga_cloud_read(&s->first, s->path[0], most_nbytes(s), &s->error);
 }
 
 /* --- What it would need -------------------------------------------------- */
@@ -289,10 +258,9 @@ static bool train(session *s)
 static bool draw(session *s)
 {
     const saga_cloud_source source = {
-        .path = s->path, .sequence = s->sequence, .n_frames = s->n_frames,
+        .path = s->path, .n_frames = s->n_frames,
         .first = &s->first, .most_nbytes = most_nbytes(s), .facts = &s->facts,
-        .fps = s->sequence ? saga_sequence_fps(s->sequence)
-             : isnan(s->o->fps) ? 30.0 : s->o->fps,
+        .fps = s->o->fps,
         .shot = s->cameras.shot, .n_shots = s->cameras.n_shots,
         .progress = saga_meter_progress, .progress_user = &s->meter
     };
@@ -383,10 +351,8 @@ static void end(session *s)
     saga_params_free(&s->given);
     saga_capture_free(&s->capture);
     saga_cloud_free(&s->first);
-    saga_sequence_free(s->sequence);
-    saga_bytes_free(&s->bytes);
     free(s->cameras.shot);
-    for (int i = 0; i < s->n_files; i++)
+    for (int i = 0; i < s->n_frames; i++)
         free(s->path[i]);
     free(s->path);
 }
@@ -400,7 +366,7 @@ static int import(session *s)
      * reported early. */
     if (saga_output_open_alone(&s->out, s->o->out, &s->error)) {
         status = SAGA_EXIT_DATA;
-        ok = list_files(s) && open_sequence(s) && read_first(s) &&
+        ok = list_files(s) && read_first(s) &&
              saga_import_find_cameras(&s->cameras) && check_size(s) &&
              draw(s) && prepare(s) && train(s);
         saga_meter_end(&s->meter);
@@ -429,7 +395,7 @@ static bool cannot_read(const char *path)
 
 static int run(int argc, char **argv)
 {
-    options o = { .level = 2, .seed = 1, .fps = NAN, .memory = 4 };
+    options o = { .level = 2, .seed = 1, .fps = 30, .memory = 4 };
     session s = { .o = &o, .cameras = { .first = &s.first,
                                         .error = &s.error } };
     const int status = saga_cli_parse(&saga_command_import, &o, &s.splats,
@@ -479,9 +445,8 @@ static const saga_cli_option option_list[] = {
       "limit on the memory of the decoder, as for `saga encode`\n"
       "(default 2)", saga_cli_int, offsetof(options, level), 0, 3 },
     { "--fps", "F",
-      "frames per second of a sequence (default 30, or that of\n"
-      "the .splat4d file); a .4dgs file is sampled with it",
-      saga_cli_real, offsetof(options, fps), 0, 0 },
+      "frames per second of a sequence (default 30)", saga_cli_real,
+      offsetof(options, fps), 0, 0 },
     { "--seed", "N", "seed of all random numbers (default 1)", saga_cli_int,
       offsetof(options, seed), 0, INT32_MAX },
     { "--threads", "N",
@@ -496,10 +461,11 @@ const saga_command saga_command_import = {
     "Codes splats that another program trained; no pictures are needed.\n"
     "SPLATS is a file, or a folder with a file for each frame in the order of\n"
     "the names (f2 before f10), in one of the formats that `saga help export`\n"
-    "lists, or a sequence in a file NAME.splat4d or NAME.4dgs of version 1. A\n"
-    "single file of splats keeps them: networks are fitted to them and then\n"
-    "improved. A sequence is trained anew, as one segment, because most files\n"
-    "do not say which splats of two frames belong together.\n"
+    "lists. A single file keeps its splats: networks are fitted to them and\n"
+    "then improved. A sequence is trained anew, as one segment, because files\n"
+    "do not say which splats of two frames belong together. What is left out,\n"
+    "clamped or read otherwise than the format says is counted in a line for\n"
+    "each kind.\n"
     "\n"
     "The training compares pictures that are drawn from the splats, for\n"
     "cameras all round the scene. What none of these cameras sees comes out\n"

@@ -281,9 +281,7 @@ static bool read_frame(saga_capture *c, saga_canvas *canvas,
     saga_cloud cloud;
     bool ok;
 
-    if (!(s->sequence ? saga_sequence_read(&cloud, s->sequence, number, error)
-                      : saga_cloud_read(&cloud, s->path[number],
-                                        s->most_nbytes, error)))
+    if (!saga_cloud_read(&cloud, s->path[number], s->most_nbytes, error))
         return false;
     saga_cloud_facts_add(s->facts, &cloud.facts);
     ok = take_frame(c, canvas, &cloud, s, number, error);

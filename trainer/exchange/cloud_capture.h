@@ -9,13 +9,11 @@
 
 #include "capture.h"
 #include "cloud.h"
-#include "cloud_sequence.h"
 #include "splat.h"
 
 /* The splats, and the cameras for which they are drawn. */
 typedef struct saga_cloud_source {
-    char **path;             /* (n_frames), or the path of the sequence */
-    saga_cloud_sequence *sequence; /* or NULL: each frame is a file */
+    char **path;             /* (n_frames) */
     const saga_cloud *first; /* the splats of frame 0, read before */
     uint64_t most_nbytes;    /* memory for pictures, and for reading a file */
     saga_cloud_facts *facts; /* what reading the other frames tells is added */
