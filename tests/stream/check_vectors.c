@@ -278,7 +278,7 @@ static saga_status name_in_hex(char *text, const uint8_t *bytes, size_t n,
 
 /* Writes the place in the world of a point of the box. */
 static saga_status world(char *text, const uint8_t *bytes, size_t n,
-                         const long *p)
+                         const int64_t *p)
 {
     saga_info info;
     const saga_status s = saga_probe(&info, bytes, n);
@@ -294,7 +294,7 @@ static saga_status world(char *text, const uint8_t *bytes, size_t n,
 }
 
 /* Writes the answer to a question, which is the status if that is not 0. */
-static void value_of(char *text, const value_kind *kind, const long *a,
+static void value_of(char *text, const value_kind *kind, const int64_t *a,
                      const uint8_t *bytes, size_t n)
 {
     saga_segment seg;
@@ -320,13 +320,13 @@ static void value_of(char *text, const value_kind *kind, const long *a,
 }
 
 /* Reads the arguments of a kind. Returns where they end, or NULL. */
-static const char *read_arguments(long *a, const value_kind *kind,
+static const char *read_arguments(int64_t *a, const value_kind *kind,
                                   const char *text)
 {
     for (int i = 0; i < kind->n_arguments; i++) {
         char *end;
 
-        a[i] = strtol(text, &end, 10);
+        a[i] = strtoll(text, &end, 10);
         if (end == text || *end != ' ')
             return NULL;
         text = end + 1;
@@ -339,7 +339,7 @@ static int check_value(const char *dir, const char *line)
     char name[256], kind[16], got[VALUE];
     const char *want = NULL;
     const value_kind *k = NULL;
-    long a[MOST_ARGUMENTS];
+    int64_t a[MOST_ARGUMENTS];
     int used = 0, ok = 0;
     uint8_t *bytes;
     size_t n = 0;
@@ -523,7 +523,7 @@ static int answer_line(const char *kind, const char *rest, int top)
     const value_kind shape = {
         kind, of_value ? of_value->n_arguments : is_good ? 2 : 3 * is_picture
     };
-    long a[MOST_ARGUMENTS];
+    int64_t a[MOST_ARGUMENTS];
     const char *const path = read_arguments(a, &shape, rest);
     size_t n = 0;
     uint8_t *const bytes = path ? read_file("", path, &n) : NULL;
