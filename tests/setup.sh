@@ -21,6 +21,7 @@ test) packages="$packages chromium qemu-system-arm" ;;
 all)
     packages="$packages chromium qemu-system-arm
     debhelper dh-python dpkg-dev lintian
+    slurm-wlm munge parallel openmpi-bin
     gcc-aarch64-linux-gnu libc6-dev-arm64-cross
     gcc-arm-linux-gnueabihf libc6-dev-armhf-cross
     gcc-riscv64-linux-gnu libc6-dev-riscv64-cross
