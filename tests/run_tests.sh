@@ -205,6 +205,7 @@ tree() {
     check docs tests/check_docs.sh
     check paper python3 tests/check_paper.py
     check places python3 tests/check_coverage.py places
+    check faults python3 tests/run_planted.py places
 }
 
 sanitized() {
