@@ -96,7 +96,13 @@ export class SagaEntity {
         this.values = null; // the camera for which the splats were made
         // The clock of the film; viewer.d.ts lists its events.
         this.view = new EngineView((splats) => this.take(splats), options);
-        this.handle = app.scene.on('prerender', (camera) => this.look(camera));
+        this.handles = [
+            app.scene.on('prerender', (camera) => this.look(camera)),
+            // A frame of passes encodes what is drawn as sRGB at its end.
+            app.scene.on('prerender:layer', ({ shaderParams }) =>
+                this.instance.setParameter('saga_linear', Number(
+                    shaderParams.shaderOutputGamma === pc.GAMMA_NONE))),
+        ];
     }
 
     take(splats) {
@@ -139,7 +145,7 @@ export class SagaEntity {
     }
 
     destroy() {
-        this.handle.off();
+        this.handles.forEach((handle) => handle.off());
         this.view.clear();
         this.entity.destroy();
         this.buffer?.destroy();

@@ -14,26 +14,45 @@ import * as THREE from 'three';
 import { EngineView, FLOATS, FRAGMENT_GLSL, VERTEX_GLSL, floatsOf }
     from 'saga-web/engine.js';
 
-const VERTEX = `${VERTEX_GLSL}
+// The lines with # are three's own, for a logarithmic depth buffer.
+const VERTEX = `#include <common>
+#include <logdepthbuf_pars_vertex>
+${VERTEX_GLSL}
 in vec4 place;
 in vec3 chol;
 in vec3 colour;
 
 void main() {
     gl_Position = saga_place(position.xy, place, chol, colour);
+#include <logdepthbuf_vertex>
 }`;
 
-const FRAGMENT = `${FRAGMENT_GLSL}
+const FRAGMENT = `#include <common>
+#include <logdepthbuf_pars_fragment>
+${FRAGMENT_GLSL}
 out vec4 mixed;
 
 void main() {
+#include <logdepthbuf_fragment>
     mixed = saga_mixed();
 }`;
+
+// Returns whether what a renderer draws is taken as linear light. The canvas
+// gets sRGB; a pass after it encodes what is drawn to other targets.
+function isLinear(renderer) {
+    const target = renderer.getRenderTarget();
+    const space = target === null ? renderer.outputColorSpace
+        : target.isXRRenderTarget ? target.texture.colorSpace
+            : THREE.LinearSRGBColorSpace;
+
+    return space === THREE.LinearSRGBColorSpace;
+}
 
 function makeMaterial() {
     const uniforms = { saga_to_clip: new THREE.Matrix4(),
         saga_size: new THREE.Vector2(1, 1),
-        saga_viewport: new THREE.Vector4(), saga_tools: 0 };
+        saga_viewport: new THREE.Vector4(), saga_tools: 0,
+        saga_linear: 0 };
 
     return new THREE.ShaderMaterial({
         glslVersion: THREE.GLSL3, vertexShader: VERTEX, fragmentShader: FRAGMENT,
@@ -114,6 +133,7 @@ export class SagaMesh extends THREE.Mesh {
 
         this.view.lookFrom(modelView, projection, Math.round(z), Math.round(w));
         uniforms.saga_viewport.value.set(x, y, z, w);
+        uniforms.saga_linear.value = Number(isLinear(renderer));
         if (this.values)
             uniforms.saga_to_clip.value.fromArray(
                 this.view.toClip(this.values, modelView, projection));

@@ -41,23 +41,30 @@ export function floatsOf({ bytes, nSplats }) {
 
 // An engine's vertex shader calls saga_place, its fragment shader saga_mixed;
 // the viewport is the rectangle in which the engine draws, in pixels; the tools
-// are those of the splats.
+// are those of the splats. saga_linear is 1 if the engine takes what is drawn as
+// linear light and encodes it later, else 0.
 export const VERTEX_GLSL = `
 uniform mat4 saga_to_clip;
 uniform vec2 saga_size;
 uniform vec4 saga_viewport;
 uniform highp int saga_tools;
+uniform float saga_linear;
 flat out vec4 saga_mean;  // framebuffer pixels; splat pixels for one of these
 flat out vec3 saga_chol;
 flat out vec4 saga_splat;
 ${SHAPE_GLSL}
+vec3 saga_light(vec3 c) { // of an sRGB colour
+    return mix(c / 12.92, pow((c + 0.055) / 1.055, vec3(2.4)),
+        step(0.04045, c));
+}
+
 vec4 saga_place(vec2 corner, vec4 place, vec3 chol, vec3 colour) {
     vec2 d = saga_corner(chol, place.w, saga_tools, corner);
     vec4 clip = saga_to_clip * vec4(place.xy * place.z, place.z, 1.0);
     saga_mean = vec4((clip.xy / clip.w * 0.5 + 0.5) * saga_viewport.zw +
         saga_viewport.xy, saga_size / saga_viewport.zw);
     saga_chol = chol;
-    saga_splat = vec4(colour, place.w);
+    saga_splat = vec4(saga_linear > 0.5 ? saga_light(colour) : colour, place.w);
     clip.xy += d * vec2(2.0, -2.0) / saga_size * clip.w;
     return clip;
 }

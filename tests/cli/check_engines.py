@@ -11,6 +11,9 @@ plays the demo,
                  present camera sees them
   NAME placed    if film and camera are moved, turned and enlarged together, the
                  picture stays the same
+  NAME composer  through passes that encode linear light at their end it has at
+                 least 30 dB
+  three logarithmic  the walls hide the same with a logarithmic depth buffer
   gsplat, spark  the pictures that PlayCanvas and Spark draw with their own
                  splat renderers have a PSNR of at least 30 dB, also at once
                  when the time changes; these renderers do not support the steep
@@ -34,6 +37,7 @@ import npm  # noqa: E402
 
 LEAST_DB = 40
 LEAST_GAUSSIANS_DB = 30
+LEAST_COMPOSED_DB = 30  # where splats are mixed in linear light
 SIZE = 320, 180         # of the demo's cameras
 
 # For each engine, its npm packages, their versions, and the files of them that
@@ -41,7 +45,11 @@ SIZE = 320, 180         # of the demo's cameras
 ENGINES = {
     "three": (
         ("three", "0.187.0", ("build/three.module.js", "build/three.core.js",
-                              "examples/jsm/postprocessing/Pass.js")),
+                              "examples/jsm/shaders/CopyShader.js",
+                              "examples/jsm/shaders/OutputShader.js",
+                              *("examples/jsm/postprocessing/%s.js" % p for p in
+                                ("EffectComposer", "MaskPass", "OutputPass",
+                                 "Pass", "RenderPass", "ShaderPass")))),
         ("@sparkjsdev/spark", "2.2.0", ("dist/spark.module.js",))),
     "playcanvas": (("playcanvas", "2.23.3", ("build/playcanvas.mjs",)),),
 }
@@ -178,7 +186,7 @@ window.draw = () => {
     const rows = new Uint8Array(4 * width * height);
     const got = new Uint8Array(rows.length);
 
-    renderer.render(scene, camera);
+    (window.renderNow ?? (() => renderer.render(scene, camera)))();
     gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, rows);
     for (let y = 0; y < height; y++)
         got.set(rows.subarray(4 * width * y, 4 * width * (y + 1)),
@@ -283,6 +291,54 @@ def check_depth(tab, name):
     if far > 0.02 or near < 0.999 or not 0.05 < midst < 0.95:
         complain("of the picture, walls hide", far, near, midst)
     verdict("%s depth: %.2f, %.2f and %.2f hidden" % (name, far, midst, near))
+
+
+# Functions by which an engine draws through passes, the last of which encodes
+# linear light as sRGB.
+COMPOSE = {"three": """
+        const from = (pass) => import(
+            'three/addons/postprocessing/' + pass + '.js');
+        const { EffectComposer } = await from('EffectComposer');
+        const { RenderPass } = await from('RenderPass');
+        const { OutputPass } = await from('OutputPass');
+        const composer = new EffectComposer(renderer);
+
+        composer.addPass(new RenderPass(scene, camera));
+        composer.addPass(new OutputPass());
+        window.renderNow = () => composer.render();
+        const end = () => { window.renderNow = null; };
+""", "playcanvas": """
+        const composer = new pc.CameraFrame(app, camera.camera);
+
+        composer.rendering.toneMapping = pc.TONEMAP_NONE;
+        composer.update();
+        const end = () => composer.destroy();
+"""}
+
+
+def check_composer(tab, name):
+    db = tab.run("""(async () => {
+        view.seek(0);
+        look(0, 0);
+        await settled();
+        const want = await exact(view.wanted);
+        %s
+        draw();
+        const got = draw();
+        end();
+        return beside(want, got);
+    })()""" % COMPOSE[name])
+    if db < LEAST_COMPOSED_DB:
+        complain("through a composer it has", db, "dB")
+    verdict("%s composer: %.1f dB" % (name, db))
+
+
+def check_logarithmic(tab, name):
+    tab.run("""(() => {
+        renderer = new THREE.WebGLRenderer({ logarithmicDepthBuffer: true });
+        renderer.setSize(%d, %d);
+    })()""" % SIZE)
+    check_depth(tab, name + " logarithmic")
 
 
 def check_late(tab, name):
@@ -406,6 +462,9 @@ def check_engine(name):
         check_picture(tab, name)
         check_depth(tab, name)
         check_late(tab, name)
+        check_composer(tab, name)
+        if name == "three":
+            check_logarithmic(tab, name)
         check_placed(tab, name)
         begin("&%s=1" % OWN[name])
         check_gaussians(tab, OWN[name])
