@@ -4,49 +4,9 @@
  * in the right order, number and colour. Cameras that do not fit together, and
  * files that cannot be decoded, are refused.
  */
-#include "capture_files.h"
 #include "load.h"
-#include "testing.h"
 #include "video.h"
-
-enum { W = 32, H = 16 };
-
-/* --- Videos -------------------------------------------------------------- */
-
-/* Writes a lossless grey video. Frame k has luma 16 + 10 k, which is 255 (10 k)
- * / 219 in BT.709 limited range. */
-static void write_video(folder *f, const char *name, int n, int fps,
-                        const char *options)
-{
-    bytes b = { 0 };
-
-    for (int k = 0; k < n; k++)
-        for (int i = 0; i < 3 * W * H; i++)
-            put_le(&b, (uint64_t)(i < W * H ? 16 + 10 * k : 128), 1);
-    write_bytes(f, "raw", &b);
-    folder_run(f, "ffmpeg -nostdin -v error -f rawvideo -pix_fmt yuv444p -s "
-               "%dx%d -r %d -i raw -c:v libx264 -qp 0 %s -y %s && rm raw", W,
-               H, fps, options, name);
-}
-
-static int grey_of(int frame)
-{
-    return (int)(255 * 10.0 * frame / 219 + 0.5);
-}
-
-/* Writes a camera for each name; all look in the same direction. */
-static void write_json(folder *f, const char *const *names, int n)
-{
-    bytes b = { 0 };
-
-    put_text(&b, "{\"fl_x\": 30, \"frames\": [");
-    for (int i = 0; i < n; i++)
-        put_text(&b, "%s{\"file_path\": \"%s\", \"transform_matrix\": "
-                 "[[1,0,0,%d],[0,1,0,0],[0,0,1,0]]}", i ? ", " : "", names[i],
-                 i);
-    put_text(&b, "]}");
-    write_bytes(f, "transforms.json", &b);
-}
+#include "video_files.h"
 
 static const char *const two[] = { "a.mp4", "b.mp4" };
 
@@ -70,7 +30,7 @@ TEST_IN_FOLDER(video_should_give_its_frames_in_order)
 
     write_video(f, "a.mp4", 12, 25, "-bf 3");
     write_video(f, "b.mp4", 12, 25, "-g 1");
-    write_json(f, two, 2);
+    write_json(f, "", two, 2);
     c = load(f->path);
     assert_int_equal(c.n_views, 2);
     assert_string_equal(c.views[0].name, "a");
@@ -97,7 +57,7 @@ TEST_IN_FOLDER(video_should_give_the_same_for_any_threads)
 
     folder_run(f, "ffmpeg -nostdin -v error -f lavfi -i testsrc=s=%dx%d:r=10:"
                "d=0.5 -c:v libx264 a.mp4 && cp a.mp4 b.mp4", W, H);
-    write_json(f, two, 2);
+    write_json(f, "", two, 2);
     o.n_threads = 1;
     a = load_with(f->path, &o);
     o.n_threads = 2;
@@ -148,7 +108,7 @@ static void check_colour(folder *f, const char *tags, double kr, double kb,
     folder_run(f, "ffmpeg -nostdin -v error -f rawvideo -pix_fmt yuv444p "
                "%s -s %dx%d -r 5 -i raw -c:v libx264 -qp 0 %s -y c.mp4",
                tags, W, H, tags);
-    write_json(f, name, 1);
+    write_json(f, "", name, 1);
     c = load(f->path);
     for (int k = 0; k < 4; k++) {
         double rgb[3];
@@ -165,6 +125,7 @@ TEST_IN_FOLDER(colour_should_follow_the_tags)
     check_colour(f, "-colorspace smpte170m", 0.299, 0.114, false);
     check_colour(f, "-colorspace bt709 -color_range pc", 0.2126, 0.0722,
                  true);
+    check_colour(f, "-colorspace bt2020nc", 0.2627, 0.0593, false);
 }
 
 /* --- Refusing ------------------------------------------------------------ */
@@ -176,7 +137,7 @@ TEST_IN_FOLDER(videos_should_be_refused_when_counts_differ)
 
     write_video(f, "a.mp4", 6, 25, "");
     write_video(f, "b.mp4", 4, 25, "");
-    write_json(f, two, 2);
+    write_json(f, "", two, 2);
     refused(f->path, "b.mp4: unequal frame counts: b has 4 frames, a has 6",
             "--frames 0:4");
     o.end_frame = 4;
@@ -204,7 +165,7 @@ TEST_IN_FOLDER(videos_should_be_refused_when_rates_differ)
 {
     write_video(f, "a.mp4", 4, 25, "");
     write_video(f, "b.mp4", 4, 30, "");
-    write_json(f, two, 2);
+    write_json(f, "", two, 2);
     refused(f->path, "b.mp4", "has 30 frames per second, a has 25");
 }
 
@@ -252,7 +213,7 @@ TEST(rates_should_differ_by_less_than_half_a_frame_at_the_end)
 TEST_IN_FOLDER(video_should_be_refused_when_it_is_missing_or_no_video)
 {
     write_video(f, "a.mp4", 4, 25, "");
-    write_json(f, two, 2);
+    write_json(f, "", two, 2);
     refused(f->path, "b.mp4", "video is missing");
     write_text(f, "b.mp4", "moving pictures");
     refused(f->path, "b.mp4", "is not a video that ffprobe can read");
@@ -273,7 +234,7 @@ TEST_IN_FOLDER(video_should_be_refused_when_it_is_damaged)
                "d=1 -c:v libx264 -g 2 -t 1 a.mkv", 8 * W, 8 * H);
     assert_done(saga_read_file(&all, folder_file(f, "a.mkv"), &error));
     part = (bytes){ all.data, all.nbytes, all.nbytes };
-    write_json(f, name, 1);
+    write_json(f, "", name, 1);
     write_part(f, "a.mkv", &part, all.nbytes * 3 / 4);
     refused(f->path, "a.mkv", "encode the video again");
     for (size_t i = all.nbytes / 2; i < all.nbytes / 2 + 400; i++)
@@ -291,7 +252,7 @@ TEST_IN_FOLDER(video_should_be_found_whatever_its_name)
     write_video(f, "a.mp4", 3, 25, "");
     folder_run(f, "cp a.mp4 \"./-a;'b \\$(c).mp4\" && cp a.mp4 "
                "'concat:d|e.mp4'");
-    write_json(f, odd, 2);
+    write_json(f, "", odd, 2);
     c = load(f->path);
     check_frames(&c, 0, 3);
     assert_string_equal(c.views[0].name, "-a;'b $(c)");
@@ -314,7 +275,7 @@ TEST_IN_FOLDER(loading_should_stop_when_told)
 
     write_video(f, "a.mp4", 3, 25, "");
     folder_run(f, "cp a.mp4 b.mp4");
-    write_json(f, two, 2);
+    write_json(f, "", two, 2);
     o.n_threads = 1;
     o.progress = stop_at_once;
     o.progress_user = &calls;
@@ -333,7 +294,7 @@ TEST_IN_FOLDER(loading_should_be_refused_when_memory_is_short)
 
     write_video(f, "a.mp4", 12, 25, "");
     folder_run(f, "cp a.mp4 b.mp4");
-    write_json(f, two, 2);
+    write_json(f, "", two, 2);
     o.n_threads = 1;
     o.memory_nbytes = 40448;
     c = load_with(f->path, &o);
@@ -360,7 +321,7 @@ TEST_IN_FOLDER(frames_that_fit_should_take_half_the_memory)
 
     write_video(f, "a.mp4", 12, 25, "");
     folder_run(f, "cp a.mp4 b.mp4");
-    write_json(f, two, 2);
+    write_json(f, "", two, 2);
     for (o.n_threads = 1; o.n_threads < 9; o.n_threads += 7)
         for (o.scale = 1; o.scale < 3; o.scale++) {
             const int frame = 3072 / (o.scale * o.scale);

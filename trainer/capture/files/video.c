@@ -33,8 +33,9 @@ static bool start_ffmpeg(saga_video *video, saga_error *error)
     /* Each video is decoded with one thread, since other cameras are decoded at
      * the same time. */
     const char *const decode[] = {
-        "-threads", "1", info->upright ? "-autorotate" : "-noautorotate",
-        info->decoder[0] ? "-c:v" : NULL, info->decoder, NULL};
+        "-threads", "1", info->decoder[0] ? "-c:v" : "-threads",
+        info->decoder[0] ? info->decoder : "1",
+        info->upright ? NULL : "-noautorotate", NULL};
     const char *const raw[] = {
         "-threads", "1", "-pixel_format", info->raw, "-video_size", size,
         NULL};
