@@ -235,24 +235,12 @@ saga_status saga_open(saga_decoder **dec, void *work, size_t work_nbytes,
                       const uint8_t *head, size_t n, const saga_watch *watch)
 {
     saga_decoder *const d = work;
-    saga_header header;
-    saga_plan plan;
     saga_status s;
 
     *dec = NULL;
-    /* The header is read once, because the bytes may change meanwhile: all that
-     * follows uses this copy, whose plan fits into the block. */
-    s = saga_block_plan(&header, &plan, head, n, 0);
+    s = saga_block_begin(d, work_nbytes, head, n);
     if (s)
         return s;
-    if ((uintptr_t)work % SAGA_WORK_ALIGN)
-        return SAGA_ERR_ALIGN;
-    if (work_nbytes < plan.work_nbytes)
-        return SAGA_ERR_SPACE;
-    if (n < saga_head_nbytes(&header))
-        return SAGA_ERR_TRUNCATED;
-    d->header = header;
-    d->plan = plan;
     /* Networks come before the base, whose symbols are predicted by them. */
     begin(d);
     (void)set_watch(d, watch);

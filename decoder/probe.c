@@ -19,6 +19,26 @@ saga_status saga_block_plan(saga_header *h, saga_plan *plan,
     return whole && n < saga_head_nbytes(h) ? SAGA_ERR_TRUNCATED : SAGA_OK;
 }
 
+saga_status saga_block_begin(saga_decoder *dec, size_t nbytes,
+                             const uint8_t *head, size_t n)
+{
+    saga_header header;
+    saga_plan plan;
+    const saga_status s = saga_block_plan(&header, &plan, head, n, 0);
+
+    if (s)
+        return s;
+    if ((uintptr_t)dec % SAGA_WORK_ALIGN)
+        return SAGA_ERR_ALIGN;
+    if (nbytes < plan.work_nbytes)
+        return SAGA_ERR_SPACE;
+    if (n < saga_head_nbytes(&header))
+        return SAGA_ERR_TRUNCATED;
+    dec->header = header;
+    dec->plan = plan;
+    return SAGA_OK;
+}
+
 static void info_of(saga_info *info, const saga_header *h,
                     const saga_plan *plan)
 {

@@ -80,6 +80,13 @@ static inline uint32_t n_prims(const saga_decoder *dec)
 saga_status saga_block_plan(saga_header *h, saga_plan *plan,
                             const uint8_t *bytes, size_t n, int whole);
 
+/* Sets header and plan of the decoder that begins a block of nbytes. The header
+ * is read once, because the bytes may change meanwhile: whatever follows uses
+ * this copy, whose plan fits into the block. Its copy on the stack is gone when
+ * the networks are read. Returns OK, or what saga_open returns. */
+saga_status saga_block_begin(saga_decoder *dec, size_t nbytes,
+                             const uint8_t *head, size_t n);
+
 /* Makes a scaffold with the counts n from the arrays of the block. */
 void saga_block_scaffold(saga_scaffold *sc, saga_decoder *dec,
                          const saga_counts *n);
