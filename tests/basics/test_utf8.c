@@ -105,6 +105,37 @@ TEST(notes_should_be_text)
     assert_true(saga_utf8_is(notes));
 }
 
+/* Notes of one kind are one line; those of other kinds between them stay. */
+TEST(notes_of_one_kind_should_be_one_line)
+{
+    static const char *const wanted[] = {
+        "dark: c0 (-1); see\nx: y\n",
+        "dark: c0 (-1), c1 (-1); see\nx: y\n",
+        "dark: c0 (-1), c1 (-1), c2 (-1); see\nx: y\n",
+        "dark: c0 (-1), c1 (-1), c2 (-1) and 1 more; see\nx: y\n",
+        "dark: c0 (-1), c1 (-1), c2 (-1) and 2 more; see\nx: y\n"
+    };
+    static const saga_note_kind dark = { "dark: ", "; see" };
+    static const saga_note_kind other = { "dark: ", "; look" };
+    char notes[SAGA_NOTES_NBYTES] = "";
+
+    for (int i = 0; i < 17; i++) {
+        saga_note_each(notes, &dark, "c%d (-1)", i);
+        if (i == 0)
+            saga_note(notes, "x: y");
+        if (i < 5)
+            assert_string_equal(notes, wanted[i]);
+    }
+    assert_non_null(strstr(notes, "c2 (-1) and 14 more; see\nx: y\n"));
+    saga_note_each(notes, &other, "c0");
+    assert_non_null(strstr(notes, "x: y\ndark: c0; look\n"));
+    /* A full buffer keeps its text. */
+    while (strlen(notes) + 2 < sizeof notes)
+        saga_note(notes, "%s", "0123456789");
+    saga_note_each(notes, &other, "c1");
+    assert_true(strlen(notes) < sizeof notes);
+}
+
 TEST(json_should_tell_when_a_value_is_missing)
 {
     json_t *const o = json_object(), *const list = json_array();

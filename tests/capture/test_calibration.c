@@ -237,7 +237,7 @@ TEST(room_should_fit_its_pictures)
     for (int v = 0; v < N_VIEWS; v++) {
         /* Corners are accurate to half a pixel. */
         assert_true(cal.off[v] < 0.7 && !cal.odd[v]);
-        assert_true(fabs(cal.stops[v]) < 0.05);
+        assert_true(fabs(cal.colours[v].stops) < 0.05);
     }
 }
 
@@ -358,6 +358,71 @@ TEST(pose_of_another_camera_should_be_named)
     saga_survey_free(&s);
 }
 
+/* Camera 2 shows the negative of what camera 5 sees, upside down, in which
+ * nothing matches. */
+TEST(another_scene_should_be_named)
+{
+    saga_capture c = *(saga_capture *)*state;
+    FREED saga_shot *const views = copy_views(&c);
+    FREED uint8_t *const rgb = zeroed((size_t)W * H, 3);
+    saga_survey s;
+
+    for (size_t i = 0; i < (size_t)W * H; i++)
+        memcpy(rgb + 3 * i, views[5].rgb + 3 * ((size_t)W * H - 1 - i), 3);
+    for (size_t i = 0; i < (size_t)W * H * 3; i++)
+        rgb[i] = (uint8_t)(255 - rgb[i]);
+    views[2].rgb = rgb;
+    c.views = views;
+    c.n_points = 0;
+    assert_done(saga_survey_make(&s, &c, &error));
+    print_message("%s", s.notes);
+    assert_true(says(&s, "show too little: cam02_00000 has 0 matches"));
+    saga_survey_free(&s);
+}
+
+/* One photograph is taken a step nearer to the scene than another: they have
+ * one direction, but not one place. */
+TEST(step_forward_should_not_be_one_pose)
+{
+    saga_capture c = *(saga_capture *)*state;
+    FREED saga_shot *const views = copy_views(&c);
+    saga_survey s;
+
+    views[3] = views[2];
+    views[3].rgb = ((saga_capture *)*state)->views[3].rgb;
+    views[3].translation[2] -= 0.5;
+    c.views = views;
+    c.n_points = 0;
+    assert_done(saga_survey_make(&s, &c, &error));
+    assert_false(says(&s, "have the same pose"));
+    saga_survey_free(&s);
+}
+
+/* Pictures of a camera that moves show different moments. What turns meanwhile
+ * contradicts even exact poses, so that nothing is compared. */
+TEST(pictures_of_different_moments_should_not_be_compared)
+{
+    saga_capture c = *(saga_capture *)*state;
+    FREED saga_shot *const views = copy_views(&c);
+    bool missing[N_VIEWS][N_VIEWS];
+
+    memset(missing, true, sizeof missing);
+    c.moves = true;
+    c.n_frames = N_VIEWS;
+    for (int v = 0; v < N_VIEWS; v++) {
+        turn(&views[v], 3 * v);
+        views[v].single = true;
+        views[v].missing = missing[v];
+        views[v].n_missing = N_VIEWS - 1;
+        /* Cameras 4 and 5 took their pictures at one moment. */
+        missing[v][v < 5 ? v : 4] = false;
+    }
+    FREED_BY(saga_calibration_free) saga_calibration cal = find(&c, views);
+    assert_int_equal(cal.n_pairs, 1);
+    assert_true(cal.shared[4 * N_VIEWS + 5] > 0 && cal.shared[1] < 0);
+    assert_false(cal.found || cal.bad);
+}
+
 TEST(survey_should_say_so_in_words)
 {
     saga_capture c = *(saga_capture *)*state;
@@ -409,7 +474,8 @@ TEST(nothing_should_be_said_without_matches)
     assert_int_equal(cal.n_pairs, 0);
     assert_false(cal.found || cal.bad);
     for (int v = 0; v < N_VIEWS; v++)
-        assert_true(isnan(cal.off[v]) && isnan(cal.stops[v]) && !cal.odd[v]);
+        assert_true(isnan(cal.off[v]) && isnan(cal.colours[v].stops) &&
+                    !cal.odd[v]);
     saga_calibration_free(&cal);
     c.n_views = 1;
     cal = find(&c, c.views);

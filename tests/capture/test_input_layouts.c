@@ -315,7 +315,7 @@ TEST_IN_FOLDER(missing_pictures_should_be_left_out)
                         saga_capture_frame(&scene, 2, 1), 3 * W * H);
     assert_memory_equal(saga_capture_frame(&c, 1, 2),
                         saga_capture_frame(&scene, 2, 2), 3 * W * H);
-    assert_non_null(strstr(c.notes, "camera cam00 is left out"));
+    assert_non_null(strstr(c.notes, "and left out: cam00\n"));
     assert_non_null(strstr(c.notes, "most of them to cam02 (1 of 3)"));
     saga_capture_free(&c);
     folder_run(f, "rm images/*/*");

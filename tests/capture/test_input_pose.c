@@ -114,8 +114,9 @@ TEST_IN_FOLDER(pose_should_be_refused_when_it_is_no_rotation)
 {
     write_nerfstudio(f, 2, "");
     refused(f->path, "transforms.json", "not a rotation (first row 2 0 0 3)");
+    /* A mirror image is told from other nonsense. */
     write_nerfstudio(f, -1, "");
-    refused(f->path, "transforms.json", "first row -1 0 0 3");
+    refused(f->path, "of 1 of 1 cameras", "mirror images (determinant -1)");
     write_nerfstudio(f, 0, "");
     refused(f->path, "a.png", "not a rotation");
 }
@@ -208,7 +209,8 @@ static void refused_row(folder *f, int at, double value, const char *what)
     memcpy(b.data + b.n - 8 * (size_t)(17 - at), v.data, 8);
     free(v.data);
     write_bytes(f, "poses_bounds.npy", &b);
-    refused(f->path, "poses_bounds.npy: row of cam03", what);
+    refused(f->path, at == 1 ? "among them cam03"
+                             : "poses_bounds.npy: row of cam03", what);
 }
 
 TEST_IN_FOLDER(neu3d_should_be_refused_when_a_row_is_wrong)
@@ -218,7 +220,9 @@ TEST_IN_FOLDER(neu3d_should_be_refused_when_a_row_is_wrong)
     write_videos(f);
     refused_row(f, 0, NAN, "not finite or not a rotation (first column nan");
     refused_row(f, 3, INFINITY, "not finite");
-    refused_row(f, 1, -1, "not a rotation");
+    refused_row(f, 0, 2, "not a rotation");
+    /* One of two cameras has its x axis reversed. */
+    refused_row(f, 1, -1, "the poses of 1 of 2 cameras");
     refused_row(f, 4, 0, "height 0");
     refused_row(f, 14, -150, "focal length -150");
     refused_row(f, 14, NAN, "focal length nan");

@@ -32,10 +32,7 @@ static inline int synth_leave(void **state)
 /* Tells whether a note of a survey contains `what`. */
 static inline bool says(const saga_survey *s, const char *what)
 {
-    for (int i = 0; i < s->n_notes; i++)
-        if (strstr(s->note[i], what))
-            return true;
-    return false;
+    return strstr(s->notes, what) != NULL;
 }
 
 #endif

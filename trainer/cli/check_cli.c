@@ -49,6 +49,10 @@ static json_t *view_of(const saga_survey *s, const saga_capture *c, int v)
     saga_put_real(o, "epipolar_px", s->calibration.off[v]);
     saga_put_real(o, "stops", one->stops);
     saga_put_real(o, "colour", one->colour);
+    saga_put_real(o, "colour_exchanged", one->colour * one->swapped);
+    saga_put_real(o, "neighbour_correlation", one->look.alike);
+    saga_put_real(o, "fine_detail", one->look.detail);
+    saga_put_real(o, "still_part", one->look.still);
     saga_put_real(o, "late_frames", late);
     saga_put_real(o, "late_tolerance_frames", one->late.tolerance);
     saga_put_flag(o, "/is_late", !isnan(late));
@@ -105,15 +109,13 @@ static json_t *report_of(const saga_survey *s, const saga_capture *c,
                          const char *name)
 {
     json_t *const o = saga_cli_json_head("check", name);
-    json_t *const views = json_array(), *const mind = json_array();
+    json_t *const views = json_array();
     json_t *const forecast = json_array();
     saga_forecast f = { .n_segments = 1 };
 
-    /* Lists: cameras, notes of the survey, forecasts of the presets. */
+    /* Lists: cameras, forecasts of the presets. */
     for (int v = 0; v < c->n_views; v++)
         saga_put_item(views, view_of(s, c, v));
-    for (int i = 0; i < s->n_notes; i++)
-        saga_put_item(mind, json_string_nocheck(s->note[i]));
     for (int i = 0; saga_forecast_of(&f, c, i); i++)
         saga_put_item(forecast, forecast_of(&f));
     saga_put_text(o, "format", c->format);
@@ -126,7 +128,7 @@ static json_t *report_of(const saga_survey *s, const saga_capture *c,
     saga_put(o, "refinement", refinement_of(&s->calibration.refinement));
     saga_put(o, "views", views);
     saga_put(o, "notes", lines_of(c->notes));
-    saga_put(o, "to_mind", mind);
+    saga_put(o, "to_mind", lines_of(s->notes));
     saga_put(o, "forecast", forecast);
     saga_put_int(o, "/n_segments", f.n_segments);
     return o;

@@ -323,12 +323,13 @@ static bool put_page(FILE *to, const char *name, const saga_survey *s,
             c->n_views == 1 ? "" : "s", c->n_frames,
             c->n_frames == 1 ? "" : "s", c->fps, c->n_points);
     /* Names and notes come from the capture's files, so they are escaped. */
-    for (int i = 0; i < s->n_notes; i++) {
-        fputs("<li>", to);
-        put_escaped(to, s->note[i]);
+    for (const char *at = s->notes; *at; at++) {
+        if (at == s->notes || at[-1] == '\n')
+            fputs("<li>", to);
+        put_escaped(to, (char[2]){ *at });
     }
     fprintf(to, "%s</ul><h2>Cameras</h2>\n",
-            s->n_notes ? "" : "<li>Nothing.");
+            s->notes[0] ? "" : "<li>Nothing.");
     put_plan(to, c);
     put_table(to, s, c);
     for (int v = 0; ok && v < c->n_views; v++)

@@ -322,12 +322,9 @@ static void tell_plan(const saga_encode_session *s)
                        saga_train_n_iterations(s->train));
 }
 
-/* Reports the loader's decisions and warnings. */
-static void tell_notes(const saga_encode_session *s)
+void saga_encode_tell_notes(const char *notes, size_t nbytes)
 {
-    const char *line = s->capture.notes;
-
-    while (*line) {
+    for (const char *line = notes; line < notes + nbytes;) {
         const int n = (int)strcspn(line, "\n");
 
         saga_cli_error(0, "encode: %.*s", n, line);
@@ -356,7 +353,7 @@ int saga_encode_open(saga_encode_session *s)
         status = open_log(s);
     if (!status) {
         tell_plan(s);
-        tell_notes(s);
+        saga_encode_tell_notes(s->capture.notes, strlen(s->capture.notes));
     }
     return status;
 }

@@ -3,11 +3,12 @@
  * Before the training, saga encode refines poses and lenses by the matches of
  * the first frame, if that also improves matches that were kept from it. All
  * segments are trained with the refined cameras, and the file stores them.
+ * Cameras whose pictures are wrong are named on the way.
  */
 #include "encode_session.h"
 
 #include "alloc.h"
-#include "calibration.h"
+#include "survey.h"
 
 #include <string.h>
 
@@ -68,21 +69,24 @@ static void tell(const saga_encode_session *s, const saga_calibration *fit)
 static bool refine(saga_encode_session *s)
 {
     saga_capture first = { .n_views = 0 };
-    saga_calibration fit = { .off = NULL };
+    saga_survey survey = { .views = NULL };
+    const saga_refinement *const found = &survey.calibration.refinement;
     saga_capture_options from;
     bool ok = choose_first(&from, s) &&
               saga_capture_load(&first, s->capture_name, &from, &s->error) &&
-              saga_calibration_find(&fit, &first, &s->error);
+              saga_survey_make(&survey, &first, &s->error);
 
     saga_meter_end(&s->meter);
-    if (ok && fit.refinement.helps) {
-        s->fit_before = fit.refinement.before;
-        s->fit_after = fit.refinement.after;
-        ok = keep(s, &first, &fit.refinement);
+    if (ok)
+        saga_encode_tell_notes(survey.notes, survey.wrong_nbytes);
+    if (ok && !s->o->no_refine && found->helps) {
+        s->fit_before = found->before;
+        s->fit_after = found->after;
+        ok = keep(s, &first, found);
     }
     if (ok)
-        tell(s, &fit);
-    saga_calibration_free(&fit);
+        tell(s, &survey.calibration);
+    saga_survey_free(&survey);
     saga_capture_free(&first);
     return ok;
 }
@@ -91,6 +95,6 @@ int saga_encode_refine(saga_encode_session *s)
 {
     s->meter = (saga_meter){ .quiet = s->o->quiet };
     /* A single moving camera has no second picture of a moment. */
-    return s->o->no_refine || s->whole.moves || refine(s) ? SAGA_EXIT_OK
+    return s->whole.moves || refine(s) ? SAGA_EXIT_OK
         : saga_encode_not_loaded(s);
 }

@@ -112,8 +112,11 @@ int saga_encode_synchronise(saga_encode_session *s);
 
 /* --- Poses --------------------------------------------------------------- */
 
-/* Refines poses and lenses if that helps, and reports it. Nothing is loaded or
- * changed if --no-refine is given. */
+/* Reports notes, which are lines. */
+void saga_encode_tell_notes(const char *notes, size_t nbytes);
+
+/* Looks at the first pictures of all cameras: names those that are wrong, and
+ * refines poses and lenses if that helps, unless --no-refine is given. */
 int saga_encode_refine(saga_encode_session *s);
 
 /* --- Progress ------------------------------------------------------------ */

@@ -177,7 +177,7 @@ static bool read_lens(const calibration *c, saga_source *s, const json_t *table,
 
 static bool read_pose(const calibration *c, saga_source *s, const json_t *table)
 {
-    double r[9], t[3], centre[3];
+    double r[9], t[3];
     size_t n;
     if (!get_all(c, s, table, "translation", 3, t))
         return false;
@@ -186,9 +186,7 @@ static bool read_pose(const calibration *c, saga_source *s, const json_t *table)
         return bad_value(c, s, "rotation", "3 numbers or 3 x 3");
     if (n == 3)
         saga_pose_from_turn((double[3]){r[0], r[1], r[2]}, r);
-    saga_pose_centre(r, t, centre);
-    return saga_pose_from_axes(r, r + 3, r + 6, centre, s->rotation,
-                               s->translation) ||
+    return saga_pose_from_world(r, t, s->rotation, s->translation) ||
            saga_fail(c->error, c->path, "export the calibration again",
                      "rotation of %s is not finite or not a rotation (%g %g "
                      "%g)",
@@ -210,6 +208,9 @@ static void name_camera(saga_source *s, const char *key, const json_t *table)
 
 static bool add_camera(calibration *c, const char *key, const json_t *table)
 {
+    static const saga_note_kind left_out = {
+        "cameras: left out, because the calibration has no pose of them or "
+        "ignores them: ", ""};
     saga_listing *const l = c->listing;
     if (l->n_sources == SAGA_MAX_VIEWS)
         return saga_fail(c->error, c->path, "split the capture",
@@ -231,8 +232,7 @@ static bool add_camera(calibration *c, const char *key, const json_t *table)
     if (json_is_true(json_object_get(table, "ignore")) ||
         !json_object_get(table, "rotation") ||
         !json_object_get(table, "translation")) {
-        saga_note(l->notes, "cameras: %s is left out, because the calibration "
-                  "has no pose for it or ignores it", s->name);
+        saga_note_each(l->notes, &left_out, "%s", s->name);
         return true;
     }
     l->n_sources++;

@@ -302,6 +302,8 @@ static bool has_picture(const saga_source *s, int first, int end)
 bool saga_listing_drop_empty(saga_listing *listing, int first, int end,
                              int *kept_as, saga_error *error)
 {
+    static const saga_note_kind absent = {
+        "pictures: without any, and left out: ", ""};
     int n = 0;
     for (int i = 0; i < listing->n_sources; i++) {
         saga_source *const s = &listing->sources[i];
@@ -313,8 +315,7 @@ bool saga_listing_drop_empty(saga_listing *listing, int first, int end,
             listing->sources[n++] = *s;
             continue;
         }
-        saga_note(listing->notes, "pictures: camera %s is left out, all of "
-                  "its pictures are missing", s->name);
+        saga_note_each(listing->notes, &absent, "%s", s->name);
         source_free(s, listing->n_frames);
     }
     const int n_before = listing->n_sources;

@@ -88,7 +88,7 @@ static bool get_size(const sports_reader *r, const char *key, int *to)
 static bool fill_camera(const sports_reader *r, saga_source *s, size_t t,
                         size_t c)
 {
-    double k[9], m[12], axis[3][3], centre[3];
+    double k[9], m[12], turn[9], t_of[3];
     if (!get_matrix(r, "k", t, c, 3, 3, k) ||
         !get_matrix(r, "w2c", t, c, 3, 4, m) ||
         !get_size(r, "w", &s->width) || !get_size(r, "h", &s->height))
@@ -97,17 +97,9 @@ static bool fill_camera(const sports_reader *r, saga_source *s, size_t t,
         return saga_fail(r->error, r->path, "rectify the pictures first",
                          "k[%zu][%zu] has a skew of %g", t, c, k[1]);
     s->lens = (saga_lens){.fx = k[0], .fy = k[4], .cx = k[2], .cy = k[5]};
-    /* The rows of R in w2c = (R, t) are the camera's axes; its centre is -R^T
-     * t. */
-    for (int i = 0; i < 3; i++) {
-        centre[i] = 0.0;
-        for (int j = 0; j < 3; j++) {
-            axis[i][j] = m[4 * i + j];
-            centre[i] -= m[4 * j + i] * m[4 * j + 3];
-        }
-    }
-    return saga_pose_from_axes(axis[0], axis[1], axis[2], centre, s->rotation,
-                               s->translation) ||
+    for (int i = 0; i < 12; i++)
+        *(i % 4 < 3 ? &turn[3 * (i / 4) + i % 4] : &t_of[i / 4]) = m[i];
+    return saga_pose_from_world(turn, t_of, s->rotation, s->translation) ||
            saga_fail(r->error, r->path, "export the poses again",
                      "w2c[%zu][%zu] is not finite or not a rotation (first "
                      "row %g %g %g)", t, c, m[0], m[1], m[2]);

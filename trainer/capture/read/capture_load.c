@@ -341,6 +341,7 @@ static bool list_and_carry_out(saga_capture *capture, const char *path,
     *error = (saga_error){ "" };
     const bool ok = check_options(options, path, error) &&
                     saga_listing_make(&listing, path, options, error) &&
+                    saga_check_hands(&listing, error) &&
                     carry_out(capture, &listing, options, pictures, error);
     saga_listing_free(&listing);
     return ok;

@@ -53,6 +53,26 @@ static size_t count_shared(const saga_capture *capture, double flip)
     return n_shared;
 }
 
+bool saga_check_hands(const saga_listing *listing, saga_error *error)
+{
+    const saga_source *odd = NULL;
+    int n = 0;
+    for (int v = 0; v < listing->n_sources; v++)
+        if (saga_pose_is_mirrored(listing->sources[v].rotation)) {
+            odd = odd ? odd : &listing->sources[v];
+            n++;
+        }
+    return n == 0 ||
+           saga_fail(error, listing->path, n < listing->n_sources
+                     ? "export all poses again, with right-handed axes"
+                     : "a left-handed program wrote them: export them with "
+                       "right-handed axes, or reverse one axis of the world "
+                       "in all matrices, or one axis of the cameras",
+                     "the poses of %d of %d cameras, among them %s, are "
+                     "mirror images (determinant -1)", n, listing->n_sources,
+                     odd->name);
+}
+
 static bool overlap_by_points(saga_capture *capture, const char *path,
                               saga_error *error)
 {
@@ -128,13 +148,15 @@ static bool overlap_by_frusta(const saga_capture *capture, const char *path,
 bool saga_check_overlap(saga_capture *capture, const char *path,
                         saga_error *error)
 {
+    static const saga_note_kind away = {
+        "warning: hardly any points are in view, as of cameras that look "
+        "away: ", ""};
     if (capture->n_points >= FEW_POINTS)
         for (int v = 0; v < capture->n_views; v++) {
             const double share = share_seen(capture, v);
             if (share < 0.01)
-                saga_note(capture->notes, "warning: %s sees only %.1f %% of "
-                          "the points; does it look away?",
-                          capture->views[v].name, 100.0 * share);
+                saga_note_each(capture->notes, &away, "%s sees %.1f %%",
+                               capture->views[v].name, 100.0 * share);
         }
     if (capture->n_views < 2)
         return true;

@@ -7,7 +7,11 @@
 #ifndef SAGA_CHECK_H
 #define SAGA_CHECK_H
 
-#include "capture.h"
+#include "load.h"
+
+/* Returns false with an error if poses are mirror images, as a program with
+ * left-handed axes writes them. */
+bool saga_check_hands(const saga_listing *listing, saga_error *error);
 
 /* Returns false with an error if no two views overlap, judged by the points or,
  * with fewer than 8 points, by the frusta. Views that see hardly any point are

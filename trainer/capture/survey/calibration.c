@@ -3,7 +3,6 @@
 
 #include "alloc.h"
 #include "epipolar.h"
-#include "exposure.h"
 #include "order.h"
 #include "pairs.h"
 #include "pose.h"
@@ -19,10 +18,6 @@ enum {
                               * fit */
     FEW_CARRIED = 30,        /* with fewer places that three cameras see, only
                               * pairs are judged */
-    FEW_PLACES = 10,         /* least number of matched places for an
-                              * exposure */
-    PATCH = 2,               /* a patch has this number of pixels on each side
-                              * of a match */
     FOCAL_STEPS = 8,         /* focal lengths tried per octave */
     FOCAL_OCTAVES = 2
 };
@@ -362,84 +357,6 @@ static void pardon(saga_calibration *cal, int n_views)
         cal->odd[v] = cal->odd[v] && cal->off[v] > FAR_OFF * cal->within;
 }
 
-/* ----------------------------------------------------------------- exposure */
-
-/* Sets rgb to the mean colour of a patch. Returns false if the patch is cut by
- * the picture's border, or is too dark or too bright. */
-static bool colour_at(double rgb[3], const saga_capture *c, int v,
-                      const double p[2])
-{
-    const saga_shot *const shot = &c->views[v];
-    const int frame = saga_capture_near(c, v, 0);
-    const uint8_t *const all = saga_capture_frame(c, v, frame);
-    const int x = (int)p[0], y = (int)p[1];
-    /* The patch must lie inside the picture. */
-    if (x < PATCH || y < PATCH || x >= shot->width - PATCH ||
-        y >= shot->height - PATCH)
-        return false;
-    rgb[0] = rgb[1] = rgb[2] = 0.0;
-    for (int j = y - PATCH; j <= y + PATCH; j++)
-        for (int i = x - PATCH; i <= x + PATCH; i++)
-            for (int k = 0; k < 3; k++)
-                rgb[k] += all[((size_t)j * (size_t)shot->width + (size_t)i) *
-                              3 + (size_t)k];
-    for (int k = 0; k < 3; k++) {
-        /* Mean levels outside 10 to 240 are too noisy or may be clipped. */
-        rgb[k] /= (2 * PATCH + 1) * (2 * PATCH + 1);
-        if (rgb[k] < 10.0 || rgb[k] > 240.0)
-            return false;
-    }
-    return true;
-}
-
-static bool find_exposures(saga_calibration *cal, const search *s,
-                           saga_error *error)
-{
-    const int n_views = s->c->n_views;
-    size_t most = 0;
-    for (size_t i = 0; i < s->pairs.n; i++)
-        most += s->pairs.list[i].n;
-    saga_exposure_pairs pairs = {.n_views = n_views, .n_train = n_views};
-    int *const all = saga_alloc((size_t)n_views, sizeof *all, "the exposures",
-                                error);
-    int *const n_of = saga_calloc((size_t)n_views, sizeof *n_of,
-                                  "the exposures", error);
-    double *const log_of = saga_calloc((size_t)n_views * 3, sizeof *log_of,
-                                       "the exposures", error);
-    pairs.at = saga_alloc(most, sizeof *pairs.at, "the exposures", error);
-    bool ok = all && n_of && log_of && pairs.at;
-    for (int v = 0; ok && v < n_views; v++)
-        all[v] = v;
-    for (size_t i = 0; ok && i < s->pairs.n; i++) {
-        const saga_pair *const p = &s->pairs.list[i];
-        for (size_t k = 0; k < p->n; k++) {
-            double a[3], b[3];
-            if (!colour_at(a, s->c, p->a, p->matches[k].a) ||
-                !colour_at(b, s->c, p->b, p->matches[k].b))
-                continue;
-            saga_exposure_pair *const one = &pairs.at[pairs.n++];
-            *one = (saga_exposure_pair){.a = p->a, .b = p->b};
-            for (int l = 0; l < 3; l++)
-                one->log[l] = log(a[l] / b[l]);
-            n_of[p->a]++;
-            n_of[p->b]++;
-        }
-    }
-    pairs.train = all;
-    ok = ok && saga_exposure_solve(log_of, &pairs, error);
-    /* saga_exposure_solve gives the logarithm that corrects the picture's
-     * values v. Light is about v^2.2, and a stop is a factor of 2. */
-    for (int v = 0; ok && v < n_views; v++)
-        cal->stops[v] = n_of[v] < FEW_PLACES ? (double)NAN
-            : -2.2 / log(2.0) * (log_of[3 * v] + log_of[3 * v + 1] +
-                                log_of[3 * v + 2]) / 3.0;
-    free(all);
-    free(n_of);
-    free(log_of);
-    free(pairs.at);
-    return ok;
-}
-
 /* ----------------------------------------------------------------- together */
 
 static bool reserve(saga_calibration *cal, size_t n, saga_error *error)
@@ -447,12 +364,12 @@ static bool reserve(saga_calibration *cal, size_t n, saga_error *error)
     *cal = (saga_calibration){.typical = (double)NAN};
     cal->off = saga_alloc(n, sizeof *cal->off, "the views", error);
     cal->odd = saga_calloc(n, sizeof *cal->odd, "the views", error);
-    cal->stops = saga_alloc(n, sizeof *cal->stops, "the views", error);
+    cal->colours = saga_alloc(n, sizeof *cal->colours, "the views", error);
     cal->shared = saga_alloc(n * n, sizeof *cal->shared, "the views", error);
     cal->turned = saga_alloc(n * n, sizeof *cal->turned, "the views", error);
     cal->n_features = saga_calloc(n, sizeof *cal->n_features, "the views",
                                   error);
-    if (!cal->off || !cal->odd || !cal->stops || !cal->shared ||
+    if (!cal->off || !cal->odd || !cal->colours || !cal->shared ||
         !cal->turned || !cal->n_features)
         return false;
     for (size_t i = 0; i < n * n; i++) {
@@ -460,7 +377,7 @@ static bool reserve(saga_calibration *cal, size_t n, saga_error *error)
         cal->turned[i] = (double)NAN;
     }
     for (size_t v = 0; v < n; v++)
-        cal->off[v] = cal->stops[v] = (double)NAN;
+        cal->off[v] = (double)NAN;
     return true;
 }
 
@@ -531,7 +448,7 @@ bool saga_calibration_find(saga_calibration *calibration,
                          error);
     if (ok && !calibration->found)
         pardon(calibration, capture->n_views);
-    ok = ok && find_exposures(calibration, &s, error);
+    ok = ok && saga_match_colours_find(calibration->colours, &s.pairs, error);
     saga_tracks_free(&s.tracks);
     saga_pairs_free(&s.pairs);
     free(s.scratch);
@@ -544,7 +461,7 @@ void saga_calibration_free(saga_calibration *calibration)
 {
     free(calibration->off);
     free(calibration->odd);
-    free(calibration->stops);
+    free(calibration->colours);
     free(calibration->shared);
     free(calibration->turned);
     free(calibration->n_features);

@@ -15,6 +15,7 @@
 #define SAGA_CALIBRATION_H
 
 #include "capture.h"
+#include "match_colours.h"
 #include "refine.h"
 
 /* The form of the matrices in a file, whose rotation A and centre b should be
@@ -46,8 +47,7 @@ typedef struct saga_calibration {
                                   * the pairs of a view of their median; NaN:
                                   * too few matches */
     bool *odd;                   /* (n_views) the others fit without these */
-    double *stops;               /* (n_views) exposure relative to the others,
-                                  * as log2 of light; NaN: too few matches */
+    saga_match_colour *colours;  /* (n_views) */
     int *shared;                 /* (n_views, n_views) number of matches that
                                   * agree; -1: not compared */
     double *turned;              /* (n_views, n_views) median distance in pixels

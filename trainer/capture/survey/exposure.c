@@ -34,6 +34,14 @@ bool saga_exposure_compare(double *stops, const double rgb[3],
     return true;
 }
 
+double saga_colour_apart(const double a[3], const double b[3], bool swapped)
+{
+    double sum = 0.0;
+    for (int k = 0; k < 3; k++)
+        sum += fabs(a[swapped ? 2 - k : k] - b[k]) / 3.0;
+    return sum;
+}
+
 double saga_exposure_gain(double stops)
 {
     return exp2(stops / DISPLAY_GAMMA);

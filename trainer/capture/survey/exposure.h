@@ -32,6 +32,9 @@
  * the comparison means nothing. */
 bool saga_exposure_compare(double *stops, const double rgb[3],
                            const double others[3]);
+/* Returns the mean difference of the channels of two colours; if swapped, with
+ * red and blue of the first exchanged. */
+double saga_colour_apart(const double a[3], const double b[3], bool swapped);
 /* Returns the factor on display values that corresponds to a number of
  * stops. */
 double saga_exposure_gain(double stops);

@@ -9,6 +9,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#define SAME_MOMENT 0.01     /* frames */
+
 enum {
     NEIGHBOURS = 4           /* numbers of pairs for each of many views: with
                               * the nearest views, and with the next ones in the
@@ -77,6 +79,17 @@ static void mark_neighbours(bool *compared, const saga_capture *c, int v)
         compared[v * n + w] = compared[w * n + v] = true;
 }
 
+/* Tells whether the pictures of two views are of one moment. A camera that
+ * moves has pictures of different moments, between which the scene may have
+ * moved, too. */
+static bool is_one_moment(const saga_pairs *p, int v, int w)
+{
+    const saga_capture *const c = p->capture;
+    const double a = saga_capture_near(c, v, p->frame) + c->views[v].late;
+    const double b = saga_capture_near(c, w, p->frame) + c->views[w].late;
+    return !c->moves || fabs(a - b) < SAME_MOMENT;
+}
+
 bool saga_pairs_list(saga_pairs *p, saga_error *error)
 {
     const int n = p->capture->n_views;
@@ -93,9 +106,11 @@ bool saga_pairs_list(saga_pairs *p, saga_error *error)
         mark_neighbours(compared, p->capture, v);
     /* The number of pairs is counted first, to allocate the list. */
     for (int v = 0; v < n; v++)
-        for (int w = v + 1; w < n; w++)
+        for (int w = v + 1; w < n; w++) {
+            compared[v * n + w] &= is_one_moment(p, v, w);
             most += compared[v * n + w];
-    p->list = saga_calloc(most, sizeof *p->list, "the matches", error);
+        }
+    p->list = saga_calloc(most + 1, sizeof *p->list, "the matches", error);
     for (int v = 0; p->list && v < n; v++)
         for (int w = v + 1; w < n; w++)
             if (compared[v * n + w])

@@ -7,6 +7,7 @@
 #include "order.h"
 #include "pose.h"
 #include "survey_judge.h"
+#include "survey_pictures.h"
 #include "vec3.h"
 
 #include <math.h>
@@ -17,8 +18,12 @@ enum {
     GRID = 12,             /* rays per side for each camera */
     MOST_PLACES = 20000,
     MOST_COMPARED = 200000000,
-    FEW_COLOURS = 30
+    FEW_COLOURS = 30,
+    CELLS = 24               /* cells per side of a picture; 2,500 places take
+                              * about four of each cell */
 };
+/* A place this much farther than the first one in its cell may be hidden. */
+#define BEHIND 1.1
 
 typedef struct places {
     double (*at)[3];       /* (n) */
@@ -140,10 +145,27 @@ static long pixel_of(const saga_shot *s, const double place[3])
     return (long)uv[1] * s->width + (long)uv[0];
 }
 
+/* Returns the cell of all views' pictures in which view v sees a place, or -1,
+ * and sets the depth of the place. */
+static long cell_of(const saga_shot *s, int v, const double place[3],
+                    double *depth)
+{
+    const long pixel = pixel_of(s, place);
+    double cam[3];
+    if (pixel < 0)
+        return -1;
+    saga_view_transform(s, place, cam);
+    *depth = cam[2];
+    return ((long)v * CELLS + pixel / s->width * CELLS / s->height) * CELLS +
+           pixel % s->width * CELLS / s->width;
+}
+
 /* ----------------------------------------------------------------- geometry */
 
-static void direction_from(const double middle[3], const saga_shot *s,
-                           double d[3])
+/* Sets d to the direction of a camera from the middle, and returns its
+ * distance. */
+static double direction_from(const double middle[3], const saga_shot *s,
+                             double d[3])
 {
     saga_pose_centre(s->rotation, s->translation, d);
     for (int k = 0; k < 3; k++)
@@ -151,6 +173,7 @@ static void direction_from(const double middle[3], const saga_shot *s,
     const double n = hypot(hypot(d[0], d[1]), d[2]);
     for (int k = 0; k < 3; k++)
         d[k] /= n > 0.0 ? n : 1.0;
+    return n;
 }
 
 static void find_nearest(saga_survey *survey, const saga_capture *c,
@@ -161,9 +184,9 @@ static void find_nearest(saga_survey *survey, const saga_capture *c,
         double a[3], b[3];
         one->nearest = -1;
         one->angle = (double)NAN;
-        direction_from(middle, &c->views[v], a);
+        const double own = direction_from(middle, &c->views[v], a);
         for (int w = 0; w < c->n_views; w++) {
-            direction_from(middle, &c->views[w], b);
+            const double other = direction_from(middle, &c->views[w], b);
             const double cosine = dot3(a, b);
             /* Rounding may make the cosine larger than 1. */
             const double angle =
@@ -172,6 +195,10 @@ static void find_nearest(saga_survey *survey, const saga_capture *c,
                 continue;
             one->nearest = w;
             one->angle = angle;
+            /* The law of cosines. */
+            one->step = sqrt(fmax(own * own + other * other - 2.0 * own *
+                                  other * cosine, 0.0)) /
+                        fmax(fmin(own, other), 1e-300);
         }
     }
 }
@@ -201,13 +228,36 @@ static void find_overlap(saga_survey *survey, const saga_capture *c,
 
 /* ------------------------------------------------------------------ colours */
 
+/* The least depth of any place in each cell of each view's picture: what lies
+ * clearly behind it may be hidden, as the far side of a thing is from cameras
+ * that stand round it. */
+static double *find_front(const saga_capture *c, const places *p,
+                          saga_error *error)
+{
+    const size_t n = (size_t)c->n_views * CELLS * CELLS;
+    double *const front = saga_alloc(n, sizeof *front, "the colours", error);
+    for (size_t i = 0; front && i < n; i++)
+        front[i] = (double)INFINITY;
+    for (int v = 0; front && v < c->n_views; v++)
+        for (size_t i = 0; i < p->n; i++) {
+            double depth;
+            const long cell = cell_of(&c->views[v], v, p->at[i], &depth);
+            if (cell >= 0 && depth < front[cell])
+                front[cell] = depth;
+        }
+    return front;
+}
+
 /* Sets rgb to the display colour that a view's first frame shows at a place.
  * Returns false if it does not show the place. */
-static bool colour_at(const saga_capture *c, int v, const double place[3],
-                      double rgb[3])
+static bool colour_at(const saga_capture *c, const double *front, int v,
+                      const double place[3], double rgb[3])
 {
     const uint8_t *const mask = saga_capture_mask(c, v, 0);
-    long pixel = pixel_of(&c->views[v], place);
+    double depth;
+    const long cell = cell_of(&c->views[v], v, place, &depth);
+    long pixel = cell < 0 || depth > BEHIND * front[cell]
+        ? -1 : pixel_of(&c->views[v], place);
     if (pixel >= 0 && mask && !mask[pixel])
         pixel = -1;
     for (int k = 0; pixel >= 0 && k < 3; k++)
@@ -217,14 +267,15 @@ static bool colour_at(const saga_capture *c, int v, const double place[3],
 
 /* Sets rgb to the median colour of a place over the views that see it, and
  * returns their number. */
-static size_t common_colour(const saga_capture *c, const double place[3],
-                            double *scratch, double rgb[3])
+static size_t common_colour(const saga_capture *c, const double *front,
+                            const double place[3], double *scratch,
+                            double rgb[3])
 {
     const size_t most = (size_t)c->n_views;
     size_t n = 0;
     for (int v = 0; v < c->n_views; v++) {
         double one[3];
-        if (!colour_at(c, v, place, one))
+        if (!colour_at(c, front, v, place, one))
             continue;
         for (size_t k = 0; k < 3; k++)
             /* scratch is (3, n_views), because each channel has its own
@@ -237,53 +288,86 @@ static size_t common_colour(const saga_capture *c, const double place[3],
     return n;
 }
 
-/* Compares a view's colours with the common ones, (places, 3), which are NaN if
- * fewer than three views see the place. */
+/* The colours of places: of each the common one, (n, 3), NaN if fewer than
+ * three views see the place; the fronts of the views; and scratch memory. */
+typedef struct colours { double *common, *front, *x; } colours;
+
+/* Returns the median difference of a view's colours from the common ones, with
+ * the view's values divided by `gain`; NaN if they are too few. */
+static double differ(const saga_capture *c, int v, const places *p,
+                     const colours *of, double gain, bool swapped)
+{
+    size_t n = 0;
+    double rgb[3];
+    for (size_t i = 0; i < p->n; i++) {
+        if (isnan(of->common[3 * i]) ||
+            !colour_at(c, of->front, v, p->at[i], rgb))
+            continue;
+        for (int k = 0; k < 3; k++)
+            rgb[k] /= gain;
+        of->x[n++] = saga_colour_apart(rgb, of->common + 3 * i, swapped);
+    }
+    return n >= FEW_COLOURS ? saga_median(of->x, n) : (double)NAN;
+}
+
+/* Compares a view's colours with the common ones. */
 static void compare_view(saga_survey_view *one, const saga_capture *c, int v,
-                         const places *p, const double *common, double *x)
+                         const places *p, const colours *of)
 {
     size_t n = 0;
     double rgb[3];
     /* The exposure is the median of log2 of the light relative to the common
      * colours. */
     for (size_t i = 0; i < p->n; i++)
-        if (!isnan(common[3 * i]) && colour_at(c, v, p->at[i], rgb) &&
-            saga_exposure_compare(x + n, rgb, common + 3 * i))
+        if (!isnan(of->common[3 * i]) &&
+            colour_at(c, of->front, v, p->at[i], rgb) &&
+            saga_exposure_compare(of->x + n, rgb, of->common + 3 * i))
             n++;
-    one->stops = n >= FEW_COLOURS ? saga_median(x, n) : (double)NAN;
+    one->stops = n >= FEW_COLOURS ? saga_median(of->x, n) : (double)NAN;
     const double gain = isnan(one->stops)
         ? 1.0 : saga_exposure_gain(one->stops);
     /* The colour is the difference that remains after the exposure is
      * corrected. */
-    n = 0;
-    for (size_t i = 0; i < p->n; i++) {
-        if (isnan(common[3 * i]) || !colour_at(c, v, p->at[i], rgb))
-            continue;
-        x[n] = 0.0;
-        for (int k = 0; k < 3; k++)
-            x[n] += fabs(rgb[k] / gain - common[3 * i + (size_t)k]) / 3.0;
-        n++;
-    }
-    one->colour = n >= FEW_COLOURS ? saga_median(x, n) : (double)NAN;
+    one->colour = differ(c, v, p, of, gain, false);
+    one->swapped = differ(c, v, p, of, gain, true) / one->colour;
 }
 
 static bool compare_colours(saga_survey *survey, const saga_capture *c,
                             const places *p, saga_error *error)
 {
-    double *const common = saga_alloc(p->n, 3 * sizeof *common, "the colours",
-                                      error);
-    double *const x = saga_alloc(p->n + 3 * (size_t)c->n_views, sizeof *x,
-                                 "the colours", error);
-    const bool ok = common && x;
-    /* x is scratch memory, first for medians over views, then over places. */
+    const colours of = {
+        .common = saga_alloc(p->n, 3 * sizeof *of.common, "the colours",
+                             error),
+        .front = find_front(c, p, error),
+        .x = saga_alloc(p->n + 3 * (size_t)c->n_views, sizeof *of.x,
+                        "the colours", error)
+    };
+    const bool ok = of.common && of.front && of.x;
+    /* The scratch memory is first for medians over views, then over places. */
     for (size_t i = 0; ok && i < p->n; i++)
-        if (common_colour(c, p->at[i], x, common + 3 * i) < 3)
-            common[3 * i] = (double)NAN;
+        if (common_colour(c, of.front, p->at[i], of.x, of.common + 3 * i) < 3)
+            of.common[3 * i] = (double)NAN;
     for (int v = 0; ok && v < c->n_views; v++)
-        compare_view(&survey->views[v], c, v, p, common, x);
-    free(common);
-    free(x);
+        compare_view(&survey->views[v], c, v, p, &of);
+    free(of.common);
+    free(of.front);
+    free(of.x);
     return ok;
+}
+
+/* Takes exposures and colours from matches where there are enough, because both
+ * cameras certainly see a match. */
+static void take_match_colours(saga_survey *s, int n_views)
+{
+    for (int v = 0; v < n_views; v++) {
+        const saga_match_colour *const m = &s->calibration.colours[v];
+        saga_survey_view *const one = &s->views[v];
+        if (isnan(m->stops))
+            continue;
+        one->stops = m->stops;
+        one->colour = m->colour;
+        one->swapped = m->swapped;
+    }
 }
 
 /* ----------------------------------------------------------------- together */
@@ -344,21 +428,29 @@ bool saga_survey_make(saga_survey *survey, const saga_capture *capture,
     *survey = (saga_survey){.views = NULL};
     survey->views = saga_calloc((size_t)capture->n_views,
                                 sizeof *survey->views, "the views", error);
+    saga_look *const looks = saga_alloc((size_t)capture->n_views,
+                                        sizeof *looks, "the views", error);
     for (int v = 0; survey->views && v < capture->n_views; v++)
-        survey->views[v].stops = survey->views[v].colour = (double)NAN;
+        survey->views[v].stops = survey->views[v].colour =
+            survey->views[v].swapped = (double)NAN;
     /* Measurements come first and can fail. */
-    const bool ok = survey->views && measure(survey, capture, &p, error) &&
+    const bool ok = survey->views && looks &&
+                    saga_looks_find(looks, capture, error) &&
+                    measure(survey, capture, &p, error) &&
                     saga_calibration_find(&survey->calibration, capture,
                                           error) &&
                     take_late(survey, capture, error);
+    for (int v = 0; ok && v < capture->n_views; v++)
+        survey->views[v].look = looks[v];
+    free(looks);
     free(p.at);
     if (!ok)
         return false;
-    /* Exposure is measured at points if possible, otherwise at matches. */
-    for (int v = 0; v < capture->n_views; v++)
-        if (isnan(survey->views[v].stops))
-            survey->views[v].stops = survey->calibration.stops[v];
+    take_match_colours(survey, capture->n_views);
     /* Judgements come last and only add notes. */
+    if (!saga_survey_judge_pictures(survey, capture, error))
+        return false;
+    survey->wrong_nbytes = strlen(survey->notes);
     saga_survey_judge(survey, capture);
     return true;
 }

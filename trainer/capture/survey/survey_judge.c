@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: MIT */
 #include "survey_judge.h"
 
+#include "notes.h"
 #include "vec3.h"
 
 #include <math.h>
-#include <stdarg.h>
 #include <stdio.h>
 
 enum {
@@ -27,27 +27,16 @@ enum {
 #define CHANGES 1.5
 #define LEAST_CHANGE 0.5
 #define FOCAL_CHANGE 0.03  /* mean change of the logarithm of focal lengths */
-/* In degrees between cameras at the same place, which should see the same.
- * Cameras are not placed that close on purpose. */
-#define ONE_PLACE 0.5
+/* Largest distance of cameras at the same place, which should see the same, as
+ * a part of that to the scene: half a degree. Cameras are not placed that close
+ * on purpose; a step towards the scene leaves the direction, but not the
+ * place. */
+#define ONE_PLACE 0.0087
 #define APART_PIXELS 5.0   /* matches of such cameras are at one place within
                             * this number of times the tolerance of a fit, since
                             * half a degree is 2 to 4 of 480 pixels */
 #define ONE_WAY 0.98       /* cosine of the angle between their axes, 10
                             * degrees */
-
-static void note(saga_survey *s, const char *format, ...) SAGA_PRINTF(2, 3);
-
-static void note(saga_survey *s, const char *format, ...)
-{
-    va_list args;
-    if (s->n_notes == SAGA_SURVEY_NOTES)
-        return;
-    va_start(args, format);
-    (void)vsnprintf(s->note[s->n_notes++], SAGA_SURVEY_NOTE_NBYTES, format,
-                    args);
-    va_end(args);
-}
 
 static int count_training(const saga_capture *c)
 {
@@ -62,41 +51,29 @@ static void judge_rig(saga_survey *s, const saga_capture *c)
     const int n = count_training(c);
     const bool points = c->n_points >= SAGA_FEW_PLACES;
     if (c->moves)
-        note(s, "A single moving camera sees each moment from one side only; "
-             "other views of moving things are guesses.");
+        saga_note(s->notes, "A single moving camera sees each moment from one "
+                  "side only; other views of moving things are guesses.");
     /* Free views need more than six cameras, or at least three close ones with
      * points. */
     s->free_views = n > FEW_VIEWS ||
                     (n > 2 && points && s->typical_angle < FAR_APART);
     if (n == 1 && !s->free_views)
-        note(s, "One camera%s does not allow free views: the file shows only "
-             "what this camera saw. More cameras%s help.",
-             points ? "" : " without "
-             "points", points ? "" : ", or a COLMAP model with points,");
+        saga_note(s->notes, "One camera%s does not allow free views: the file "
+                  "shows only what this camera saw. More cameras%s help.",
+                  points ? "" : " without points", points ? "" : ", or a "
+                  "COLMAP model with points,");
     else if (!s->free_views)
-        note(s, "%d cameras that stand %.0f degrees apart%s do not allow free "
-             "views: the file shows what these cameras saw, and views between "
-             "them are poor. More cameras%s help.", n, s->typical_angle,
-             points ? "" : " without points", points ? "" : ", or a COLMAP "
-             "model with points,");
+        saga_note(s->notes, "%d cameras that stand %.0f degrees apart%s do not "
+                  "allow free views: the file shows what these cameras saw, "
+                  "and views between them are poor. More cameras%s help.", n,
+                  s->typical_angle, points ? "" : " without points", points ?
+                  "" : ", or a COLMAP model with points,");
     else if (s->typical_angle > FAR_APART)
-        note(s, "Cameras are %.0f degrees apart: views between them are poor.",
-             s->typical_angle);
+        saga_note(s->notes, "Cameras are %.0f degrees apart: views between "
+                  "them are poor.", s->typical_angle);
     if (!points && s->free_views)
-        note(s, "There are no points: training begins with guesses of depth. A "
-             "COLMAP model or ply_file_path helps.");
-}
-
-/* Notes if a camera is not synchronous. */
-static void judge_late(saga_survey *s, const char *name,
-                       const saga_lateness *late)
-{
-    if (!(fabs(late->frames) > late->tolerance))
-        return;
-    note(s, "%s seems to run %.1f frames (+-%.1f) %s the others: give --late "
-         "%s=%.3g, or hold it out.", name, fabs(late->frames), late->tolerance,
-         late->frames > 0.0 ? "behind" : "before", name,
-         saga_lateness_likely(late));
+        saga_note(s->notes, "There are no points: training begins with guesses "
+                  "of depth. A COLMAP model or ply_file_path helps.");
 }
 
 /* Describes the mistake that, once undone, makes the pictures fit. */
@@ -130,15 +107,19 @@ static void judge_mistake(saga_survey *s, const saga_capture *c)
                          "picture," : "focal lengths", m->focal < 1.0
                        ? "are too long" : "are too short",
                        m->focal < 1.0 ? 1.0 / m->focal : m->focal);
-    note(s, "The cameras do not fit the pictures: of %d pairs of cameras with "
-         "matches, %d fit. After the correction of one mistake, %d fit: %s%s. "
-         "--fix FILE writes the corrected cameras.", fit->n_pairs,
-         fit->n_fit, fit->n_fit_then, what, lens);
+    saga_note(s->notes, "The cameras do not fit the pictures: of %d pairs of "
+              "cameras with matches, %d fit. After the correction of one "
+              "mistake, %d fit: %s%s. --fix FILE writes the corrected "
+              "cameras.", fit->n_pairs, fit->n_fit, fit->n_fit_then, what,
+              lens);
 }
 
 /* Notes whether poses and lenses fit the matches. */
 static void judge_calibration(saga_survey *s, const saga_capture *c)
 {
+    static const saga_note_kind odd = {
+        "A pose, a lens or a file is wrong: ", ", while the other cameras fit "
+        "each other. Correct it, or hold it out."};
     const saga_calibration *const fit = &s->calibration;
     int n_odd = 0;
     for (int v = 0; v < c->n_views; v++)
@@ -146,17 +127,15 @@ static void judge_calibration(saga_survey *s, const saga_capture *c)
     if (fit->found)
         judge_mistake(s, c);
     else if (fit->bad && n_odd == 0)
-        note(s, "The cameras do not fit the pictures: of %d pairs of cameras "
-             "with matches, %d fit; the others are off by %.1f pixels or "
-             "more, and none of the usual mistakes explains it. Calibrate "
-             "again.",
-             fit->n_pairs, fit->n_fit, fit->within);
+        saga_note(s->notes, "The cameras do not fit the pictures: of %d pairs "
+                  "of cameras with matches, %d fit; the others are off by %.1f "
+                  "pixels or more, and none of the usual mistakes explains it. "
+                  "Calibrate again.", fit->n_pairs, fit->n_fit, fit->within);
     for (int v = 0; v < c->n_views; v++)
         if (fit->odd[v])
-            note(s, "%s does not fit the other cameras, which fit each other: "
-                 "what it sees is off by %.1f pixels. Its pose, its lens or "
-                 "its file is wrong: correct it, or hold it out.",
-                 c->views[v].name, fit->off[v]);
+            saga_note_each(s->notes, &odd, "%s does not fit the other cameras "
+                           "(off by %.1f pixels)", c->views[v].name,
+                           fit->off[v]);
 }
 
 /* Returns the view that the refinement changes most; -1 if none stands out. */
@@ -193,20 +172,23 @@ static void judge_refinement(saga_survey *s, const saga_capture *c)
         (void)snprintf(focal, sizeof focal, " Focal lengths are %.0f %% too "
                        "%s.", 100.0 * fabs(expm1(-sum)),
                        sum < 0.0 ? "long" : "short");
-    note(s, "Poses and lenses can be refined: if all cameras are adjusted to a "
-         "part of the matches, the error of the other matches falls from %.2f "
-         "to %.2f pixels.%s%s `saga encode` does this; --fix FILE writes the "
-         "refined cameras.", r->before, r->after, camera, focal);
+    saga_note(s->notes, "Poses and lenses can be refined: if all cameras are "
+              "adjusted to a part of the matches, the error of the other "
+              "matches falls from %.2f to %.2f pixels.%s%s `saga encode` does "
+              "this; --fix FILE writes the refined cameras.", r->before,
+              r->after, camera, focal);
 }
 
 /* Notes if two cameras at one place with the same direction do not see the
  * same. */
 static void judge_twin(saga_survey *s, const saga_capture *c, int v)
 {
+    static const saga_note_kind twin = {
+        "", ": one of the poses or files belongs to another camera."};
     const saga_survey_view *const one = &s->views[v];
     const saga_calibration *const fit = &s->calibration;
     const int w = one->nearest;
-    if (w < v || !(one->angle < ONE_PLACE))
+    if (w < v || !(one->step < ONE_PLACE))
         return;
     const double *const a = c->views[v].rotation + 6;
     const double *const b = c->views[w].rotation + 6;
@@ -216,34 +198,70 @@ static void judge_twin(saga_survey *s, const saga_capture *c, int v)
         (apart || (fit->shared[v * c->n_views + w] == 0 &&
                    fit->n_features[v] >= FEW_FEATURES &&
                    fit->n_features[w] >= FEW_FEATURES)))
-        note(s, "%s and %s have the same pose, but see different things: one "
-             "of the poses or files belongs to another camera.",
-             c->views[v].name, c->views[w].name);
+        saga_note_each(s->notes, &twin, "%s and %s have the same pose, but see "
+                       "different things", c->views[v].name, c->views[w].name);
 }
 
+/* Notes what makes a view worth less than others. */
 static void judge_view(saga_survey *s, const saga_capture *c, int v)
 {
+    static const saga_note_kind shares = {
+        "The depth of what no second camera sees is unknown: ", "."};
+    static const saga_note_kind reprojects = {
+        "A pose, a lens or a size is wrong: half of the model's features are "
+        "far from their points in ", "."};
+    static const saga_note_kind exposure = {
+        "Exposure differs from that of the other cameras: ",
+        "; `saga encode` compensates for this, except where colours are "
+        "clipped."};
+    static const saga_note_kind missing = {"Pictures are missing: ", "."};
     const saga_survey_view *const one = &s->views[v];
     const saga_shot *const shot = &c->views[v];
-    /* Each check adds a note if its limit is exceeded. */
     if (one->overlap < LITTLE_OVERLAP)
-        note(s, "%s shares only %.0f %% of what it sees with other cameras: "
-             "the depth of the rest is unknown.", shot->name,
-             100.0 * one->overlap);
+        saga_note_each(s->notes, &shares, "%s shares only %.0f %% of its view",
+                       shot->name, 100.0 * one->overlap);
     if (shot->n_observations > 0 && shot->reprojection_median > OFF_PIXELS)
-        note(s, "%s: half of the model's features lie more than %.1f pixels "
-             "from their points: pose, lens or size is wrong.", shot->name,
-             shot->reprojection_median);
+        saga_note_each(s->notes, &reprojects, "%s (%.1f pixels)", shot->name,
+                       shot->reprojection_median);
     if (fabs(one->stops) > OFF_STOPS)
-        note(s, "%s is %.2f stops %s than the others; `saga encode` "
-             "compensates for this, except where colours are clipped.",
-             shot->name, fabs(one->stops),
-             one->stops > 0.0 ? "brighter" : "darker");
+        saga_note_each(s->notes, &exposure, "%s is %.2f stops %s", shot->name,
+                       fabs(one->stops), one->stops > 0.0 ? "brighter" :
+                       "darker");
     judge_twin(s, c, v);
-    judge_late(s, shot->name, &one->late);
     if (shot->n_missing > 0 && !c->moves)
-        note(s, "%s lacks %d of %d pictures.", shot->name, shot->n_missing,
-             c->n_frames);
+        saga_note_each(s->notes, &missing, "%s lacks %d of %d pictures",
+                       shot->name, shot->n_missing, c->n_frames);
+}
+
+static bool is_late(const saga_lateness *late)
+{
+    return fabs(late->frames) > late->tolerance;
+}
+
+/* Notes which cameras are not synchronous. */
+static void judge_late(saga_survey *s, const saga_capture *c)
+{
+    char after[SAGA_NAME_NBYTES + 60] = "";
+    saga_note_kind kind = {"", after};
+    for (int v = 0; v < c->n_views; v++) {
+        const saga_lateness *const late = &s->views[v].late;
+        if (!is_late(late))
+            continue;
+        if (!after[0])
+            (void)snprintf(after, sizeof after, ": give --late %s=%.3g, or "
+                           "hold it out.", c->views[v].name,
+                           saga_lateness_likely(late));
+        else
+            kind.after = ": give `saga encode` --late auto, or hold them out.";
+    }
+    for (int v = 0; v < c->n_views; v++) {
+        const saga_lateness *const late = &s->views[v].late;
+        if (is_late(late))
+            saga_note_each(s->notes, &kind, "%s seems to run %.1f frames "
+                           "(+-%.1f) %s the others", c->views[v].name,
+                           fabs(late->frames), late->tolerance,
+                           late->frames > 0.0 ? "behind" : "before");
+    }
 }
 
 void saga_survey_judge(saga_survey *survey, const saga_capture *capture)
@@ -253,4 +271,5 @@ void saga_survey_judge(saga_survey *survey, const saga_capture *capture)
     judge_rig(survey, capture);
     for (int v = 0; v < capture->n_views; v++)
         judge_view(survey, capture, v);
+    judge_late(survey, capture);
 }

@@ -11,6 +11,17 @@
  * the buffer is full. */
 void saga_note(char *notes, const char *format, ...) SAGA_PRINTF(2, 3);
 
+/* The words before and after the items of a note, which suit one and many. */
+typedef struct saga_note_kind {
+    const char *before, *after;
+} saga_note_kind;
+
+/* Appends a line with an item, such as a camera and its value. If the buffer
+ * has a line of that kind, the item joins its list, so that a line says "A, B,
+ * C and 14 more" of any number. An item has no ", ". */
+void saga_note_each(char *notes, const saga_note_kind *kind,
+                    const char *format, ...) SAGA_PRINTF(3, 4);
+
 /* Copies s[0..n) as a name for messages, tables and files, in UTF-8 (utf8.h);
  * characters that could disturb a terminal or a list become '_'. */
 void saga_copy_name(char name[SAGA_NAME_NBYTES], const char *s, size_t n);

@@ -53,8 +53,9 @@ static double defect(const double r[9])
     return worst;
 }
 
-/* Makes r the nearest rotation by Newton's iteration R <- (R + R^-T) / 2. The
- * rows of R^-T are cross products divided by the determinant. */
+/* Makes r the nearest rotation, or mirror image of one, by Newton's iteration R
+ * <- (R + R^-T) / 2. The rows of R^-T are cross products divided by the
+ * determinant. */
 static void nearest_rotation(double r[9])
 {
     for (int round = 0; round < 6; round++) {
@@ -73,7 +74,7 @@ bool saga_pose_from_axes(const double right[3], const double down[3],
                          const double forward[3], const double centre[3],
                          double rotation[9], double translation[3])
 {
-    double r[9], c[3];
+    double r[9];
     memcpy(r, right, 3 * sizeof *r);
     memcpy(r + 3, down, 3 * sizeof *r);
     memcpy(r + 6, forward, 3 * sizeof *r);
@@ -82,14 +83,26 @@ bool saga_pose_from_axes(const double right[3], const double down[3],
     if (!(defect(r) < 0.01) || !isfinite(centre[0]) ||
         !isfinite(centre[1]) || !isfinite(centre[2]))
         return false;
-    /* If right x down is not forward, the axes are mirrored. */
-    cross3(c, r, r + 3);
-    if (dot3(c, r + 6) < 0.0)
-        return false;
     nearest_rotation(r);
     memcpy(rotation, r, sizeof r);
     saga_pose_translation(r, centre, translation);
     return true;
+}
+
+bool saga_pose_from_world(const double r[9], const double t[3],
+                          double rotation[9], double translation[3])
+{
+    double centre[3];
+    saga_pose_centre(r, t, centre);
+    return saga_pose_from_axes(r, r + 3, r + 6, centre, rotation,
+                               translation);
+}
+
+bool saga_pose_is_mirrored(const double rotation[9])
+{
+    double c[3];
+    cross3(c, rotation, rotation + 3);
+    return dot3(c, rotation + 6) < 0.0;
 }
 
 bool saga_pose_from_opengl(const double rows[12], double rotation[9],

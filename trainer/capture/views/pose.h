@@ -18,11 +18,20 @@ void saga_pose_from_turn(const double turn[3], double rotation[9]);
 
 /* Makes a pose from the camera's axes and centre in the world: the columns of a
  * camera-to-world matrix, with unit axes. Returns false if a value is not
- * finite, or if the axes are left-handed or more than 1 % from orthonormal;
- * smaller errors, from few digits in a file, are corrected. */
+ * finite, or if the axes are more than 1 % from orthonormal; smaller errors,
+ * from few digits in a file, are corrected. Left-handed axes give a rotation
+ * that is a mirror image, which capture_load refuses for all loaders. */
 bool saga_pose_from_axes(const double right[3], const double down[3],
                          const double forward[3], const double centre[3],
                          double rotation[9], double translation[3]);
+
+/* Makes a pose like saga_pose_from_axes from a world-to-camera matrix: its
+ * rotation, by rows, and its translation. */
+bool saga_pose_from_world(const double r[9], const double t[3],
+                          double rotation[9], double translation[3]);
+
+/* Tells whether a rotation is a mirror image: its determinant is -1. */
+bool saga_pose_is_mirrored(const double rotation[9]);
 
 /* Makes a pose like saga_pose_from_axes from a camera-to-world matrix in
  * OpenGL's axes, 3 rows of 4, whose columns point right, up and backwards. */
