@@ -25,6 +25,7 @@ static void begin(saga_decoder *dec)
     saga_prim_format_of(&dec->format, &dec->header.model);
     dec->has_segment = 0;
     dec->has_view = 0;
+    dec->segment_digest = 0;
     dec->n_splats = 0;
     dec->box_pixels = 0;
     dec->n_views = 0;

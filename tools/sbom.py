@@ -86,7 +86,9 @@ def main():
         "metadata": {"component": {
             "type": "application", "name": "saga", "version": release,
             "licenses": [{"license": {"id": "MIT"}}]}},
-        "components": [parts[name] for name in sorted(parts)],
+        # A row of the page may have several packages, of one version.
+        "components": list({part["name"]: part for _, part in
+                            sorted(parts.items(), reverse=True)}.values()),
     }, indent=1))
 
 

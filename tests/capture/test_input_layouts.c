@@ -249,7 +249,9 @@ TEST_IN_FOLDER(stills_should_be_the_scene_in_every_format)
         { "jpg", "-q:v 1 -qmin 1 -pix_fmt yuvj444p", 40 },
         { "webp", "-lossless 1", LOSSLESS },
         { "tif", "", LOSSLESS },
-        { "tiff", "-compression_algo lzw -pix_fmt rgb48le", LOSSLESS },
+        /* ffmpeg widens 8 bits by a shift, so that white is 65,280 of 65,535:
+         * half of the levels come back one lower. */
+        { "tiff", "-compression_algo lzw -pix_fmt rgb48le", 51 },
     };
     char name[40];
 
@@ -293,7 +295,7 @@ TEST_IN_FOLDER(jpegs_should_be_refused_when_damaged)
     refused(f->path, "images/cam01.jpg", "not a PNG, JPEG, WebP, "
             "TIFF or OpenEXR");
     folder_run(f, "printf 'RIFF....WEBPVP8 ' >images/cam01.jpg");
-    refused(f->path, "images/cam01.jpg", "a size of 0 x 0 pixels");
+    refused(f->path, "images/cam01.jpg", "WebP is damaged");
 }
 
 /* --- What is missing ----------------------------------------------------- */

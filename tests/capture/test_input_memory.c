@@ -173,8 +173,9 @@ static void write_tools(folder *f)
                "cam01.mp4", 2 * 3 * W * H);
     snprintf(command, sizeof command, "exec cat %s", folder_file(f, "raw"));
     write_tool(f, "ffmpeg", command);
-    snprintf(command, sizeof command, "echo 'width=%d\nheight=%d\n"
-             "nb_read_packets=2\navg_frame_rate=5/1'", W, H);
+    snprintf(command, sizeof command, "echo 'pts_time=0\nflags=K_\n"
+             "pts_time=0.2\nflags=__\nwidth=%d\nheight=%d\npix_fmt=rgb24\n"
+             "avg_frame_rate=5/1'", W, H);
     write_tool(f, "ffprobe", command);
     snprintf(command, sizeof command, "%s:%s", folder_file(f, "bin"),
              getenv("PATH"));

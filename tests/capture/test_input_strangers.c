@@ -63,7 +63,8 @@ TEST_IN_FOLDER(playlist_should_not_be_followed)
 
         put_text(&b, lists[i], f->path);
         write_bytes(f, "a.mp4", &b);
-        refused(f->path, "a.mp4", "is not a video that ffprobe can read");
+        refused(f->path, "a.mp4", i == 0 ? "is in ffmpeg's format \"hls\""
+                                         : "is in ffmpeg's format \"concat\"");
         folder_run(f, "cp secret.mp4 a.mp4");
         c = load(f->path);
     }

@@ -267,7 +267,7 @@ def check_refused(tmp, part):
     saga("cut", write(tmp + "/hurt.saga", data[:-1]), ":", "-o", out,
          status=1, says="copy the file again")
     for at, what in ((networks, "networks"), (rig + 5, "rig"),
-                     (24, "frame rate"), (48, "cube"), (80, "model"),
+                     (24, "frame rate"), (48, "cube"), (80, "networks"),
                      (103, "model")):
         other = write(tmp + "/other.saga", changed(data, at, 2))
         saga("join", part, other, "-o", out, status=1, says="its " + what)

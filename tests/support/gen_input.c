@@ -535,30 +535,29 @@ uint8_t *input_damage(input_kind kind, const uint8_t *p, size_t n,
 
 /* --- Reading ------------------------------------------------------------- */
 
-static int play_picture(input_kind kind, const char *path, saga_error *error)
+static int play_picture(const char *path, saga_error *error)
 {
     saga_picture_look look;
     uint8_t *rgb;
-    float *depth;
-    int w, h, ok;
+    int ok;
 
     if (!saga_picture_probe(path, &look, error))
         return 0;
-    w = look.width;
-    h = look.height;
-    if ((long)w * h > MAX_PIXELS)
+    if ((long)look.width * look.height > MAX_PIXELS)
         return saga_fail(error, path, NULL, "too large for this harness");
-    rgb = must(malloc((size_t)w * (size_t)h * 3));
+    rgb = must(malloc((size_t)look.width * (size_t)look.height * 3));
     ok = saga_picture_read(path, &(saga_picture_wish){
-        .width = w, .height = h }, rgb, error);
+        .width = look.width, .height = look.height }, rgb, error);
     free(rgb);
-    if (kind != INPUT_EXR_DEPTH)
-        return ok;
-    *error = (saga_error){ "" };
-    depth = must(malloc((size_t)w * (size_t)h * sizeof *depth));
-    ok = saga_exr_read_depth(path, w, h, depth, error);
-    free(depth);
     return ok;
+}
+
+/* Depths alone are no picture; their reader is given the size. */
+static int play_depth(const char *path, saga_error *error)
+{
+    float depth[W * H];
+
+    return saga_exr_read_depth(path, W, H, depth, error);
 }
 
 /* Reads COLMAP's three files, which are concatenated, each after its length.
@@ -709,9 +708,10 @@ static int play_file(input_kind kind, const char *path, saga_error *error)
     }
     if (kind == INPUT_TOML)
         return play_toml(path, error);
-    return kind == INPUT_JSON     ? play_capture(path, error)
-           : kind == INPUT_SPORTS ? play_capture(path_of("sports"), error)
-                                  : play_picture(kind, path, error);
+    return kind == INPUT_JSON        ? play_capture(path, error)
+           : kind == INPUT_SPORTS    ? play_capture(path_of("sports"), error)
+           : kind == INPUT_EXR_DEPTH ? play_depth(path, error)
+                                     : play_picture(path, error);
 }
 
 int input_play(input_kind kind, const uint8_t *p, size_t n)

@@ -34,8 +34,8 @@ typedef struct saga_capture_choice {
     { "--late", "NAME=N,..", "cameras that are N frames behind the others; " \
       "N may be a\nfraction, such as 0.5", saga_cli_text, \
       offsetof(type, member.late), 0, 0 }, \
-    { "--alpha-masks", NULL, "ignore transparent pixels (alpha below " \
-      "128); without this,\npictures lie over black", saga_cli_flag, \
+    { "--alpha-masks", NULL, "ignore pixels of alpha below 128; " \
+      "without this,\npictures lie over black", saga_cli_flag, \
       offsetof(type, member.alpha_masks), 0, 0 }, \
     { "--follow-paths", NULL, "read files outside the capture's folder if " \
       "it names them\nby an absolute path or by ..; symbolic links are " \

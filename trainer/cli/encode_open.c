@@ -240,8 +240,9 @@ static uint32_t primitives_of(const saga_encode_session *s,
 {
     /* s->part is the fraction of the largest file's number. That number is
      * SAGA_SWEEP_STEP n, so the fourth of the five files has n. */
-    const double most = saga_room_sure(t, (uint32_t)fmin(
-        SAGA_SWEEP_STEP * t->n_primitives, UINT32_MAX));
+    const double wanted = SAGA_SWEEP_STEP * t->n_primitives;
+    const double most = fmin(wanted, saga_room_sure(
+        t, (uint32_t)fmin(ceil(wanted), UINT32_MAX)));
 
     return (uint32_t)fmax(1, rint(s->part * most));
 }

@@ -18,8 +18,10 @@ typedef struct saga_colmap_lens {
     const char *params;
 } saga_colmap_lens;
 
+enum { SAGA_COLMAP_N_LENSES = 6 };
+
 /* The kinds by the number that they have in bytes; the last has no name. */
-extern const saga_colmap_lens saga_colmap_lenses[];
+extern const saga_colmap_lens saga_colmap_lenses[SAGA_COLMAP_N_LENSES + 1];
 
 typedef struct saga_colmap_job {
     saga_colmap *model;

@@ -235,8 +235,8 @@ static bool check_sizes(saga_listing *l, saga_error *error)
     for (int i = 0; ok && i < l->n_sources; i++) {
         saga_source *const s = &l->sources[i];
         saga_source_turn(s, sizes[2 * i], sizes[2 * i + 1]);
-        ok = saga_check_same_size(s->name, s->width, s->height, sizes[2 * i],
-                                  sizes[2 * i + 1], error);
+        ok = saga_check_same_size(s->pictures[0], s->width, s->height,
+                                  sizes[2 * i], sizes[2 * i + 1], error);
     }
     free(sizes);
     return ok;
