@@ -323,16 +323,6 @@ static void tell_plan(const saga_encode_session *s)
                        saga_train_n_iterations(s->train));
 }
 
-void saga_encode_tell_notes(const char *notes, size_t nbytes)
-{
-    for (const char *line = notes; line < notes + nbytes;) {
-        const int n = (int)strcspn(line, "\n");
-
-        saga_cli_error(0, "encode: %.*s", n, line);
-        line += n + (line[n] == '\n');
-    }
-}
-
 int saga_encode_open(saga_encode_session *s)
 {
     int status = check_output(s);

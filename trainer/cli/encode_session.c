@@ -193,3 +193,13 @@ int saga_encode_load(saga_encode_session *s, int segment)
     return segment == SAGA_TRAIN_BASE ? open_base(s)
                                       : open_segment(s, segment);
 }
+
+void saga_encode_tell_notes(const char *notes, size_t nbytes)
+{
+    for (const char *line = notes; line < notes + nbytes;) {
+        const int n = (int)strcspn(line, "\n");
+
+        saga_cli_error(0, "encode: %.*s", n, line);
+        line += n + (line[n] == '\n');
+    }
+}
