@@ -61,7 +61,7 @@ HOT = common/interp common/mlp common/mlp_avx2 common/fx_math \
 # check_vectors is built for every machine that has libc and libm. It links only
 # these files of the trainer, which need no other library.
 PLAIN_TRAINER = $(addprefix trainer/code/,cost.c range_enc.c look_up.c \
-                  encode.c encode_chunks.c) $(addprefix trainer/basics/,alloc.c error.c)
+                  encode.c encode_chunks.c) $(addprefix trainer/basics/,alloc.c error.c utf8.c)
 
 # SEE_room lists the rooms whose headers a room of the trainer may include, all
 # of them earlier in ROOMS. docs/architecture.md has the same table;

@@ -73,6 +73,24 @@ TEST(bytes_should_be_told_where_they_are_no_character)
 
 /* If a name of at most 63 bytes has 61 letters, the next character must be kept
  * whole or dropped. */
+TEST(foreign_text_should_not_act_on_what_shows_it)
+{
+    saga_error error = { "" };
+
+    copy("Z\303\274rich, \346\235\261", "Z\303\274rich, \346\235\261");
+    copy("\033]0;x\a\177", "%1B]0;x%07%7F");
+    /* U+009B begins an escape sequence, U+202E turns the writing round, U+200B
+     * has no width, U+2028 ends a line, U+E0041 is a tag. */
+    copy("a\302\233b", "a%C2%9Bb");
+    copy("a\342\200\256b\342\200\213\342\200\250",
+         "a%E2%80%AEb%E2%80%8B%E2%80%A8");
+    copy("\363\240\201\201", "%F3%A0%81%81");
+    assert_false(saga_fail(&error, "a\033[2J.png", "give %s", "is %s",
+                           "\r\n\302\205"));
+    assert_string_equal(error.message,
+                        "a%1B[2J.png: is %0D%0A%C2%85; give %s");
+}
+
 TEST(names_should_end_behind_a_character)
 {
     static const char *const tail[] = {
@@ -90,7 +108,7 @@ TEST(names_should_end_behind_a_character)
         assert_true(saga_utf8_is(name));
     }
     saga_copy_name(name, "a/b,\n\177\351", 7);
-    assert_string_equal(name, "a_b___%E9");
+    assert_string_equal(name, "a_b_%0A%7F%E9");
 }
 
 TEST(notes_should_be_text)

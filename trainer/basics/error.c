@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 #include "error.h"
 
+#include "utf8.h"
+
 #include <errno.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -23,10 +25,13 @@ bool saga_fail(saga_error *error, const char *file, const char *remedy,
     /* A long path is shortened, so that the remedy fits into the message. */
     const size_t n_file = file ? strlen(file) : 0;
     const char *const tail = n_file > 400 ? file + n_file - 400 : file;
-    (void)snprintf(error->message, sizeof error->message,
-                   "%s%s%s%.*s%s%.200s", n_file > 400 ? "..." : "",
-                   tail ? tail : "", tail ? ": " : "", 400, what,
-                   remedy ? "; " : "", remedy ? remedy : "");
+    char whole[SAGA_MESSAGE_NBYTES];
+    (void)snprintf(whole, sizeof whole, "%s%s%s%.*s%s%.200s",
+                   n_file > 400 ? "..." : "", tail ? tail : "",
+                   tail ? ": " : "", 400, what, remedy ? "; " : "",
+                   remedy ? remedy : "");
+    saga_utf8_copy(error->message, sizeof error->message, whole,
+                   strlen(whole));
     return false;
 }
 

@@ -50,6 +50,34 @@ bool saga_utf8_is(const char *s)
     return true;
 }
 
+/* Returns the code point of the character of n bytes, which is valid. */
+static uint32_t code_of(const char *s, size_t n)
+{
+    uint32_t c = n == 1 ? (uint8_t)s[0] : (uint8_t)s[0] & (0x7fu >> n);
+
+    for (size_t i = 1; i < n; i++)
+        c = c << 6 | ((uint8_t)s[i] & 0x3f);
+    return c;
+}
+
+static bool is_shown(uint32_t c)
+{
+    /* Unicode's controls (Cc), separators of lines and paragraphs (Zl, Zp),
+     * and those of its format characters (Cf) that act on their neighbours. */
+    static const struct {
+        uint32_t first, last;
+    } hidden[] = {
+        { 0, 0x1f }, { 0x7f, 0x9f }, { 0xad, 0xad }, { 0x61c, 0x61c },
+        { 0x200b, 0x200f }, { 0x2028, 0x202e }, { 0x2060, 0x206f },
+        { 0xfeff, 0xfeff }, { 0xfff9, 0xfffb }, { 0xe0000, 0xe007f }
+    };
+
+    for (size_t i = 0; i < sizeof hidden / sizeof *hidden; i++)
+        if (c >= hidden[i].first && c <= hidden[i].last)
+            return false;
+    return true;
+}
+
 void saga_utf8_copy(char *to, size_t capacity, const char *from, size_t n)
 {
     static const char digit[] = "0123456789ABCDEF";
@@ -57,20 +85,20 @@ void saga_utf8_copy(char *to, size_t capacity, const char *from, size_t n)
 
     while (n > 0) {
         const size_t k = saga_utf8_length(from, n);
-        const uint8_t c = (uint8_t)from[0];
+        const bool shown = k && is_shown(code_of(from, k));
+        const size_t taken = k ? k : 1, written = shown ? k : 3 * taken;
 
-        if (used + (k ? k : 3) >= capacity)
+        if (used + written >= capacity)
             break;
-        if (k) {
-            memcpy(to + used, from, k);
-        } else {
-            to[used] = '%';
-            to[used + 1] = digit[c >> 4];
-            to[used + 2] = digit[c & 15];
-        }
-        used += k ? k : 3;
-        from += k ? k : 1;
-        n -= k ? k : 1;
+        for (size_t i = 0; i < taken; i++, from++)
+            if (shown) {
+                to[used++] = *from;
+            } else {
+                to[used++] = '%';
+                to[used++] = digit[(uint8_t)*from >> 4];
+                to[used++] = digit[(uint8_t)*from & 15];
+            }
+        n -= taken;
     }
     to[used] = '\0';
 }

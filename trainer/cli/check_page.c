@@ -10,6 +10,7 @@
 #include "pose.h"
 #include "preset.h"
 #include "warm_up.h"
+#include "utf8.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -106,11 +107,20 @@ bool saga_forecast_of(saga_forecast *f, const saga_capture *capture, int index)
 /* Writes text from the capture, with the special characters of HTML escaped. */
 static void put_escaped(FILE *to, const char *text)
 {
-    for (; *text; text++)
-        if (strchr("<>&\"'", *text))
-            fprintf(to, "&#%d;", *text);
-        else
-            fputc(*text, to);
+    char shown[SAGA_NOTES_NBYTES];
+
+    /* Notes have a line each. */
+    for (size_t n; *text; text += n + (text[n] == '\n')) {
+        n = strcspn(text, "\n");
+        saga_utf8_copy(shown, sizeof shown, text, n);
+        for (const char *c = shown; *c; c++)
+            if (strchr("<>&\"'", *c))
+                fprintf(to, "&#%d;", *c);
+            else
+                fputc(*c, to);
+        if (text[n] == '\n')
+            fputc('\n', to);
+    }
 }
 
 /* Returns a picture at most THUMB pixels wide, made by averaging boxes of n x n

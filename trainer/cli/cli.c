@@ -4,6 +4,7 @@
 #include "clock.h"
 #include "output.h"
 #include "threads.h"
+#include "utf8.h"
 
 #include <errno.h>
 #include <math.h>
@@ -16,14 +17,31 @@
 
 /* --- Messages ------------------------------------------------------------ */
 
+static void print(FILE *to, const char *begin, const char *format,
+                  va_list args)
+{
+    char text[2 * SAGA_MESSAGE_NBYTES], shown[sizeof text];
+
+    vsnprintf(text, sizeof text, format, args);
+    saga_utf8_copy(shown, sizeof shown, text, strlen(text));
+    fprintf(to, "%s%s\n", begin, shown);
+}
+
+void saga_cli_print(const char *format, ...)
+{
+    va_list args;
+
+    va_start(args, format);
+    print(stdout, "", format, args);
+    va_end(args);
+}
+
 int saga_cli_error(int status, const char *format, ...)
 {
     va_list args;
 
     va_start(args, format);
-    fputs("saga: ", stderr);
-    vfprintf(stderr, format, args);
-    fputc('\n', stderr);
+    print(stderr, "saga: ", format, args);
     va_end(args);
     return status;
 }

@@ -112,7 +112,11 @@ int saga_cli_threads(const char *command, int n);
 
 /* --- Messages ------------------------------------------------------------ */
 
-/* Prints "saga: ...", with a newline, on stderr; returns status. */
+/* Prints a line on stdout, in which all that is foreign is made visible
+ * (utf8.h). */
+void saga_cli_print(const char *format, ...) SAGA_CLI_PRINTF(1, 2);
+
+/* Prints "saga: ..." in the same way on stderr; returns status. */
 int saga_cli_error(int status, const char *format, ...) SAGA_CLI_PRINTF(2, 3);
 
 /* --- Signals ------------------------------------------------------------- */

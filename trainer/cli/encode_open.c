@@ -279,9 +279,8 @@ static int open_training(saga_encode_session *s)
                               "%d or more", t.n_bytes, LEAST_SIZE);
     s->wanted = t.n_bytes;
     if (s->o->resume && !resume && !s->o->sweep)
-        fprintf(stderr, "saga: encode: there is no checkpoint %s: the "
-                "training starts from the beginning\n",
-                s->checkpoint);
+        saga_cli_error(0, "encode: there is no checkpoint %s: the training "
+                       "starts from the beginning", s->checkpoint);
     /* The first segment is given by the checkpoint or the file of networks.
      * Otherwise all segments are loaded to find the one with the most
      * change. */

@@ -126,7 +126,7 @@ static bool fill_folder(session *s, const char *folder, const char *pattern)
     }
     saga_meter_end(&meter);
     if (ok)
-        printf("%s: %" PRIu32 " frames, %.0f splats a frame\n", s->o->out,
+        saga_cli_print("%s: %" PRIu32 " frames, %.0f splats a frame", s->o->out,
                end - first, (double)s->n_splats / (end - first));
     return ok;
 }
@@ -195,7 +195,7 @@ static bool write_frame(session *s)
         return false;
     ok = written(s, saga_cloud_write(o->out, &cloud, &s->error));
     if (ok)
-        printf("%s: frame %d, %zu splats\n", o->out, frame, cloud.n);
+        saga_cli_print("%s: frame %d, %zu splats", o->out, frame, cloud.n);
     saga_cloud_free(&cloud);
     return ok;
 }

@@ -337,10 +337,10 @@ static void tell(const session *s)
 {
     const saga_train_report *const r = saga_train_report_of(s->train);
 
-    printf("%s: %zu bytes, level %" PRIu32 "; %d frame%s, %" PRIu32
-           " primitives, lambda %.4g\n", s->o->out, r->sizes.total,
-           r->info.level, s->n_frames, s->n_frames == 1 ? "" : "s", r->n.prim,
-           r->lambda);
+    saga_cli_print("%s: %zu bytes, level %" PRIu32 "; %d frame%s, %" PRIu32
+                   " primitives, lambda %.4g", s->o->out, r->sizes.total,
+                   r->info.level, s->n_frames, s->n_frames == 1 ? "" : "s",
+                   r->n.prim, r->lambda);
     printf("%.2f dB against pictures of the original splats (%d pictures)\n",
            r->coded.training, r->coded.n_training);
 }

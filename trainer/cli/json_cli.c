@@ -91,7 +91,9 @@ static char *text_of(json_t *o, size_t precision, const char *file,
     char *text;
 
     saga_drop_asides(o);
-    text = json_dumps(o, JSON_INDENT(2) | JSON_REAL_PRECISION(precision));
+    /* ASCII alone, so that a name cannot act on the terminal. */
+    text = json_dumps(o, JSON_INDENT(2) | JSON_ENSURE_ASCII |
+                         JSON_REAL_PRECISION(precision));
     json_decref(o);
     if (saga_json_starved()) /* keys may be missing then */
         saga_no_memory(0, file, error);

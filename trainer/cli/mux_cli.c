@@ -109,8 +109,8 @@ static int mux(const options *o, const char *name, const saga_bytes *film,
     else if (!saga_output_write(o->out, whole.data, whole.nbytes, error))
         status = SAGA_EXIT_USAGE;
     else
-        printf("%s: %zu bytes, %zu of sound\n", o->out, whole.nbytes,
-               sound.nbytes);
+        saga_cli_print("%s: %zu bytes, %zu of sound", o->out, whole.nbytes,
+                       sound.nbytes);
     saga_bytes_free(&sound);
     saga_bytes_free(&whole);
     return status;

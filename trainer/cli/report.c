@@ -88,8 +88,8 @@ static bool read_picture(session *s, char **text, const char *path,
         ok = *text != NULL;
     }
     if (why)
-        fprintf(stderr, "saga: report: the page lacks the picture %s, which "
-                "%s names: it %s\n", path, results, why);
+        saga_cli_error(0, "report: the page lacks the picture %s, which %s "
+                       "names: it %s", path, results, why);
     saga_bytes_free(&bytes);
     free(real);
     return ok;

@@ -5,6 +5,8 @@
  */
 #include "json_cli.h"
 
+#include "utf8.h"
+
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -121,6 +123,19 @@ static field parse(const char *text, size_t n)
     return f;
 }
 
+/* Longest string of a report that is printed whole. */
+enum { LONGEST_STRING = 4096 };
+
+/* Prints a string of the report, in which all that is foreign is made visible.
+ */
+static void print_string(const char *format, const char *s)
+{
+    char shown[LONGEST_STRING];
+
+    saga_utf8_copy(shown, sizeof shown, s, strlen(s));
+    printf(format[0] ? format : "%s", shown);
+}
+
 /* Prints a text with the width that a format gives a number. */
 static void print_aligned(const char *text, const char *format)
 {
@@ -149,7 +164,7 @@ static void print_value(const json_t *v, const json_t *parent,
     const char *text;
 
     if (json_is_string(v)) {
-        printf(n ? f->format : "%s", json_string_value(v));
+        print_string(f->format, json_string_value(v));
     } else if (json_is_number(v) && last && last != 'd') {
         printf(f->format, f->factor * json_number_value(v));
     } else if (json_is_integer(v)) {
@@ -179,7 +194,7 @@ static void print_field(const char *text, size_t n, const place *at)
         return;
     }
     if (text[0] == '@') {
-        printf(f.format[0] ? f.format : "%s", at->key);
+        print_string(f.format, at->key);
         return;
     }
     v = follow(&parent, key, at, text, f.n_path);

@@ -93,7 +93,7 @@ static int write_splice(const char *command, const char *path,
         /* A file of this name may have been a part. */
         if (!record->count)
             saga_part_forget(path);
-        printf("%s: %zu bytes\n", path, n);
+        saga_cli_print("%s: %zu bytes", path, n);
         tell_sound(bytes, n, part, n_parts);
     }
     free(bytes);

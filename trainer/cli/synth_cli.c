@@ -71,9 +71,9 @@ static int write(const char *folder, const options *o)
     saga_meter_end(&meter);
     if (!ok)
         return saga_cli_error(SAGA_EXIT_USAGE, "synth: %s", error.message);
-    printf("%s: %d cameras, %d of them held out, %d frames of %d x %d at %g "
-           "per second\n", folder, s.n_cameras, s.n_hold_out, s.n_frames,
-           s.width, s.height, s.fps);
+    saga_cli_print("%s: %d cameras, %d of them held out, %d frames of %d x %d "
+                   "at %g per second", folder, s.n_cameras, s.n_hold_out,
+                   s.n_frames, s.width, s.height, s.fps);
     return SAGA_EXIT_OK;
 }
 

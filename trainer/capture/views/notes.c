@@ -98,8 +98,7 @@ void saga_copy_name(char name[SAGA_NAME_NBYTES], const char *s, size_t n)
 {
     saga_utf8_copy(name, SAGA_NAME_NBYTES, s, n);
     for (char *p = name; *p; p++) {
-        const unsigned char c = (unsigned char)*p;
-        if (c < 0x20 || c == 0x7f || c == ',' || c == '/')
+        if (*p == ',' || *p == '/')
             *p = '_';
     }
 }

@@ -22,8 +22,9 @@ typedef struct saga_note_kind {
 void saga_note_each(char *notes, const saga_note_kind *kind,
                     const char *format, ...) SAGA_PRINTF(3, 4);
 
-/* Copies s[0..n) as a name for messages, tables and files, in UTF-8 (utf8.h);
- * characters that could disturb a terminal or a list become '_'. */
+/* Copies s[0..n) as a name for messages, tables and files, as saga_utf8_copy
+ * does; commas and slashes, which could disturb a list or a path, become '_'.
+ */
 void saga_copy_name(char name[SAGA_NAME_NBYTES], const char *s, size_t n);
 
 #endif
