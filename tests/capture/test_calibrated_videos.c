@@ -215,7 +215,7 @@ TEST_IN_FOLDER(calibration_should_be_refused_when_wrong)
           "not a rotation" },
         { "s/rotation.*//", "has no camera with matrix, rotation and" },
         { "s/^.cam_0.*/[cam_0]\\nignore = true/", "has no camera with" },
-        { "s/cam_0/cam_9/", "no name of its 1 videos contains" },
+        { "s/cam_0/cam_9/", "no name of its 1 videos (cam_0.mp4 ...)" },
     };
 
     for (size_t i = 0; i < sizeof t / sizeof *t; i++) {
@@ -231,7 +231,7 @@ TEST_IN_FOLDER(calibration_should_be_refused_when_wrong)
     folder_run(f, "cp calibration.toml calib2.toml");
     refused(f->path, f->path, "has 2 calibrations, among them");
     folder_run(f, "rm calib2.toml *.mp4");
-    refused(f->path, f->path, "but no videos beside it");
+    refused(f->path, f->path, "but no videos (.mp4");
 }
 
 /* --- Names --------------------------------------------------------------- */
@@ -286,6 +286,7 @@ TEST_IN_FOLDER(toml_should_be_read_as_a_tree)
 {
     static const struct { const char *toml, *json; } t[] = {
         { "", "{}" },
+        { "\xef\xbb\xbf" "a = 1", "{\"a\":1.0}" },
         { "a = 1\r\n# c\n\tb-2 = -2.5e1 # d\n", "{\"a\":1.0,\"b-2\":-25.0}" },
         { "a = 1_000\nb = \"x # \\\" \\\\\"\nc = 'C:\\x'",
           "{\"a\":1000.0,\"b\":\"x # \\\" \\\\\",\"c\":\"C:\\\\x\"}" },
@@ -322,7 +323,14 @@ TEST_IN_FOLDER(toml_should_be_refused_with_the_line)
         { "a = 'x\ny'", "line 1: a string does not end" },
         { "a = \"\\n\"", "line 1: a string has an escape" },
         { "a = '\xff'", "line 1: a string is not valid UTF-8" },
-        { "a = nan", "line 1: a value is not" },
+        { "a = 1\n[b.c]\nd = [1, nan]", "line 3: a value is not a string, a "
+          "finite number, true, false or a list of these (\"nan\" for d of "
+          "b.c)" },
+        { "a = -nan(ind)", "(\"-nan\" for a)" },
+        { "a = 0x10", "(\"0x10\" for a)" },
+        { "a = 1.#QNAN", "(\"1.#QNAN\" for a)" },
+        { "a = 1,5", "line 1: a line has something" },
+        { "\xff\xfe" "a", "is text in UTF-16; save it as UTF-8" },
         { "a = 1979-05-27", "line 1: a value is not" },
         { "= 1", "line 1: a key is missing" },
         { "a.b = 1", "line 1: there is no = after a key" },

@@ -188,16 +188,18 @@ bad_json 'del f(1, 2)["transform_matrix"]' \
     '"transform_matrix" in frames[5] is missing'
 bad_json 'f(1, 2)["transform_matrix"][1].pop()' \
     '"transform_matrix" in frames[5]'
-bad_json 'f(1, 2)["transform_matrix"][1][0] = "0"' 'is a string'
+bad_json 'f(1, 2)["transform_matrix"][1][0] = "0"' 'is "0", expected'
 bad_json 'f(1, 2)["transform_matrix"][3][0] = 1' 'frames[5] is not 0 0 0 1'
 bad_json 'f(0, 1)["transform_matrix"][0][3] = float("nan")' \
-    'not finite at line 1' NaN
+    '"transform_matrix" in frames[1] is "NaN", expected 4 rows'
 bad_json 'f(0, 1)["transform_matrix"][0][3] = float("inf")' \
-    'not finite at line 1' Infinity
+    '"transform_matrix" in frames[1] is "Infinity"'
 bad_json 'f(0, 1)["transform_matrix"][0][3] = float("-inf")' \
-    'not finite at line 1' "near '-'"
+    '"transform_matrix" in frames[1] is "-Infinity"'
+bad_json 'j["k1"] = "@"
+j = json.dumps(j).replace("\"@\"", "-nan(ind)")' '"k1" at the top is "-nan(ind)"'
 bad_json 'j = json.dumps(j).replace("57.6", "1e999", 1)' 'not finite at line 1'
-bad_json 'j["fl_x"] = "57.6"' '"fl_x" at the top is a string'
+bad_json 'j["fl_x"] = "57.6"' '"fl_x" at the top is "57.6"'
 bad_json 'del j["fl_x"]' 'focal length of images/cam00/00000.png is missing'
 bad_json 'j["fps"] = 0' '"fps" is 0'
 bad_json 'j["fps"] = -24' '"fps" is -24'

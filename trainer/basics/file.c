@@ -29,6 +29,8 @@ char *saga_path_join(const char *folder, const char *name, saga_error *error)
 {
     if (!folder || folder[0] == '\0' || name[0] == '/')
         return saga_string_copy(name, error);
+    if (name[0] == '\0')
+        return saga_string_copy(folder, error);
     const size_t n = strlen(folder) + strlen(name) + 2;
     char *const path = saga_alloc(n, 1, name, error);
     if (path)
@@ -46,6 +48,15 @@ bool saga_path_is_folder(const char *path)
 {
     struct stat st;
     return stat(path, &st) == 0 && S_ISDIR(st.st_mode);
+}
+
+void saga_path_slashes(char *name, const char *folder)
+{
+    if (!strchr(name, '\\') || saga_folder_has(folder, name))
+        return;
+    for (char *p = name; *p; p++)
+        if (*p == '\\')
+            *p = '/';
 }
 
 bool saga_folder_has(const char *folder, const char *name)
@@ -83,7 +94,7 @@ bool saga_folder_list(saga_names *names, const char *folder,
                saga_fail_errno(error, folder, "check its permissions",
                                "folder cannot be read");
     for (struct dirent *e; ok && (e = readdir(dir)) != NULL;)
-        if (e->d_name[0] != '.' && wanted(e->d_name))
+        if (e->d_name[0] != '.' && (!wanted || wanted(e->d_name)))
             ok = add_name(names, e->d_name, folder, error);
     closedir(dir);
     /* readdir has no defined order. */
@@ -221,14 +232,12 @@ void saga_bytes_free(saga_bytes *bytes)
     *bytes = (saga_bytes){0};
 }
 
-/* Tells whether a word of n characters is what programs write for NaN and
- * infinity: nan, inf, Infinity, -nan(ind), 1.#QNAN. */
-static bool is_no_number(const char *word, size_t n)
+bool saga_is_no_number(const char *word, size_t n)
 {
-    const size_t sign = *word == '-' || *word == '+';
-    return strncasecmp(word + sign, "nan", 3) == 0 ||
-           strncasecmp(word + sign, "inf", 3) == 0 ||
-           (n > sign + 2 && strncmp(word + sign, "1.#", 3) == 0);
+    const size_t sign = n > 0 && (*word == '-' || *word == '+');
+    return n >= sign + 3 && (strncasecmp(word + sign, "nan", 3) == 0 ||
+                             strncasecmp(word + sign, "inf", 3) == 0 ||
+                             strncmp(word + sign, "1.#", 3) == 0);
 }
 
 bool saga_take_number(const char **text, double *x)
@@ -237,7 +246,7 @@ bool saga_take_number(const char **text, double *x)
     const char *const word = *text;
     const size_t n = strcspn(word, " \t\r\n");
     char *end;
-    if (n > 0 && is_no_number(word, n)) {
+    if (saga_is_no_number(word, n)) {
         *x = (double)NAN;
     } else {
         /* strtod alone would take hexadecimal numbers, too. */

@@ -13,14 +13,17 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Returns a copy of "folder/name", or of name alone if it is absolute or folder
- * is NULL or empty. The caller frees it. */
+/* Returns a copy of "folder/name", of name alone if it is absolute or folder is
+ * NULL or empty, or of folder if name is empty. The caller frees it. */
 char *saga_path_join(const char *folder, const char *name, saga_error *error);
 char *saga_string_copy(const char *s, saga_error *error);
 bool saga_path_is_file(const char *path);
 bool saga_path_is_folder(const char *path);
 /* Tells whether the folder has a regular file with this name. */
 bool saga_folder_has(const char *folder, const char *name);
+/* Makes "/" of every "\" in a name, since Windows separates folders by it, if
+ * the folder has no file with the name as it is. */
+void saga_path_slashes(char *name, const char *folder);
 /* Compares without regard to case: cameras write .MP4 and .JPG. */
 bool saga_has_suffix(const char *s, const char *suffix);
 
@@ -30,11 +33,11 @@ typedef struct saga_names {
     size_t n;
 } saga_names;
 
-/* Lists the names in a folder that `wanted` accepts, in the order of
- * saga_compare_names. Names that begin with "." are left out: systems put files
- * of their own beside the user's (._cam0.mp4, .DS_Store). A folder that does
- * not exist has no names; one that cannot be read is an error. The caller frees
- * the names, also on failure. */
+/* Lists the names in a folder that `wanted` accepts (NULL: all), in the order
+ * of saga_compare_names. Names that begin with "." are left out: systems put
+ * files of their own beside the user's (._cam0.mp4, .DS_Store). A folder that
+ * does not exist has no names; one that cannot be read is an error. The caller
+ * frees the names, also on failure. */
 bool saga_folder_list(saga_names *names, const char *folder,
                       bool (*wanted)(const char *name), saga_error *error);
 void saga_names_free(saga_names *names);
@@ -100,10 +103,14 @@ static inline uint64_t saga_take_le(saga_cursor *c, int n)
     return p ? saga_load_le(p, n) : 0;
 }
 
+/* Tells whether a word of n characters is one that programs write for NaN or
+ * infinity: nan, inf, Infinity, -nan(ind), 1.#QNAN. */
+bool saga_is_no_number(const char *word, size_t n);
+
 /* Reads a number up to the next white space and moves *text behind it. The word
- * must be a decimal number as a whole, without a comma; those that programs
- * write for no number (nan, -nan(ind), inf, 1.#QNAN) give NaN. Returns false,
- * with *text at the word, for any other word and at the end of the text. */
+ * must be a decimal number as a whole, without a comma; the words of
+ * saga_is_no_number give NaN. Returns false, with *text at the word, for any
+ * other word and at the end of the text. */
 bool saga_take_number(const char **text, double *x);
 
 /* Reads a line of text without its end, cut to n - 1 characters. Returns false

@@ -345,24 +345,9 @@ static bool read_root(const reader *r, const json_t *root)
 static bool read_json(saga_path *path, const char *name, saga_error *error)
 {
     const reader r = { name, path, error };
-    json_error_t problem;
-    saga_bytes bytes;
-    json_t *root;
-    bool ok;
+    json_t *const root = saga_json_read(name, error);
+    const bool ok = root && read_root(&r, root);
 
-    if (!saga_read_file(&bytes, name, error))
-        return false;
-    /* Out of memory is distinguished from invalid JSON. */
-    saga_json_watch();
-    root = json_loadb((const char *)bytes.data, bytes.nbytes, 0, &problem);
-    saga_bytes_free(&bytes);
-    if (saga_json_starved())
-        ok = saga_no_memory(0, name, error);
-    else if (!root)
-        ok = saga_fail(error, name, "correct it", "is not valid JSON (line %d: "
-                       "%s)", problem.line, problem.text);
-    else
-        ok = read_root(&r, root);
     json_decref(root);
     return ok;
 }

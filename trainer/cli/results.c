@@ -75,7 +75,7 @@ bool saga_results_load(saga_results *r, const char *path, saga_error *error)
     size_t at;
 
     *r = (saga_results){ .path = path };
-    if (!saga_read_file(&bytes, path, error))
+    if (!saga_read_text(&bytes, path, error))
         return false;
     ok = true;
     at = skip_blanks((const char *)bytes.data);

@@ -316,8 +316,10 @@ static bool take_splats(saga_cloud *cloud, const sog *s)
 bool saga_is_sog(const saga_bytes *bytes)
 {
     const uint8_t *const p = bytes->data;
+    const size_t bom = saga_bom_nbytes(p, bytes->nbytes);
 
-    return bytes->nbytes >= 4 && (memcmp(p, "PK\3\4", 4) == 0 || p[0] == '{');
+    return bytes->nbytes >= bom + 4 &&
+           (memcmp(p, "PK\3\4", 4) == 0 || p[bom] == '{');
 }
 
 bool saga_sog_read(saga_cloud *cloud, const saga_bytes *bytes,

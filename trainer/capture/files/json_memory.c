@@ -55,16 +55,39 @@ void saga_json_merge_object(json_t *object, json_t *other)
     lost |= json_object_update_new(object, other) != 0;
 }
 
-/* Reports invalid JSON. Python writes NaN, Infinity and -Infinity, which JSON
- * does not have. */
-static bool bad_json(const json_error_t *problem, const char *path,
-                     const saga_bytes *bytes, saga_error *error)
+/* Copies a text with quotes around the words that stand for no number, which
+ * JSON does not have, though many programs write them. Then the reader of each
+ * value can say where a number is wanted, and the others do not matter. */
+static bool quote_words(saga_bytes *to, const saga_bytes *from,
+                        const char *path, saga_error *error)
 {
-    const bool nonfinite = strstr(problem->text, "'NaN") ||
-                           strstr(problem->text, "'Infinity") ||
-                           (strstr(problem->text, "'-'") &&
-                            strstr((const char *)bytes->data, "-Infinity")) ||
-                           strstr(problem->text, "real number overflow");
+    static const char letters[] = "abcdefghijklmnopqrstuvwxyz"
+                                  "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789+-.#()_";
+    const char *p = (const char *)from->data, *const end = p + from->nbytes;
+    bool inside = false; /* a string */
+    /* The shortest of these words has three characters and gets two more. */
+    *to = (saga_bytes){saga_alloc(from->nbytes * 2 + 1, 1, path, error), 0};
+    while (to->data && p < end) {
+        const size_t word = inside ? 0 : strspn(p, letters);
+        const bool quoted = saga_is_no_number(p, word);
+        const bool escape = inside && *p == '\\' && p + 1 < end;
+        const size_t n = word ? word : escape ? 2 : 1;
+        inside ^= !word && *p == '"';
+        to->data[to->nbytes] = '"';
+        to->nbytes += quoted;
+        memcpy(to->data + to->nbytes, p, n);
+        to->nbytes += n;
+        to->data[to->nbytes] = '"';
+        to->nbytes += quoted;
+        p += n;
+    }
+    return to->data != NULL;
+}
+
+static bool bad_json(const json_error_t *problem, const char *path,
+                     saga_error *error)
+{
+    const bool nonfinite = strstr(problem->text, "real number overflow");
     return saga_fail(error, path, nonfinite ? "export the poses again"
                                             : "correct the file",
                      "%s at line %d, column %d (%s)",
@@ -78,12 +101,13 @@ json_t *saga_json_parse(const saga_bytes *text, const char *path,
 {
     json_error_t problem;
     saga_json_watch();
-    json_t *root = json_loadb((const char *)text->data, text->nbytes, 0,
-                              &problem);
+    const size_t bom = saga_bom_nbytes(text->data, text->nbytes);
+    json_t *root = json_loadb((const char *)text->data + bom,
+                              text->nbytes - bom, 0, &problem);
     /* If an allocation failed, jansson's error about the text is
      * meaningless. */
     bool ok = root || saga_json_starved() ||
-              bad_json(&problem, path, text, error);
+              bad_json(&problem, path, error);
     if (saga_json_starved())
         ok = saga_no_memory(0, path, error);
     else if (ok && !json_is_object(root))
@@ -97,10 +121,12 @@ json_t *saga_json_parse(const saga_bytes *text, const char *path,
 
 json_t *saga_json_read(const char *path, saga_error *error)
 {
-    saga_bytes bytes;
-    if (!saga_read_file(&bytes, path, error))
-        return NULL;
-    json_t *const root = saga_json_parse(&bytes, path, error);
+    saga_bytes bytes, quoted = {0};
+    json_t *root = NULL;
+    if (saga_read_text(&bytes, path, error) &&
+        quote_words(&quoted, &bytes, path, error))
+        root = saga_json_parse(&quoted, path, error);
     saga_bytes_free(&bytes);
+    saga_bytes_free(&quoted);
     return root;
 }

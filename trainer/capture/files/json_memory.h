@@ -30,8 +30,9 @@ bool saga_json_append_item(json_t *array, json_t *value);
 void saga_json_merge_object(json_t *object, json_t *other);
 
 /* Reads a file whose root is an object; the caller releases it with
- * json_decref. Returns NULL, with *error set, if memory is short or the file is
- * not JSON (with the line). */
+ * json_decref. NaN, Infinity and the like become strings, so that who wants a
+ * number refuses them by name. Returns NULL, with *error set, if memory is
+ * short or the file is not JSON (with the line). */
 json_t *saga_json_read(const char *path, saga_error *error);
 
 /* Parses a text like saga_json_read. The text is a part of a file: a NUL

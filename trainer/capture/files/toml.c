@@ -6,6 +6,7 @@
 #include "utf8.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -20,6 +21,9 @@ typedef struct toml_reader {
     const uint8_t *next, *end;
     int line;
     json_t *root, *table;    /* the tree; the table to which keys are added */
+    const char *key;         /* the key whose value is read */
+    const uint8_t *header;   /* the name of the table and what follows; NULL:
+                              * the root */
     saga_error *error;
 } toml_reader;
 
@@ -121,23 +125,31 @@ static bool take_key(toml_reader *r, char text[MOST_TEXT])
 /* Reads true, false or a number, whose digits may have _ between them. */
 static json_t *take_word(toml_reader *r)
 {
-    char text[MOST_TEXT], *end;
+    char text[MOST_TEXT];
     size_t n = 0;
-    while (n + 1 < MOST_TEXT && (is_bare(look(r)) || look(r) == '+' ||
-                                 look(r) == '.')) {
+    /* No number ends in a point, so that 1.#QNAN is no comment behind it. */
+    while (n + 1 < MOST_TEXT &&
+           (is_bare(look(r)) || look(r) == '+' || look(r) == '.' ||
+            (look(r) == '#' && n > 0 && text[n - 1] == '.'))) {
         text[n] = (char)*r->next++;
         n += text[n] != '_';
     }
     text[n] = '\0';
     if (strcmp(text, "true") == 0 || strcmp(text, "false") == 0)
         return json_boolean(text[0] == 't');
-    const double x = strtod(text, &end);
-    if (n == 0 || *end != '\0' || !isfinite(x)) {
-        bad(r, "a value is not a string, a finite number, true, false or a "
-            "list of these");
-        return NULL;
-    }
-    return json_real(x);
+    const char *word = text;
+    double x;
+    if (saga_take_number(&word, &x) && isfinite(x))
+        return json_real(x);
+    /* The table's name ends with its line at the latest. */
+    const char *const table = (const char *)r->header;
+    char what[320];
+    (void)snprintf(what, sizeof what, "a value is not a string, a finite "
+                   "number, true, false or a list of these (\"%.40s\" for "
+                   "%.60s%s%.*s)", text, r->key, table ? " of " : "",
+                   table ? (int)strcspn(table, "]\n") : 0, table ? table : "");
+    bad(r, what);
+    return NULL;
 }
 
 static json_t *take_scalar(toml_reader *r)
@@ -193,6 +205,7 @@ static bool take_header(toml_reader *r)
 {
     char key[MOST_TEXT];
     r->table = r->root;
+    r->header = r->next;
     if (look(r) == '[')
         return bad(r, "lists of tables are not supported");
     /* Each part of a name "a.b" goes one table deeper; the depth is limited,
@@ -228,6 +241,7 @@ static bool take_pair(toml_reader *r)
     skip_blanks(r);
     if (json_object_get(r->table, key))
         return bad(r, "a key occurs twice");
+    r->key = key;
     json_t *const value = look(r) == '[' ? take_list(r) : take_scalar(r);
     if (value)
         saga_json_set_value(r->table, key, value);
@@ -249,7 +263,7 @@ static bool take_all(toml_reader *r)
 json_t *saga_toml_read(const char *path, saga_error *error)
 {
     saga_bytes bytes;
-    if (!saga_read_file(&bytes, path, error))
+    if (!saga_read_text(&bytes, path, error))
         return NULL;
     toml_reader r = {.path = path, .next = bytes.data,
                      .end = bytes.data + bytes.nbytes, .line = 1,

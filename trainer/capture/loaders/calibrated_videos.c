@@ -19,9 +19,9 @@
  * its corner.
  */
 #include "alloc.h"
+#include "colmap_views.h"
 #include "error.h"
 #include "file.h"
-#include "load.h"
 #include "moments.h"
 #include "notes.h"
 #include "pose.h"
@@ -39,10 +39,13 @@ static const double largest_rig_metres = 50.0;
 
 typedef struct calibration {
     saga_listing *listing;
-    const char *path;         /* path of the TOML file */
+    char *path;               /* path of the TOML file, or NULL */
     double (*sizes)[2];       /* (n_sources) size of the calibrated pictures */
+    int n_files;              /* number of TOML files beside it, and it */
     char *videos_folder;
     saga_names videos;        /* in that folder */
+    int n_recordings;         /* number of folders in recordings/ that have
+                               * videos */
     saga_error *error;
 } calibration;
 
@@ -60,27 +63,42 @@ static bool is_calibration(const char *name)
             strcmp(name, "camera_array_aniposelib.toml") == 0);
 }
 
-/* Sets *file to a calibration in a folder, NULL if there is none, and *n to
- * their number. Caliscope exports one calibration in two forms, of which the
- * first counts. Returns false only on an error. */
-static bool find_file(char **file, int *n, const char *folder,
-                      saga_error *error)
+/* Finds a calibration in a folder. Caliscope exports one in two forms, of which
+ * the first counts. Returns false only on an error. */
+static bool find_file(calibration *c, const char *folder)
 {
     static const char first[] = "camera_array.toml";
     saga_names names = {0};
-    *file = NULL;
-    /* A file of this name takes precedence over all others. */
-    *n = saga_folder_has(folder, first);
-    if (*n == 1)
-        return (*file = saga_path_join(folder, first, error)) != NULL;
-    bool ok = saga_folder_list(&names, folder, is_calibration, error);
-    if (ok && names.n > 0) {
-        *file = saga_path_join(folder, names.at[0], error);
-        ok = *file != NULL;
+    bool ok = true;
+    c->n_files = saga_folder_has(folder, first);
+    if (!c->n_files) {
+        ok = saga_folder_list(&names, folder, is_calibration, c->error);
+        c->n_files = (int)names.n;
     }
-    *n = (int)names.n;
+    if (ok && c->n_files)
+        c->path = saga_path_join(folder, names.n ? names.at[0] : first,
+                                 c->error);
     saga_names_free(&names);
-    return ok;
+    return !saga_failed(c->error);
+}
+
+/* Finds the calibration in a folder, or where caliscope and Pose2Sim put it in
+ * the folder of a project. *beside tells which. */
+static bool find_calibration(calibration *c, const char *folder, bool *beside)
+{
+    static const char *const parts[] = {
+        "", "capture_volume", "calibration/extrinsic/capture_volume",
+        "calibration/extrinsic", "calibration"
+    };
+    for (size_t i = 0; !c->path && i < sizeof parts / sizeof *parts; i++) {
+        char *const place = saga_path_join(folder, parts[i], c->error);
+        const bool ok = place && find_file(c, place);
+        free(place);
+        if (!ok)
+            return false;
+        *beside = i == 0;
+    }
+    return true;
 }
 
 /* ------------------------------------------------------------------ numbers */
@@ -145,14 +163,10 @@ static bool read_distortion(const calibration *c, saga_source *s,
                              "%zu are supported", s->name, n, n_known);
     s->lens.k1 = k[0];
     s->lens.k2 = k[1];
-    if (s->lens.fisheye) {
-        s->lens.k3 = k[2];
-        s->lens.k4 = k[3];
-    } else {
-        s->lens.p1 = k[2];
-        s->lens.p2 = k[3];
-        s->lens.k3 = k[4];
-    }
+    s->lens.p1 = s->lens.fisheye ? 0.0 : k[2];
+    s->lens.p2 = s->lens.fisheye ? 0.0 : k[3];
+    s->lens.k3 = k[s->lens.fisheye ? 2 : 4];
+    s->lens.k4 = s->lens.fisheye ? k[3] : 0.0;
     return true;
 }
 
@@ -206,11 +220,24 @@ static void name_camera(saga_source *s, const char *key, const json_t *table)
     saga_copy_name(s->name, text, strlen(text));
 }
 
+/* Tells whether a camera lacks a key. TOML has no null; some write "null". */
+static bool has_none(const json_t *table, const char *key)
+{
+    const json_t *const value = json_object_get(table, key);
+    return !value || (json_is_string(value) &&
+                      strcmp(json_string_value(value), "null") == 0);
+}
+
 static bool add_camera(calibration *c, const char *key, const json_t *table)
 {
     static const saga_note_kind left_out = {
         "cameras: left out, because the calibration has no pose of them or "
         "ignores them: ", ""};
+    /* Caliscope turns pictures only to show and to track them. */
+    static const saga_note_kind turned = {
+        "cameras: the rotation_count of ", " is for caliscope's windows; "
+        "pictures are read as they are in the videos, which is what lenses "
+        "and poses are for"};
     saga_listing *const l = c->listing;
     if (l->n_sources == SAGA_MAX_VIEWS)
         return saga_fail(c->error, c->path, "split the capture",
@@ -230,13 +257,29 @@ static bool add_camera(calibration *c, const char *key, const json_t *table)
     /* The calibration may have failed for a camera, or the user may have
      * excluded it. */
     if (json_is_true(json_object_get(table, "ignore")) ||
-        !json_object_get(table, "rotation") ||
-        !json_object_get(table, "translation")) {
+        has_none(table, "rotation") || has_none(table, "translation")) {
         saga_note_each(l->notes, &left_out, "%s", s->name);
         return true;
     }
+    if (json_number_value(json_object_get(table, "rotation_count")) != 0.0)
+        saga_note_each(l->notes, &turned, "%s", s->name);
     l->n_sources++;
     return read_lens(c, s, table, sizes[n - 1]) && read_pose(c, s, table);
+}
+
+/* Programs that have calibrated only lenses may write the same pose for all
+ * cameras. No two cameras can be in one place. */
+static bool check_poses(const calibration *c)
+{
+    const saga_source *const s = c->listing->sources;
+    for (int i = 1; i < c->listing->n_sources; i++)
+        if (memcmp(s[i].rotation, s[0].rotation, sizeof s->rotation) == 0 &&
+            memcmp(s[i].translation, s[0].translation, sizeof s->translation)
+                == 0)
+            return saga_fail(c->error, c->path, "calibrate poses (extrinsics) "
+                             "as well", "gives %s and %s the same rotation and "
+                             "translation", s[0].name, s[i].name);
+    return true;
 }
 
 static bool read_cameras(calibration *c)
@@ -254,30 +297,81 @@ static bool read_cameras(calibration *c)
     if (array)
         c->listing->metres = 1.0;
     json_decref(root);
-    return ok && (c->listing->n_sources > 0 ||
-                  saga_fail(c->error, c->path, "calibrate poses as well",
-                            "has no camera with matrix, rotation and "
-                            "translation"));
+    if (ok && c->listing->n_sources == 0)
+        return saga_fail(c->error, c->path, "calibrate poses (extrinsics) as "
+                         "well", "has no camera with matrix, rotation and "
+                         "translation");
+    return ok && saga_listing_check_names(c->listing, c->path, c->error) &&
+           check_poses(c);
 }
 
 /* ------------------------------------------------------------------- videos */
 
-/* Finds the videos beside the calibration, or in a folder there. */
+/* Lists the videos in a folder's part, unless some have been found. */
+static bool look_for_videos(calibration *c, const char *folder,
+                            const char *part)
+{
+    if (c->videos.n > 0)
+        return true;
+    free(c->videos_folder);
+    c->videos_folder = saga_path_join(folder, part, c->error);
+    return c->videos_folder && saga_folder_list(&c->videos, c->videos_folder,
+                                                saga_is_video_name, c->error);
+}
+
+/* Takes the videos of caliscope's recordings/, if only one folder in it has
+ * any; otherwise none. */
+static bool look_in_recordings(calibration *c, const char *folder)
+{
+    char *const root = saga_path_join(folder, "recordings", c->error);
+    saga_names takes = {0};
+    bool ok = root && saga_folder_list(&takes, root, NULL, c->error);
+    size_t last = 0;
+    for (size_t i = 0; ok && i < takes.n; i++) {
+        ok = look_for_videos(c, root, takes.at[i]);
+        if (c->videos.n == 0)
+            continue;
+        c->n_recordings++;
+        last = i;
+        saga_names_free(&c->videos);
+    }
+    if (ok && c->n_recordings == 1)
+        ok = look_for_videos(c, root, takes.at[last]);
+    saga_names_free(&takes);
+    free(root);
+    return ok;
+}
+
+/* Finds the videos in a folder, or where FreeMoCap, Pose2Sim and caliscope put
+ * them; those of the calibration itself come last. */
 static bool find_videos(calibration *c, const char *folder)
 {
-    static const char *const parts[] = {"", "/videos", "/synchronized_videos"};
-    const size_t n = strlen(folder) + sizeof "/synchronized_videos";
-    bool ok = (c->videos_folder = saga_alloc(n, 1, folder, c->error)) != NULL;
-    for (size_t i = 0; ok && c->videos.n == 0 && i < 3; i++) {
-        (void)snprintf(c->videos_folder, n, "%s%s", folder, parts[i]);
-        ok = saga_folder_list(&c->videos, c->videos_folder, saga_is_video_name,
-                              c->error);
-    }
-    if (!ok || c->videos.n > 0)
-        return ok;
-    return saga_fail(c->error, folder, "put them there", "has a calibration "
-                     "but no videos beside it, nor in videos/ or "
-                     "synchronized_videos/");
+    return look_for_videos(c, folder, "") &&
+           look_for_videos(c, folder, "videos") &&
+           look_for_videos(c, folder, "synchronized_videos") &&
+           (c->videos.n > 0 || look_in_recordings(c, folder)) &&
+           (c->n_recordings > 1 ||
+            look_for_videos(c, folder, "calibration/extrinsic"));
+}
+
+static bool check_files(const calibration *c, const char *folder)
+{
+    if (!c->path)
+        return saga_fail(c->error, folder, "export one", "has no calibration");
+    if (c->n_files > 1)
+        return saga_fail(c->error, folder, "keep one of them beside the videos",
+                         "has %d calibrations, among them %.100s", c->n_files,
+                         strrchr(c->path, '/') + 1);
+    if (c->n_recordings > 1)
+        return saga_fail(c->error, folder, "copy the calibration into that "
+                         "which you want, and give its folder", "has %d "
+                         "recordings with videos in recordings/, and the "
+                         "calibration %.200s", c->n_recordings, c->path);
+    return c->videos.n > 0 ||
+           saga_fail(c->error, folder, "put them there", "has the calibration "
+                     "%.200s, but no videos (.mp4, .mov, .mkv, .avi, .webm, "
+                     ".ts ...) beside it, nor in videos/, synchronized_videos/,"
+                     " recordings/NAME/ or calibration/extrinsic/", c->path);
 }
 
 /* ----------------------------------------------------- which is whose video */
@@ -355,11 +449,10 @@ static bool give_videos(calibration *c, const char *folder)
     if (rule < 0)
         return saga_fail(c->error, folder, "name each video as its camera, for "
                          "example cam_0.mp4", "no name of its %zu videos "
-                         "contains that of one of the %d cameras; the first "
-                         "camera is %s",
-                         c->videos.n, l->n_sources, l->sources[0].name);
-    /* Each camera takes the video that the rule gives it; the other videos are
-     * only counted. */
+                         "(%.60s ...) contains that of one of the %d cameras "
+                         "(%s ...)", c->videos.n, c->videos.at[0], l->n_sources,
+                         l->sources[0].name);
+    /* Videos that no camera takes are only counted. */
     size_t n_used = 0;
     for (int i = 0; i < l->n_sources; i++) {
         const int v = video_of(c, rule, i);
@@ -399,14 +492,13 @@ static bool fit_size(const calibration *c, saga_source *s, const double size[2])
  * often millimetres. */
 static void tell_unit(saga_listing *l)
 {
+    const saga_source *const s = l->sources;
     double farthest = 0.0;
     for (int i = 0; i < l->n_sources; i++)
         for (int k = 0; k < i; k++) {
             double a[3], b[3];
-            saga_pose_centre(l->sources[i].rotation, l->sources[i].translation,
-                             a);
-            saga_pose_centre(l->sources[k].rotation, l->sources[k].translation,
-                             b);
+            saga_pose_centre(s[i].rotation, s[i].translation, a);
+            saga_pose_centre(s[k].rotation, s[k].translation, b);
             farthest = fmax(farthest, hypot(hypot(a[0] - b[0], a[1] - b[1]),
                                             a[2] - b[2]));
         }
@@ -435,48 +527,58 @@ static bool fill_in(calibration *c, const saga_capture_options *options)
     free(kept_as);
     if (!ok)
         return false;
-    /* Names and the unit of length are settled first, then the frames that all
-     * videos have. */
-    saga_listing_tell_apart(l);
     tell_unit(l);
     saga_note(l->notes, "points: none (a calibration has none)");
     return saga_listing_match_videos(l, options, c->error) &&
            saga_listing_hold_out(l, options->hold_out, c->error);
 }
 
+static void release(calibration *c)
+{
+    saga_names_free(&c->videos);
+    free(c->videos_folder);
+    free(c->sizes);
+    free(c->path);
+}
+
+/* A folder that only contains a calibration somewhere may be another layout, so
+ * it must have videos, and no other poses. */
 static bool is_there(const char *folder, saga_error *error)
 {
-    char *file;
-    int n;
-    const bool ok = find_file(&file, &n, folder, error);
-    free(file);
-    return ok && n > 0;
+    calibration c = {.error = error};
+    char *model = NULL;
+    bool beside = false;
+    bool there = find_calibration(&c, folder, &beside) && c.path;
+    if (there && !beside)
+        there = !saga_folder_has(folder, "poses_bounds.npy") &&
+                saga_colmap_find(&model, folder, error) && !model &&
+                find_videos(&c, folder) &&
+                (c.videos.n > 0 || c.n_recordings > 1);
+    free(model);
+    release(&c);
+    return there;
 }
 
 static bool list(saga_listing *listing, const char *folder,
                  const saga_capture_options *options, saga_error *error)
 {
     calibration c = {.listing = listing, .error = error};
-    char *file;
-    int n;
-    bool ok = find_file(&file, &n, folder, error);
-    c.path = file;
-    if (ok && n > 1)
-        ok = saga_fail(error, folder, "keep one of them beside the videos",
-                       "has %d calibrations, among them %.100s", n,
-                       strrchr(file, '/') + 1);
-    ok = ok && read_cameras(&c) && find_videos(&c, folder) &&
-         give_videos(&c, folder) && fill_in(&c, options);
-    saga_names_free(&c.videos);
-    free(c.videos_folder);
-    free(c.sizes);
-    free(file);
-    return ok;
+    bool beside = false;
+    const bool ok =
+        find_calibration(&c, folder, &beside) && find_videos(&c, folder) &&
+        check_files(&c, folder) && read_cameras(&c) && give_videos(&c, folder);
+    if (ok && !beside)
+        saga_note(listing->notes, "cameras: %s, for the videos in %s", c.path,
+                  c.videos_folder);
+    const bool filled = ok && fill_in(&c, options);
+    release(&c);
+    return filled;
 }
 
 const saga_loader saga_calibrated_videos_loader = {
     "calibrated videos", "calibration.toml",
     "a video for each camera and the calibration in camera_array.toml of "
-    "caliscope, or in calibration.toml of Anipose, Pose2Sim or FreeMoCap",
+    "caliscope, or in calibration.toml of Anipose, Pose2Sim or FreeMoCap; also "
+    "the folder of a project of caliscope or Pose2Sim",
     is_there, list
 };

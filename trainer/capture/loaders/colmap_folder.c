@@ -201,7 +201,7 @@ static bool add_file(folder_reader *r, size_t i, bool folder_tells, bool *found)
         return saga_finds_add(&r->finds, r->source_of[i], moment, path,
                               r->error);
     }
-    free(path);
+    saga_listing_miss(r->listing, path);
     return path != NULL;
 }
 
@@ -335,8 +335,10 @@ bool saga_colmap_list(saga_listing *listing, const char *folder,
     bool ok = saga_colmap_find(&model, model_folder, error);
     r.model_folder = model ? model : folder;
     r.root = picture_root(folder, error);
-    ok = ok && r.root && saga_colmap_read(&r.model, r.model_folder, error) &&
-         read_folder(&r, options);
+    ok = ok && r.root && saga_colmap_read(&r.model, r.model_folder, error);
+    for (size_t i = 0; ok && i < r.model.n_images; i++)
+        saga_path_slashes(r.model.images[i].name, r.root);
+    ok = ok && read_folder(&r, options);
     saga_finds_free(&r.finds);
     saga_colmap_free(&r.model);
     free(r.image_of);

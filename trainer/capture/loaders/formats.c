@@ -30,7 +30,8 @@ bool saga_listing_make(saga_listing *listing, const char *path,
 {
     listing->loaders = loaders;
     listing->follow_paths = options->follow_paths;
-    if (!saga_listing_make_part(listing, path, NULL, options, error))
+    if (!saga_listing_make_part(listing, path, NULL, options, error) ||
+        !saga_listing_judge(listing, error))
         return false;
     saga_listing_note_turns(listing);
     /* Masks are found by the names of pictures, so they come last. */

@@ -88,7 +88,16 @@ void saga_listing_free(saga_listing *listing)
         source_free(&listing->sources[i], listing->n_frames);
     free(listing->sources);
     free(listing->points);
+    free(listing->missing);
     *listing = (saga_listing){0};
+}
+
+void saga_listing_miss(saga_listing *listing, char *path)
+{
+    if (listing->missing)
+        free(path);
+    else
+        listing->missing = path;
 }
 
 /* ------------------------------------------------------------------- paths */
@@ -173,10 +182,27 @@ char *saga_listing_join(const saga_listing *listing, const char *folder,
 
 /* ----------------------------------------------------------------- loaders */
 
+/* Writes the first names in a folder in one line, for messages. */
+static bool tell_found(char *text, size_t n, const char *folder,
+                       saga_error *error)
+{
+    enum { MOST = 5 };
+    saga_names names;
+    const bool ok = saga_folder_list(&names, folder, NULL, error);
+    size_t at = (size_t)snprintf(text, n, names.n ? "" : "nothing");
+    for (size_t i = 0; i < names.n && i < MOST && at < n; i++)
+        at += (size_t)snprintf(text + at, n - at, "%s%.40s", i ? ", " : "",
+                               names.at[i]);
+    if (names.n > MOST && at < n)
+        (void)snprintf(text + at, n - at, " and %zu more", names.n - MOST);
+    saga_names_free(&names);
+    return ok;
+}
+
 static bool unknown_format(const saga_listing *listing, const char *path,
                            saga_error *error)
 {
-    char looked[400];
+    char looked[400], found[300];
     size_t n = (size_t)snprintf(looked, sizeof looked, "looked for ");
     if (!saga_path_is_folder(path))
         return saga_fail(error, path, "give the folder of a capture, or its "
@@ -187,8 +213,10 @@ static bool unknown_format(const saga_listing *listing, const char *path,
         n += (size_t)snprintf(looked + n, sizeof looked - n, "%s%s",
                               (*l)->sign, l[1] ? ", "
                               : "; `saga help check` lists the layouts");
-    return saga_fail(error, path, looked, "holds no capture of a known format "
-                     "(docs/from-cameras.md explains how to make one)");
+    return tell_found(found, sizeof found, path, error) &&
+           saga_fail(error, path, looked, "holds no capture of a known format "
+                     "(docs/from-cameras.md explains how to make one), but %s",
+                     found);
 }
 
 bool saga_listing_make_part(saga_listing *listing, const char *path,
@@ -271,24 +299,65 @@ bool saga_listing_hold_out(saga_listing *listing, const char *names,
                      listing->n_sources);
 }
 
-bool saga_listing_names_differ(const saga_listing *listing)
+/* Finds the first source, *b, that has no name, *a = *b, or the name of an
+ * earlier one, *a. Returns false if there is none. */
+static bool find_clash(const saga_listing *listing, int *a, int *b)
 {
-    for (int i = 0; i < listing->n_sources; i++) {
-        if (listing->sources[i].name[0] == '\0')
-            return false;
-        for (int k = 0; k < i; k++)
-            if (strcmp(listing->sources[i].name, listing->sources[k].name) == 0)
-                return false;
+    for (*b = 0; *b < listing->n_sources; ++*b) {
+        const char *const name = listing->sources[*b].name;
+        for (*a = 0; *a < *b; ++*a)
+            if (strcmp(listing->sources[*a].name, name) == 0)
+                return true;
+        if (name[0] == '\0')
+            return true;
     }
-    return true;
+    return false;
 }
 
-void saga_listing_tell_apart(saga_listing *listing)
+bool saga_listing_names_differ(const saga_listing *listing)
 {
-    const bool differ = saga_listing_names_differ(listing);
-    for (int i = 0; !differ && i < listing->n_sources; i++)
-        (void)snprintf(listing->sources[i].name, SAGA_NAME_NBYTES, "view%03d",
-                       i);
+    int a, b;
+    return !find_clash(listing, &a, &b);
+}
+
+bool saga_listing_check_names(const saga_listing *listing, const char *file,
+                              saga_error *error)
+{
+    int a, b;
+    if (!find_clash(listing, &a, &b))
+        return true;
+    return a == b ? saga_fail(error, file, "give each camera a name",
+                              "camera %d has no name", b + 1)
+                  : saga_fail(error, file, "give each camera a name of its own",
+                              "cameras %d and %d have the same name, %s", a + 1,
+                              b + 1, listing->sources[b].name);
+}
+
+/* Notes lenses whose focal lengths along x and y differ as no usual lens's do:
+ * a number in a wrong place, or pixels that are not square. */
+static void judge_lenses(saga_listing *listing)
+{
+    const saga_source *first = NULL;
+    int n = 0;
+    for (int i = 0; i < listing->n_sources; i++) {
+        const saga_source *const s = &listing->sources[i];
+        if (!(fabs(s->lens.fx - s->lens.fy) > 0.05 * fabs(s->lens.fx)))
+            continue;
+        first = first ? first : s;
+        n++;
+    }
+    if (n > 0)
+        saga_note(listing->notes, "warning: the focal lengths along x and y "
+                  "of %d camera%s are more than 5 %% apart (%s: %.5g and %.5g "
+                  "pixels); is one of them in a wrong place?", n,
+                  n == 1 ? "" : "s", first->name, first->lens.fx,
+                  first->lens.fy);
+}
+
+bool saga_listing_judge(saga_listing *listing, saga_error *error)
+{
+    judge_lenses(listing);
+    return saga_listing_check_names(listing, listing->path, error);
 }
 
 static bool has_picture(const saga_source *s, int first, int end)
@@ -322,7 +391,9 @@ bool saga_listing_drop_empty(saga_listing *listing, int first, int end,
     listing->n_sources = n;
     return n > 0 || saga_fail(error, listing->path, "copy the pictures beside "
                               "the cameras", "none of its %d cameras has a "
-                              "picture", n_before);
+                              "picture%s%.300s", n_before,
+                              listing->missing ? "; the first would be " : "",
+                              listing->missing ? listing->missing : "");
 }
 
 bool saga_listing_probe_pictures(saga_listing *listing, saga_error *error)

@@ -58,6 +58,8 @@ typedef struct saga_listing {
     double metres;            /* metres per unit of length; 0: unknown */
     saga_point *points;
     size_t n_points;
+    char *missing;            /* path of the first picture that is missing, or
+                               * NULL */
     char notes[SAGA_NOTES_NBYTES];
 } saga_listing;
 
@@ -87,6 +89,9 @@ void saga_listing_note_turns(saga_listing *listing);
  * pictures were cropped, which scaling cannot undo. */
 bool saga_source_fit(saga_source *source, double width, double height);
 void saga_listing_free(saga_listing *listing);
+/* Takes the path of a picture that is missing, so that a message can name the
+ * first. The path may be NULL. */
+void saga_listing_miss(saga_listing *listing, char *path);
 /* Drops sources without any picture in frames first..end-1, and notes this.
  * Having no source left is an error. kept_as may be NULL, or is set to each
  * source's new index, -1 for none; it has room for all sources. */
@@ -97,8 +102,12 @@ bool saga_listing_drop_empty(saga_listing *listing, int first, int end,
 bool saga_listing_probe_pictures(saga_listing *listing, saga_error *error);
 /* Tells whether every source has a name, and no two have the same name. */
 bool saga_listing_names_differ(const saga_listing *listing);
-/* Names the sources view000, view001 ... if their names are not different. */
-void saga_listing_tell_apart(saga_listing *listing);
+/* Refuses sources without a name, or of the same name, of the file. */
+bool saga_listing_check_names(const saga_listing *listing, const char *file,
+                              saga_error *error);
+/* Checks what all listings must keep: the names, and the lenses, which are only
+ * noted. */
+bool saga_listing_judge(saga_listing *listing, saga_error *error);
 /* Probes the video of a source, and sets its size. */
 bool saga_probe_video(saga_source *source, saga_error *error);
 /* Returns the number of the video's frame at a moment of the capture, or -1 if

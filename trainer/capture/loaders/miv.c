@@ -509,10 +509,9 @@ static bool list(saga_listing *listing, const char *folder,
     r.root = r.path ? saga_json_read(r.path, error) : NULL;
     /* All sources must be known before their names, frame counts and held-out
      * views are settled. */
-    bool ok = r.root && add_cameras(&r);
-    if (ok)
-        saga_listing_tell_apart(listing);
-    ok = ok && saga_listing_match_videos(listing, options, error) &&
+    bool ok = r.root && add_cameras(&r) &&
+              saga_listing_check_names(listing, r.path, error) &&
+              saga_listing_match_videos(listing, options, error) &&
          saga_listing_hold_out(listing, options->hold_out, error);
     if (ok)
         saga_note(listing->notes, "colour: YUV is assumed to be BT.709 with "

@@ -159,7 +159,7 @@ static bool fill_pictures(saga_transforms *r, saga_source *s,
             s->pictures[k] = path;
         } else {
             ok = path || !at[k];
-            free(path);
+            saga_listing_miss(r->listing, path);
             r->first_missing = r->first_missing || !at[k] ? r->first_missing
                                                           : at[k]->file;
             r->n_missing++;
@@ -234,7 +234,7 @@ static bool read_ply(saga_transforms *r)
 {
     const char *file = NULL;
     size_t n_dropped = 0;
-    if (!saga_transforms_string(r, r->root, -1, "ply_file_path", &file))
+    if (!saga_transforms_path(r, r->root, -1, "ply_file_path", &file))
         return false;
     if (!file) {
         saga_note(r->listing->notes, "points: none (no ply_file_path)");

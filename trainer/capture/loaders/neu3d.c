@@ -353,8 +353,8 @@ static bool list(saga_listing *listing, const char *folder,
         return false;
     /* Views are held out before points are read, because only points that
      * training views see are kept. */
-    saga_listing_tell_apart(listing);
-    if (!saga_listing_match_videos(listing, options, error) ||
+    if (!saga_listing_check_names(listing, folder, error) ||
+        !saga_listing_match_videos(listing, options, error) ||
         !saga_listing_hold_out(listing, options->hold_out, error))
         return false;
     char *const poses = saga_path_join(folder, "poses_bounds.npy", error);

@@ -184,14 +184,16 @@ static bool add_picture(sports_reader *r, size_t t, size_t c)
     if (!find_camera(r, t, c, &source))
         return false;
     char *const folder = saga_path_join(r->folder, "ims", r->error);
+    /* jansson's copy of the string is no constant, and keeps its length. */
+    if (folder)
+        saga_path_slashes((char *)(uintptr_t)fn, folder);
     char *const path = folder ? saga_listing_join(r->listing, folder, fn,
                                                   r->path, r->error) : NULL;
     free(folder);
     if (path && saga_path_is_file(path))
         return saga_finds_add(&r->finds, source, t, path, r->error);
-    if (path)
-        r->n_missing++;
-    free(path);
+    r->n_missing += path != NULL;
+    saga_listing_miss(r->listing, path);
     return path != NULL;
 }
 

@@ -61,6 +61,9 @@ typedef struct saga_transforms {
  * there is none. */
 bool saga_transforms_string(const saga_transforms *r, const json_t *object,
                             int index, const char *key, const char **s);
+/* Reads a string like saga_transforms_string that names a file. */
+bool saga_transforms_path(const saga_transforms *r, const json_t *object,
+                          int index, const char *key, const char **s);
 /* Adds the entries of the file that is being read. */
 bool saga_transforms_read_entries(saga_transforms *r);
 /* Refuses a file that lists both videos and pictures. */

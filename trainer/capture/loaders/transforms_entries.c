@@ -31,12 +31,15 @@ static const char *type_name(const json_t *value)
 static bool wrong_type(const saga_transforms *r, int index, const char *key,
                        const json_t *value, const char *wanted)
 {
-    char where[32] = "at the top";
+    char where[32] = "at the top", is[48] = "missing";
     if (index >= 0)
         (void)snprintf(where, sizeof where, "in frames[%d]", index);
+    if (json_is_string(value))
+        (void)snprintf(is, sizeof is, "\"%.40s\"", json_string_value(value));
+    else if (value)
+        (void)snprintf(is, sizeof is, "%s", type_name(value));
     return saga_fail(r->error, r->path, "correct the file", "\"%s\" %s is %s, "
-                     "expected %s", key, where,
-                     value ? type_name(value) : "missing", wanted);
+                     "expected %s", key, where, is, wanted);
 }
 
 /* Reads a number from the entry, or from the top of the file if the entry lacks
@@ -68,6 +71,23 @@ bool saga_transforms_string(const saga_transforms *r, const json_t *object,
         return wrong_type(r, index, key, value, "a string");
     *s = json_string_value(value);
     return true;
+}
+
+/* Reads a string that names a file; the tree then has the name with "/". */
+static const char *path_of(const saga_transforms *r, const json_t *value)
+{
+    const char *const name = json_string_value(value);
+    /* jansson's copy of the string is no constant, and keeps its length. */
+    if (name)
+        saga_path_slashes((char *)(uintptr_t)name, r->folder);
+    return name;
+}
+
+bool saga_transforms_path(const saga_transforms *r, const json_t *object,
+                          int index, const char *key, const char **s)
+{
+    (void)path_of(r, json_object_get(object, key));
+    return saga_transforms_string(r, object, index, key, s);
 }
 
 /* --------------------------------------------------------------- one entry */
@@ -160,13 +180,12 @@ static bool read_entry(saga_transforms *r, int index)
     e->held_out = r->root == r->roots[1];
     if (!json_is_object(frame))
         return wrong_type(r, -1, "frames[]", frame, "an object");
-    if (!saga_transforms_string(r, frame, index, "file_path", &e->file))
+    if (!saga_transforms_path(r, frame, index, "file_path", &e->file))
         return false;
     if (!e->file)
         return wrong_type(r, index, "file_path", NULL, "a string");
-    if (!saga_transforms_string(r, frame, index, "depth_file_path",
-                                &e->depth) ||
-        !saga_transforms_string(r, frame, index, "mask_path", &e->mask))
+    if (!saga_transforms_path(r, frame, index, "depth_file_path", &e->depth) ||
+        !saga_transforms_path(r, frame, index, "mask_path", &e->mask))
         return false;
     if (time && !json_is_number(time))
         return wrong_type(r, index, "time", time, "a number");
@@ -298,7 +317,7 @@ static bool mark_list(saga_transforms *r, const char *key, bool inverted)
     bool ok = true;
     /* The names are sorted, so that each entry can be searched by bisection. */
     for (size_t i = 0; ok && i < n; i++) {
-        names[i] = json_string_value(json_array_get(list, i));
+        names[i] = path_of(r, json_array_get(list, i));
         if (!names[i])
             ok = wrong_type(r, -1, key, json_array_get(list, i),
                             "an array of strings");
