@@ -218,7 +218,7 @@ bad_json 'j["k4"] = 0.5' 'k4 = 0.5 of frames[0]'
 bad_json 'move_camera(1, lambda m: m[0].__setitem__(0, 3))' \
     'images/cam01/00000.png (frames[3])' 'first row 3'
 bad 'move_camera(1, lambda m: [r.__setitem__(0, -r[0]) for r in m[:3]])' \
-    cam01 'mirror images'
+    '' cam01 'mirror images'
 bad_json 'f(1, 1)["transform_matrix"][0][3] += 1' 'unequal frame counts'
 bad 'j["fl_x"] = -57.6' /images/cam00/00000.png 'fx -57.6'
 bad 'j["fl_y"] = 0' /images/cam00/00000.png 'fy 0'

@@ -376,7 +376,7 @@ def check_bad(tmp):
     key = KEYS[0]
     form = "saga camera path 1"
     refused("{", "is not valid JSON")
-    refused([], "is not a camera path")
+    refused([], "is not an object")
     refused({"format": "saga camera path 9", "keys": KEYS}, "is not a camera")
     refused({"format": form, "keys": []}, '0 "keys"')
     refused({"format": form, "keys": [key, {**key, "eye": [1, 2]}]},
