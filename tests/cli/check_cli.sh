@@ -606,25 +606,26 @@ says 'has a report that JSON cannot hold; '
 verdict names
 
 # ---- check
-# Half of the light in cam02; cam<b> lacks its second frame.
+# Half of the light in cam02; the camera with an umlaut lacks its second frame.
+umlaut=$'cam<b>\303\274'
 expect 0 synth "$tmp/dim" --size 96x54 --cameras 4 --hold-out 0 --frames 2 \
     --samples 1 --depth-every 0 --points 600
 for p in "$tmp"/dim/images/cam02/*.png; do
     ffmpeg -nostdin -v error -y -i "$p" -vf lutrgb=r=val*.73:g=val*.73:b=val*.73 \
         "$tmp/dim.png" && mv "$tmp/dim.png" "$p"
 done
-mv "$tmp/dim/images/cam01" "$tmp/dim/images/cam<b>"
-sed -i 's/cam01/cam<b>/' "$tmp/dim/transforms.json"
-rm "$tmp/dim/images/cam<b>/00001.png"
+mv "$tmp/dim/images/cam01" "$tmp/dim/images/$umlaut"
+sed -i "s/cam01/$umlaut/" "$tmp/dim/transforms.json"
+rm "$tmp/dim/images/$umlaut/00001.png"
 expect 0 check "$tmp/dim" --html "$tmp/dim.html"
 for text in 'cam02 is 1.0' 'stops darker' '--preset fast' \
-    'cam<b> lacks 1 of 2 pictures'; do
+    "$umlaut lacks 1 of 2 pictures"; do
     grep -qF -e "$text" "$tmp/out" || complain "check: no '$text'"
 done
 python3 - "$tmp/dim.html" >>"$tmp/bad" 2>&1 <<'PYTHON'
 import base64, html.parser, re, sys
 
-text = open(sys.argv[1]).read()
+text = open(sys.argv[1], encoding="utf-8").read()
 pictures = re.findall("src='data:image/jpeg;base64,([^']*)'", text)
 if len(pictures) != 4 or text.count("src=") != 4 or "href" in text:
     print("check --html: not four pictures of its own")
@@ -632,6 +633,8 @@ if not all(base64.b64decode(p)[:2] == b"\xff\xd8" for p in pictures):
     print("check --html: no JPEG")
 if "<b>" in text or "cam&#60;b&#62;" not in text or "1.0" not in text:
     print("check --html: a name is not escaped, or missing")
+if "<li>Pictures are missing: cam&#60;b&#62;\u00fc lacks 1 of 2" not in text:
+    print("check --html: a note is not as it is in the text")
 PYTHON
 # 24 frames must be one segment, although they are two minutes long; 48 must be
 # two.

@@ -109,17 +109,27 @@ static void put_escaped(FILE *to, const char *text)
 {
     char shown[SAGA_NOTES_NBYTES];
 
-    /* Notes have a line each. */
-    for (size_t n; *text; text += n + (text[n] == '\n')) {
-        n = strcspn(text, "\n");
-        saga_utf8_copy(shown, sizeof shown, text, n);
-        for (const char *c = shown; *c; c++)
-            if (strchr("<>&\"'", *c))
-                fprintf(to, "&#%d;", *c);
-            else
-                fputc(*c, to);
-        if (text[n] == '\n')
-            fputc('\n', to);
+    saga_utf8_copy(shown, sizeof shown, text, strlen(text));
+    for (const char *c = shown; *c; c++)
+        if (strchr("<>&\"'", *c))
+            fprintf(to, "&#%d;", *c);
+        else
+            fputc(*c, to);
+}
+
+/* Writes the lines of notes, each after the text that begins it. */
+static void put_notes(FILE *to, const char *begin, const char *notes)
+{
+    char line[SAGA_NOTES_NBYTES];
+
+    for (const char *p = notes; *p;) {
+        const size_t n = strcspn(p, "\n");
+
+        snprintf(line, sizeof line, "%.*s", (int)n, p);
+        fputs(begin, to);
+        put_escaped(to, line);
+        fputc('\n', to);
+        p += n + (p[n] == '\n');
     }
 }
 
@@ -333,11 +343,7 @@ static bool put_page(FILE *to, const char *name, const saga_survey *s,
             c->n_views == 1 ? "" : "s", c->n_frames,
             c->n_frames == 1 ? "" : "s", c->fps, c->n_points);
     /* Names and notes come from the capture's files, so they are escaped. */
-    for (const char *at = s->notes; *at; at++) {
-        if (at == s->notes || at[-1] == '\n')
-            fputs("<li>", to);
-        put_escaped(to, (char[2]){ *at });
-    }
+    put_notes(to, "<li>", s->notes);
     fprintf(to, "%s</ul><h2>Cameras</h2>\n",
             s->notes[0] ? "" : "<li>Nothing.");
     put_plan(to, c);
@@ -357,7 +363,7 @@ static bool put_page(FILE *to, const char *name, const saga_survey *s,
                 f.least_kb, f.most_kb, f.scale, f.n_teachers,
                 f.n_wanted > 0 ? "the level has room for no more" : "");
     fputs("</table><h2>Decisions while loading</h2><pre>", to);
-    put_escaped(to, c->notes);
+    put_notes(to, "", c->notes);
     fputs("</pre></html>\n", to);
     return ok;
 }

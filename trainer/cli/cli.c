@@ -17,10 +17,13 @@
 
 /* --- Messages ------------------------------------------------------------ */
 
+/* Room for the longest line: a note of a capture may have 4,096 bytes. */
+enum { MOST_LINE = 8192 };
+
 static void print(FILE *to, const char *begin, const char *format,
                   va_list args)
 {
-    char text[2 * SAGA_MESSAGE_NBYTES], shown[sizeof text];
+    char text[MOST_LINE], shown[sizeof text];
 
     vsnprintf(text, sizeof text, format, args);
     saga_utf8_copy(shown, sizeof shown, text, strlen(text));
