@@ -61,7 +61,8 @@ HOT = common/interp common/mlp common/mlp_avx2 common/fx_math \
 # check_vectors is built for every machine that has libc and libm. It links only
 # these files of the trainer, which need no other library.
 PLAIN_TRAINER = $(addprefix trainer/code/,cost.c range_enc.c look_up.c \
-                  encode.c encode_chunks.c) $(addprefix trainer/basics/,alloc.c error.c utf8.c)
+                  encode.c encode_chunks.c) \
+                $(addprefix trainer/basics/,alloc.c error.c utf8.c)
 
 # SEE_room lists the rooms whose headers a room of the trainer may include, all
 # of them earlier in ROOMS. docs/architecture.md has the same table;
@@ -403,7 +404,7 @@ $(TESTS): $(HELPERS) $(REFERENCE) $(TRAIN) $(LIB)
 	$(LINK) $(OMP) $(filter %.o,$^) $(filter $(TWICE),$^) \
 	    $(filter-out $(TWICE),$(filter %.a,$^)) $(WRAP_$(@F)) $(CMOCKA) \
 	    $(HOST_LIBS) -o $@
-# A test that comes between the calls of a function.
+# This program has a saga_crc32c of its own, which calls the library's.
 WRAP_test_read_once = -Wl,--wrap=saga_crc32c
 
 $(BUILD)/bench_share $(BUILD)/bench_numerics: $(BUILD)/%: $(OBJ)/bench/%.o
@@ -443,7 +444,8 @@ $(FUZZ): $(HELPERS) $(REFERENCE) $(TRAIN) $(LIB)
 PAGES = $(BUILD)/pages
 PAGE_FILES := $(foreach p,saga saga-dec saga-play,$(foreach f,man bash zsh fish,\
                 $(PAGES)/$(p).$(f)))
-$(PAGE_FILES): $(BUILD)/saga $(BUILD)/saga-dec $(BUILD)/saga-play tools/help_pages.sh
+$(PAGE_FILES): $(addprefix $(BUILD)/,saga saga-dec saga-play) \
+    tools/help_pages.sh
 	@mkdir -p $(@D)
 	@tools/help_pages.sh $(subst .,,$(suffix $@)) \
 	    $(BUILD)/$(basename $(@F)) >$@

@@ -519,6 +519,7 @@ int main(int argc, char **argv)
     p.n_threads = number_of(c.words[1], 1);
     if (p.n_threads < 1 || p.n_threads > MAX_THREADS)
         wrong(c.words[1]);
+    /* A camera is a number, which may have saga-dec's form rig:N. */
     if (c.words[2] && !strncmp(c.words[2], "rig:", 4))
         c.words[2] += 4;
     open_player(&p, c.words[0], number_of(c.words[2], 0));

@@ -153,7 +153,7 @@ static void write_exr(const char *path, const row *r)
         n[p] = add_channels(context, r, p, s, initials[p]);
     }
     done(exr_write_header(context));
-    /* What is refused by its header needs no pixels. */
+    /* A file that its header refuses needs no pixels. */
     for (int p = 0; p < n_parts && (!r->refused || strstr(r->refused, "DWA"));
          p++) {
         const int w = r->data.max.x - r->data.min.x + 1;

@@ -243,7 +243,7 @@ static int check_picture(const char *dir, const char *line)
 
 enum { VALUE = 256, MOST_ARGUMENTS = 3 };
 
-/* What a line of VALUES asks: a kind, and the number of its arguments. */
+/* A question of a line of VALUES: its kind, and the number of arguments. */
 typedef struct {
     const char *kind;
     int n_arguments;

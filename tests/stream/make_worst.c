@@ -8,6 +8,7 @@
  */
 #include "gen_slow.h"
 #include "saga.h"
+#include "vectors.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -33,25 +34,12 @@ static void must(int ok, const char *what)
 /* Draws a view; returns the seconds. */
 static double draw(const saga_decoder *dec, const saga_camera *c)
 {
-    enum { TILE = 16, LIST = 512 };
-    static uint32_t scratch[SAGA_JOB_NBYTES(TILE, LIST) / 4 + 1];
     const size_t n = 3u * c->width * (size_t)c->height;
     const saga_picture picture = { malloc(n), 3u * c->width, n, 8 };
-    saga_job job;
-    saga_status s;
     const double start = cpu_seconds();
 
-    memset(&job, 0, sizeof job);
-    job.x1 = c->width;
-    job.y1 = c->height;
-    job.tile = TILE;
-    job.list_capacity = LIST;
-    job.scratch = scratch;
-    job.scratch_nbytes = sizeof scratch;
-    do
-        s = saga_draw(dec, &job, &picture, 1u << 24);
-    while (s == SAGA_AGAIN);
-    must(s == SAGA_OK, "a view cannot be drawn");
+    must(picture.rgb && saga_draw_whole(dec, c, &picture) == SAGA_OK,
+         "a view cannot be drawn");
     free(picture.rgb);
     return cpu_seconds() - start;
 }

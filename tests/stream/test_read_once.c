@@ -150,7 +150,7 @@ TEST(open_should_stay_in_its_block_when_the_head_changes)
         now = NULL;
         if (s != SAGA_OK)
             continue;
-        /* What was opened is what the block was made for. */
+        /* The film that was opened is the one for which the block was made. */
         n_opened++;
         assert_ok(saga_decode(dec, &seg, p.bytes + seg.offset, seg.nbytes,
                               NULL));

@@ -141,9 +141,8 @@ static uint32_t splats_crc(const saga_decoder *dec, uint32_t n)
     return crc;
 }
 
-/* Draws the view into a picture of all its pixels. */
-static saga_status draw(const saga_decoder *dec, const saga_camera *c,
-                        const saga_picture *picture)
+saga_status saga_draw_whole(const saga_decoder *dec, const saga_camera *c,
+                            const saga_picture *picture)
 {
     enum { TILE = 16, LIST = 512 };
     static _Alignas(16) uint8_t scratch[SAGA_JOB_NBYTES(TILE, LIST)];
@@ -169,7 +168,7 @@ static saga_status draw_frame(uint32_t *crc, const saga_decoder *dec,
                               size_t nbytes)
 {
     const saga_picture picture = { pixels, 3u * c->width, nbytes, 8 };
-    const saga_status s = draw(dec, c, &picture);
+    const saga_status s = saga_draw_whole(dec, c, &picture);
 
     if (s == SAGA_OK)
         *crc = saga_crc32c(0, pixels, 3u * c->width * (size_t)c->height);
@@ -222,7 +221,8 @@ static saga_status draw_picture(uint32_t *crc, const saga_decoder *dec,
     const size_t n = (size_t)c->width * c->height;
     void *const pixels = malloc(n * each);
     const saga_picture picture = { pixels, each * c->width, n * each, bits };
-    const saga_status s = pixels ? draw(dec, c, &picture) : SAGA_ERR_SPACE;
+    const saga_status s = pixels ? saga_draw_whole(dec, c, &picture)
+                                 : SAGA_ERR_SPACE;
 
     if (s == SAGA_OK)
         *crc = pixels_crc(pixels, n, bits);

@@ -55,6 +55,10 @@ uint32_t saga_symbols_crc(const saga_net_symbols *nets,
                           const saga_symbols *s, uint32_t n_layers,
                           uint32_t features);
 
+/* Draws the view of a camera into a picture of all its pixels. */
+saga_status saga_draw_whole(const saga_decoder *dec, const saga_camera *c,
+                            const saga_picture *picture);
+
 /* Runs all stages except the symbols on the bytes of a file, with saga.h alone,
  * for segment `number`, time t and a camera of the rig. Returns the first
  * status that is not SAGA_OK. pixels has pixels_nbytes, enough for the camera's

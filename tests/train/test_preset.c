@@ -269,7 +269,7 @@ TEST(plan_should_not_ask_for_more_than_a_level_has_room_for)
     }
 }
 
-/* What can never fit is refused before anything is trained. */
+/* A number that can never fit is refused before anything is trained. */
 TEST(train_should_refuse_at_once_what_a_level_has_no_room_for)
 {
     saga_train_options o = tiny_options(159000, 1, 1);

@@ -428,10 +428,10 @@ TEST(train_should_refuse_a_checkpoint_of_other_options)
         assert_true(resume_fails(&p[i], says[i]));
 }
 
-/* What a warm-up does not depend on may change until it ends: a training that
- * continues with other options must give the file of one that began with
- * them. After the warm-up a higher level is no contradiction, since the file
- * keeps to its limits, too. */
+/* Options on which a warm-up does not depend may change until it ends: a
+ * training that continues with other options must give the file of one that
+ * began with them. After the warm-up a higher level is no contradiction, since
+ * the file keeps to its limits, too. */
 TEST(train_should_continue_with_what_is_not_decided_yet)
 {
     enum { MANY = 4 };

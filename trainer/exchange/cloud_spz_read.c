@@ -147,6 +147,7 @@ static void take_number(saga_cloud *cloud, size_t i, const spz_head *h,
     default:
         break;
     }
+    /* Positions, scales and colours have three components each. */
     for (size_t k = 0; k < 3; k++)
         if (array == POSITION)
             cloud->mean[3 * i + k] =

@@ -179,6 +179,7 @@ static bool choose_part(exr_input *in, bool depth)
     *in = found;
     if (r != EXR_ERR_SUCCESS || errno == ENOMEM)
         return exr_failed(in, r);
+    /* Of several suitable parts, nothing says which is meant. */
     if (n_found == 1)
         return true;
     char held[300];
@@ -212,6 +213,7 @@ static bool measure(exr_input *in)
                                                     &rows);
     if (r != EXR_ERR_SUCCESS || errno == ENOMEM)
         return exr_failed(in, r);
+    /* The display window is the picture; the data window is what is stored. */
     in->width = span(in->display.min.x, in->display.max.x);
     in->height = span(in->display.min.y, in->display.max.y);
     const int data_width = span(in->data.min.x, in->data.max.x);

@@ -42,8 +42,8 @@ static void read_job_end(png_job *job)
     job->file = NULL;
 }
 
-/* What the chunks of a PNG say about its colours: gAMA in 1/100000, and the
- * code points of cICP. */
+/* Colours as the chunks of a PNG describe them: gAMA in 1/100000, and the code
+ * points of cICP. */
 typedef struct png_colours {
     uint32_t gamma;
     bool has_space, has_code;

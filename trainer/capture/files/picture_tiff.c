@@ -332,6 +332,7 @@ static void put_block(const tiff_job *job, const tiff_block *b, uint32_t left,
             memcpy(to, b->data + at, 3 * (size_t)w);
             continue;
         }
+        /* Samples lie together in a pixel, or each in a plane of its own. */
         for (uint32_t x = 0; x < w; x++, to += each, at += b->each) {
             uint32_t s[MAX_SAMPLES] = {0};
             for (uint32_t i = 0; i < job->n_samples; i++) {

@@ -396,6 +396,14 @@ bool saga_listing_drop_empty(saga_listing *listing, int first, int end,
                               listing->missing ? listing->missing : "");
 }
 
+const char *saga_source_picture(const saga_source *source)
+{
+    int k = 0;
+    while (!source->pictures[k])
+        k++;
+    return source->pictures[k];
+}
+
 bool saga_listing_probe_pictures(saga_listing *listing, saga_error *error)
 {
     char first[sizeof ((saga_picture_look *)NULL)->ignored] = "";
@@ -404,17 +412,15 @@ bool saga_listing_probe_pictures(saga_listing *listing, saga_error *error)
     for (int i = 0; i < listing->n_sources; i++) {
         saga_source *const s = &listing->sources[i];
         saga_picture_look look;
-        int k = 0;
-        while (!s->pictures[k])
-            k++;
-        if (!saga_picture_probe(s->pictures[k], &look, error))
+        const char *const picture = saga_source_picture(s);
+        if (!saga_picture_probe(picture, &look, error))
             return false;
         s->width = look.width;
         s->height = look.height;
         s->orientation = look.orientation;
         if (look.ignored[0] && n++ == 0) {
             memcpy(first, look.ignored, sizeof first);
-            path = s->pictures[k];
+            path = picture;
         }
     }
     if (n > 0)

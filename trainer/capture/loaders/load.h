@@ -97,6 +97,9 @@ void saga_listing_miss(saga_listing *listing, char *path);
  * source's new index, -1 for none; it has room for all sources. */
 bool saga_listing_drop_empty(saga_listing *listing, int first, int end,
                              int *kept_as, saga_error *error);
+/* Returns the path of the first picture of a source, which has one. */
+const char *saga_source_picture(const saga_source *source);
+
 /* Sets the size and orientation of every source to those of its first picture,
  * and notes what pictures ask for and do not get. */
 bool saga_listing_probe_pictures(saga_listing *listing, saga_error *error);

@@ -237,7 +237,7 @@ static bool check_sizes(saga_listing *l, saga_error *error)
     for (int i = 0; ok && i < l->n_sources; i++) {
         saga_source *const s = &l->sources[i];
         saga_source_turn(s, sizes[2 * i], sizes[2 * i + 1]);
-        ok = saga_check_same_size(s->pictures[0], s->width, s->height,
+        ok = saga_check_same_size(saga_source_picture(s), s->width, s->height,
                                   sizes[2 * i], sizes[2 * i + 1], error);
     }
     free(sizes);

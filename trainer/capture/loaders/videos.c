@@ -296,6 +296,7 @@ static void compare_starts(saga_listing *l, double rate)
                   (last - first) * rate, names);
         return;
     }
+    /* Clocks that were never set together say nothing. */
     for (int i = 0; i < l->n_sources; i++)
         l->sources[i].behind = 0.0;
     saga_note(l->notes, "time: time stamps begin up to %.6g s apart, which "

@@ -217,6 +217,7 @@ static void judge_view(saga_survey *s, const saga_capture *c, int v)
     static const saga_note_kind missing = {"Pictures are missing: ", "."};
     const saga_survey_view *const one = &s->views[v];
     const saga_shot *const shot = &c->views[v];
+    /* Each of these may be so without the others. */
     if (one->overlap < LITTLE_OVERLAP)
         saga_note_each(s->notes, &shares, "%s shares only %.0f %% of its view",
                        shot->name, 100.0 * one->overlap);

@@ -99,6 +99,8 @@ static void judge_one(saga_survey *s, const saga_capture *c, int v,
     const saga_survey_view *const one = &s->views[v];
     const saga_look *const look = &one->look;
     const char *const name = c->views[v].name;
+    /* The pictures alone come first, since all other comparisons of a camera
+     * without a usable picture are wrong as well. */
     if (look->alike < NOISE)
         saga_note_each(s->notes, &noise, "%s", name);
     else if (one->colour > SOME_COLOUR && one->swapped < EXCHANGED)
