@@ -260,7 +260,6 @@ many() {
     check python python3 tests/cli/check_python.py
     check report python3 tests/cli/check_report.py
     check view python3 tests/cli/check_view.py
-    check shutter python3 tests/cli/check_shutter.py
     check path python3 tests/cli/check_path.py
     check pipe python3 tests/cli/check_pipe.py
     check blocks python3 tests/cli/check_blocks.py

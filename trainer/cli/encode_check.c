@@ -16,9 +16,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Number of pictures per view in which a rolling shutter is looked for. */
-enum { SHUTTER_PICTURES = 8 };
-
 typedef struct {
     double sum[2], even[2], agree[2]; /* sums of PSNR in dB; index 1: held-out
                                        * views, index 0: the others */
@@ -277,25 +274,6 @@ static int written_but(const saga_encode_session *s)
                           "%s", s->error.message);
 }
 
-/* Looks for a rolling shutter in a view. Segments share SHUTTER_PICTURES, so
- * that one segment and many have about the same number of pictures. */
-static bool look_at_rows(saga_encode_session *s, saga_film *film, int segment,
-                         int view)
-{
-    const int n = s->o->networks ? 1 : s->n_segments;
-    saga_shutter_view from = {
-        .capture = &s->capture, .view = view,
-        .first = s->o->networks ? 0 : saga_encode_begin(s, segment)
-    };
-    uint32_t number;
-
-    return s->capture.moves ||
-           (saga_film_rig(film, (uint32_t)view, &from.camera, &number,
-                          &s->error) &&
-            saga_shutter_look(&s->shutter[view], film, &from,
-                              (SHUTTER_PICTURES + n - 1) / n, &s->error));
-}
-
 static int compare_segment(saga_encode_session *s, saga_film *film, int segment,
                            tally *t)
 {
@@ -305,8 +283,7 @@ static int compare_segment(saga_encode_session *s, saga_film *film, int segment,
     const int status = is_there ? SAGA_EXIT_OK : saga_encode_load(s, segment);
 
     for (int v = 0; !status && v < s->capture.n_views; v++) {
-        bool ok = compare_view(s, film, segment, v, t) &&
-                  look_at_rows(s, film, segment, v);
+        bool ok = compare_view(s, film, segment, v, t);
 
         for (int k = 0; ok && k + 1 < s->o->layers; k++)
             ok = compare_cut(s, &s->cut[k], segment, v);
@@ -327,20 +304,11 @@ int saga_encode_check(saga_encode_session *s)
         !saga_film_open(&film, s->o->output, bytes.data, bytes.nbytes,
                         s->o->capture.threads, &s->error) ||
         !saga_layout_read(&s->layout, s->o->output, bytes.data, bytes.nbytes,
-                          &s->error) || !open_cuts(s, &bytes) ||
-        !(s->shutter = saga_calloc((size_t)s->capture.n_views,
-                                   sizeof *s->shutter, s->o->output,
-                                   &s->error)))
+                          &s->error) || !open_cuts(s, &bytes))
         status = written_but(s);
     for (int i = 0; !status && i < s->n_segments; i++)
         if (s->o->only < 0 || s->o->only == i)
             status = compare_segment(s, &film, i, &t);
-    /* The shutter is judged after all segments, since each camera is compared
-     * with all the others. */
-    if (!status)
-        s->rows = saga_shutter_find(s->shutter, s->capture.n_views, &s->error);
-    if (!status && !s->rows)
-        status = written_but(s);
     for (int k = 0; k + 1 < s->o->layers; k++)
         s->cut[k].quality = saga_quality_of(s->cut[k].sum, s->cut[k].n);
     close_cuts(s);

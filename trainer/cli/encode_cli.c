@@ -49,8 +49,6 @@ static void end(saga_encode_session *s)
     saga_train_free(s->train);
     saga_capture_free(&s->capture);
     saga_layout_free(&s->layout);
-    free(s->shutter);
-    free(s->rows);
     free(s->checkpoint);
     free(s->refined);
     free(s->late);
@@ -331,9 +329,9 @@ const saga_command saga_command_encode = {
     "saves FILE.saga.ckpt, from which --resume continues.\n"
     "\n"
     "At the end the program reports the size, how good views of the cameras\n"
-    "and between them are, what came out well or badly, and which cameras\n"
-    "have a rolling shutter unlike the others'. -v prints all tables. The\n"
-    "same options give the same bytes, for any number of threads.\n",
+    "and between them are, and what came out well or badly. -v prints all\n"
+    "tables. The same options give the same bytes, for any number of\n"
+    "threads.\n",
     option_list, (int)(sizeof option_list / sizeof option_list[0]),
     encode_command, NULL
 };

@@ -227,7 +227,6 @@ static void put_decoded(json_t *o, const saga_encode_session *s)
     saga_put_real(o, "seconds", saga_clock_seconds() - s->started);
     saga_put(o, "psnr", quality_of(q));
     saga_put_verdict(o, &s->verdict, s->preset->better);
-    saga_put_shutter(o, s->rows, &s->capture);
     put_between(o, q);
 }
 
@@ -372,7 +371,6 @@ static const saga_line part_text[] = {
     DECODED,
     QUALITY("file", "file, integer decoder       ", "psnr"),
     SAGA_VERDICT_LINES,
-    SAGA_SHUTTER_LINES,
     { "", NULL, "  {seconds:%.0f} s\n" }
 };
 
@@ -397,7 +395,6 @@ static const saga_line file_text[] = {
     { "/cut&psnr.n_held_out", "layers", ", held out {psnr.held_out:%.2f} dB" },
     { "/cut", "layers", "\n" },
     SAGA_VERDICT_LINES,
-    SAGA_SHUTTER_LINES,
     { "/between_good", NULL, "  from between the cameras the scene looks as "
       "good as from the cameras\n" },
     { "/between_soft", NULL, "  from between the cameras the scene looks a "

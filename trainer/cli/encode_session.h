@@ -13,7 +13,6 @@
 #include "encode_options.h"
 #include "layout.h"
 #include "output.h"
-#include "shutter.h"
 #include "train.h"
 #include "verdict.h"
 #include "view.h"
@@ -71,8 +70,6 @@ typedef struct saga_encode_session {
     saga_quality agreement; /* PSNR between decoded pictures and the float
                              * model's pictures for the same symbols */
     saga_verdict verdict;        /* over the training views */
-    saga_shutter *shutter;       /* (views) sums */
-    saga_shutter_found *rows;    /* (views) results from these sums */
     saga_encode_cut cut[SAGA_MAX_LAYERS]; /* the file cut after each layer
                               * except the last */
     saga_output out; /* opened at the start, which reserves the name */

@@ -38,28 +38,3 @@ void saga_put_verdict(json_t *report, const saga_verdict *v,
     saga_put_text(o, "/better", better);
     saga_put(report, "psnr_parts", o);
 }
-
-void saga_put_shutter(json_t *report, const saga_shutter_found *found,
-                      const saga_capture *capture)
-{
-    json_t *const list = json_object();
-    bool any = false;
-
-    for (int i = 0; i < capture->n_views; i++) {
-        json_t *const o = json_object();
-
-        saga_put_real(o, "frames", found[i].readout);
-        saga_put_real(o, "standard_error", found[i].spread);
-        saga_put_flag(o, "shows", found[i].shows);
-        saga_put_real(o, "/off", fabs(found[i].readout));
-        /* Results are shown to a tenth, so a spread below that is shown as
-         * 0.1. */
-        saga_put_real(o, "/spread", fmax(found[i].spread, 0.1));
-        saga_put_text(o, "/side", found[i].readout > 0 ? "behind"
-                                                       : "ahead of");
-        saga_put(list, capture->views[i].name, o);
-        any = any || found[i].shows;
-    }
-    saga_put(report, "readout", list);
-    saga_put_flag(report, "/shutter", any);
-}

@@ -1,13 +1,12 @@
 /* SPDX-License-Identifier: MIT
  *
  * What `saga encode` says at its end: how well still and moving parts are
- * represented, and where a rolling shutter shows.
+ * represented.
  */
 #ifndef SAGA_VERDICT_CLI_H
 #define SAGA_VERDICT_CLI_H
 
 #include "json_cli.h"
-#include "shutter.h"
 #include "verdict.h"
 
 /* Adds "psnr_parts" to a report: {"still", "moving", "moving_as_still",
@@ -16,13 +15,7 @@
 void saga_put_verdict(json_t *report, const saga_verdict *v,
                       const char *better);
 
-/* Adds "readout" to a report: {NAME: {"frames", "standard_error", "shows"},
- * ..}, null if too little moves. found has capture->n_views items. */
-void saga_put_shutter(json_t *report, const saga_shutter_found *found,
-                      const saga_capture *capture);
-
-/* The lines that print both; cameras with a rolling shutter are listed if there
- * are any. */
+/* The lines that print it. */
 #define SAGA_VERDICT_LINES \
     { "psnr_parts./still_word", NULL, "  things that stand still: " \
       "{psnr_parts.still:%.1f} dB, {psnr_parts./still_word}" }, \
@@ -36,12 +29,5 @@ void saga_put_shutter(json_t *report, const saga_shutter_found *found,
     { "psnr_parts./bad&!psnr_parts./better", NULL, \
       "\n  a larger --size would be better" }, \
     { "psnr_parts./shown", NULL, "\n" }
-
-#define SAGA_SHUTTER_LINES \
-    { "shows", "readout", "  {@}: the last row is {/off:%.1f} of a frame " \
-      "(+-{/spread:%.1f}) {/side} the first\n" }, \
-    { "/shutter", NULL, "  their rolling shutter differs from the other " \
-      "cameras': fast things lean and\n  blur; film with a faster readout " \
-      "or a global shutter\n" }
 
 #endif
