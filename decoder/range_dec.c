@@ -5,6 +5,10 @@
  * and every symbol with a frequency of 1 or more has a non-empty interval. */
 #define RANGE_MIN (1u << 24)
 
+/* Pairs of a residual's table that one step of the search passes over. Most
+ * tables are shorter, and pay nothing for it. */
+enum { STRIDE = 32 };
+
 /* Number of zero bytes that the encoder always omits at the end of a chunk,
  * since its last value is a multiple of 2^24. */
 enum { TAIL = 3 };
@@ -85,13 +89,19 @@ static void count(saga_range_dec *d, uint32_t n)
 }
 
 /* Reads a residual. The search goes through the pairs +m, -m from the centre
- * outwards, and compares by multiplication instead of division. */
+ * outwards, first in strides and then one by one, and compares by
+ * multiplication instead of division. Strides keep a hostile file, whose
+ * residuals all lie at the end of the widest table, from taking 224 steps for
+ * each. Halving takes fewer steps, but the processor guesses each of them wrong
+ * half of the time: it made an ordinary film 5 % slower. */
 static int32_t one_residual(saga_range_dec *d, uint32_t scale)
 {
     const saga_scale_row row = saga_prob_scale(scale);
     const uint32_t r = d->range >> SAGA_PROB_BITS;
     uint32_t m = 0, start, end, half;
 
+    while (m + STRIDE <= row.max && d->code >= r * row.start[m + STRIDE])
+        m += STRIDE;
     while (m <= row.max && d->code >= r * row.start[m + 1])
         m++;
     start = row.start[m];
