@@ -9,7 +9,7 @@
 #   decoder  common, decoder
 #   trainer  common, saga.h (copied to build/include), and for each room, that
 #            is, folder of the trainer, the rooms in its SEE_room below; cli
-#            also verify.h and mask.h of reference
+#            also verify.h of reference
 #   tools, ports  saga.h
 #   reference  common, decoder, and basics and code of the trainer
 #   tests, lab, bench  all folders
@@ -135,16 +135,16 @@ PLAIN   = $(BUILD)/libplain.a
 REFERENCE = $(BUILD)/libreference.a
 HELPERS = $(BUILD)/libhelpers.a
 SAGA_H  = $(BUILD)/include/saga.h
-REFERENCE_H = $(addprefix $(BUILD)/include/,verify.h mask.h)
+REFERENCE_H = $(BUILD)/include/verify.h
 
 TOOLS = $(addprefix $(BUILD)/,saga-dec saga-play saga gen_tables)
 TESTS := $(addprefix $(BUILD)/,$(notdir $(TESTS_SRC:.c=)))
 # Programs for the scripts of lab/. Those for files set coarse features to zero,
 # fit the entropy networks again, count the bytes of an order-0 coder, measure
-# the times of parts, and try number formats. make_paper trains the paper's model
-# without its parts.
+# the times of parts, try number formats, and recover masked anchors. make_paper
+# trains the paper's model without its parts.
 LAB := $(addprefix $(BUILD)/,make_zeroed make_order0 make_refit make_times \
-         make_formats make_paper)
+         make_formats make_masked make_paper)
 # bench_table times all operators, bench_share the parts of decoding a file, and
 # bench_numerics the decoder's operators in several number formats.
 BENCH := $(addprefix $(BUILD)/,bench_table bench_share bench_numerics)

@@ -5,7 +5,7 @@
 #   includes    common includes headers of common only; decoder those of common
 #               and decoder; a room (a folder) of the trainer those of common,
 #               saga.h and the rooms that the Makefile allows it, and cli also
-#               verify.h and mask.h; reference those of common, decoder and the
+#               verify.h; reference those of common, decoder and the
 #               trainer's basics and code; tools and ports saga.h. common and
 #               decoder use only the freestanding system headers. No #include
 #               has a path
@@ -115,8 +115,7 @@ END {
                     print where "path in \"" h "\""
                 else if (h == "saga.h" && d != "common")
                     continue
-                else if ((h == "verify.h" || h == "mask.h") &&
-                         d == "trainer/cli")
+                else if (h == "verify.h" && d == "trainer/cli")
                     continue
                 else if (!(h in at))
                     print where "\"" h "\" is nowhere in the tree"

@@ -2,11 +2,14 @@
 # SPDX-License-Identifier: MIT
 #
 # check_ablation.sh: guarantees, for lab/ablation.sh with build/saga
-# (SAGA=...) and make_refit and make_order0 beside it,
+# (SAGA=...) and the programs of lab/ beside it,
 #   bd-rate     the BD-rate of curves whose mean change of rate is known, and of
 #               a monotone cubic that was integrated by hand, is right
 #   options     make_refit refuses invalid options, and files that are not saga
 #               files
+#   masked      of the demo's masked anchors, neighbours recover the direction
+#               better than random anchors, and the mean has the error that the
+#               definition of a mean gives
 #   small       with a small scene at two rates there is a file of each variant,
 #               which uses only the sources of entropy that the variant allows;
 #               a refit that leaves nothing out gives the same bytes; the
@@ -94,6 +97,16 @@ refuses 1 "$tmp/none.saga" "$tmp/x.saga"
 "$bin/make_order0" "$tmp/none.saga" >"$tmp/out" 2>&1 &&
     complain "make_order0 takes an empty file"
 verdict options
+
+# ---- masked
+# The mean of the known features is nearly that of all, which is the constant
+# with the least error: no more than 1 of their RMS.
+"$bin/make_masked" docs/demo.saga >"$tmp/out" 2>&1 && awk '
+    /%/ { n++; by[$1]++
+          if (!($6 > 2 * $8 && $5 < $7 && $9 < 1.01)) bad = 1 }
+    END { exit bad || n != 10 || by["coarse"] != 5 }' "$tmp/out" ||
+    complain "make_masked: $(cat "$tmp/out")"
+verdict masked
 
 # ---- small
 folder=$tmp/ablation

@@ -18,7 +18,6 @@
 #               written, that is reported and no incomplete file remains
 #   verify      a file is reported as text and JSON; a file without a picture is
 #               refused
-#   analyse     a file is reported as text and JSON; a damaged file is refused
 #   outputs     saga and saga-dec write to devices and pipes without replacing
 #               them, leave other files alone, obey umask, remove the temporary
 #               files of killed runs, and report a write error on stdout
@@ -135,7 +134,6 @@ check filmed
 encode filmed -o made --iterations 12 --primitives 64 -> filmed.saga
 eval filmed.saga filmed --no-ssim
 verify {still}
-analyse {still} --mask 50
 export {still} -o made/%d.ply -> plys
 import plys/0.ply -o made --iterations 4 --size 16x16 -> plys.saga
 render {still} --orbit 3 --size 16x16 -o %d.png
@@ -425,25 +423,6 @@ told 1 'no camera 3; it has 3 cameras' verify "$scene" --camera 3
 told 1 'crc_segment.saga' verify vectors/bad/crc_segment.saga
 told 2 'verify' verify
 verdict verify
-
-# ---- analyse
-expect 0 analyse "$scene" --frame 3 --size 64x32
-[ "$(grep -c '^\(coarse\|fine\) .* %' "$tmp/out")" = 10 ] ||
-    complain "analyse: not ten rows"
-expect 0 analyse docs/demo.saga --mask 50 --json --size 64x32
-python3 -c '
-import json, sys
-rows = json.load(open(sys.argv[1]))["mask"]
-assert [r["level"] for r in rows] == ["coarse", "fine"]
-for r in rows:
-    assert r["percent"] == 50 and abs(2 * r["n_masked"] - r["n_anchors"]) < 2
-    assert r["neighbours"]["cosine"] > 2 * r["random"]["cosine"]
-    assert r["neighbours"]["psnr"] > r["random"]["psnr"]
-' "$tmp/out" 2>"$tmp/py" || complain "analyse --json: $(tail -n 1 "$tmp/py")"
-told 2 '1 to 99' analyse "$scene" --mask 100
-told 1 'no camera 30; it has' analyse "$scene" --camera 30
-told 1 'crc_segment.saga' analyse vectors/bad/crc_segment.saga
-verdict analyse
 
 # ---- outputs
 # write_by PROGRAM OUT: one picture.

@@ -7,7 +7,6 @@
 
 #include "cli.h"
 
-extern const saga_command saga_command_analyse;
 extern const saga_command saga_command_compare;
 extern const saga_command saga_command_cut;
 extern const saga_command saga_command_check;

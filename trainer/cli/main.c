@@ -25,7 +25,6 @@ static const saga_command *const commands[] = {
     &saga_command_render,
     &saga_command_view,
     &saga_command_verify,
-    &saga_command_analyse,
     &saga_command_export,
     &saga_command_import,
     &saga_command_cut,

@@ -8,15 +8,18 @@
 #include "error.h"
 #include "file.h"
 #include "json_cli.h"
-#include "picture_cli.h"
+#include "orbit.h"
 #include "verify.h"
 #include "view.h"
 
+#include <inttypes.h>
 #include <stddef.h>
 
 typedef struct {
     bool json, quiet;
-    saga_cli_picture picture;
+    int camera;              /* index in the rig */
+    saga_cli_pair frame;     /* time of the picture in frames, a fraction */
+    saga_cli_pair size;      /* 0: the camera's size */
 } options;
 
 typedef struct {
@@ -105,7 +108,10 @@ static json_t *report_of(const session *s)
     json_t *const o = saga_cli_json_head("verify", s->name);
     json_t *const pictures = pictures_of(v);
 
-    saga_cli_put_picture(o, &s->view, s->number, s->o->picture.camera);
+    saga_put_int(o, "camera", s->o->camera);
+    saga_put_int(o, "number", s->number);
+    saga_put_int(o, "width", s->view.camera.width);
+    saga_put_int(o, "height", s->view.camera.height);
     saga_put_int(o, "segment", v->segment);
     saga_put_real(o, "t", v->t / 65536.0);
     saga_put_int(o, "n_coarse", v->n_coarse);
@@ -135,7 +141,8 @@ static json_t *report_of(const session *s)
     { "/n&!" of ".n", "rows", "      -" }
 
 static const saga_line text[] = {
-    { "", NULL, SAGA_CLI_PICTURE_TEXT ": {n_coarse} coarse and {n_fine} fine "
+    { "", NULL, "{file}, camera {camera} ({number}), {width} x {height}, "
+      "segment {segment} at {t:%.5f}: {n_coarse} coarse and {n_fine} fine "
       "anchors, {n_primitives} primitives, {n_splats} splats\n\n"
       "                                                one stage in float64"
       "                all in float64\n"
@@ -162,6 +169,29 @@ static const saga_line text[] = {
 
 /* --- Together ------------------------------------------------------------ */
 
+/* Sets the camera and the time of the picture. Returns false if the film has no
+ * such picture. */
+static bool choose_view(session *s)
+{
+    const options *const o = s->o;
+    saga_verify_view *const view = &s->view;
+
+    if (!saga_film_rig(&s->film, (uint32_t)o->camera, &view->camera,
+                       &s->number, &s->error))
+        return false;
+    if (o->size.a)
+        saga_camera_resize(&view->camera, o->size.a, o->size.b);
+    view->frame_num = (uint32_t)o->frame.a;
+    view->frame_den = (uint32_t)o->frame.b;
+    if ((uint64_t)view->frame_num >=
+        (uint64_t)s->film.info.n_frames * view->frame_den)
+        return saga_fail(&s->error, s->name, "give one inside them",
+                         "--frame %d/%d lies past its %" PRIu32 " frames",
+                         (int)o->frame.a, (int)o->frame.b,
+                         s->film.info.n_frames);
+    return true;
+}
+
 static int verify(session *s, const saga_bytes *bytes)
 {
     const saga_telling how = { s->o->json, 8, s->name };
@@ -173,8 +203,7 @@ static int verify(session *s, const saga_bytes *bytes)
     s->view.user = &meter;
     ok = saga_film_open(&s->film, s->name, bytes->data, bytes->nbytes, 1,
                         &s->error) &&
-         saga_cli_picture_view(&s->view, &s->number, &s->film,
-                               &s->o->picture, &s->error) &&
+         choose_view(s) &&
          saga_verify_file(&s->result, s->name, bytes->data, bytes->nbytes,
                           &s->view, &s->error);
     saga_meter_end(&meter);
@@ -188,7 +217,7 @@ static int verify(session *s, const saga_bytes *bytes)
 
 static int run(int argc, char **argv)
 {
-    options o = { .picture.frame = { 0, 1 } };
+    options o = { .frame = { 0, 1 } };
     session s = { .o = &o };
     saga_bytes bytes;
     int status = saga_cli_parse(&saga_command_verify, &o, &s.name, argc, argv);
@@ -203,7 +232,15 @@ static int run(int argc, char **argv)
 }
 
 static const saga_cli_option option_list[] = {
-    SAGA_CLI_PICTURE(options, picture),
+    { "--camera", "N", "number of a camera of the file (default 0); `saga "
+      "info`\nlists them", saga_cli_int, offsetof(options, camera), 0,
+      65535 },
+    { "--frame", "N[/D]", "time of the picture in frames (default 0): 15/2 is"
+      "\nhalf-way between frames 7 and 8", saga_cli_fraction,
+      offsetof(options, frame), 0, INT32_MAX },
+    { "--size", "WxH", "size of the picture (default: the camera's). "
+      "Everything\nthat the camera sees stays in the picture", saga_cli_size,
+      offsetof(options, size), 1, SAGA_MAX_SIDE },
     { "--json", NULL, "print the report as JSON", saga_cli_flag,
       offsetof(options, json), 0, 0 },
     SAGA_CLI_QUIET(options, quiet)
