@@ -145,11 +145,10 @@ TESTS := $(addprefix $(BUILD)/,$(notdir $(TESTS_SRC:.c=)))
 # trains the paper's model without its parts.
 LAB := $(addprefix $(BUILD)/,make_zeroed make_order0 make_refit make_times \
          make_formats make_masked make_paper)
-# bench_table times all operators, bench_share the parts of decoding a file, and
-# bench_numerics the decoder's operators in several number formats.
-BENCH := $(addprefix $(BUILD)/,bench_table bench_share bench_numerics)
-BENCH_OBJ := $(call obj,$(filter-out bench/bench_share.c \
-               bench/bench_numerics.c,$(BENCH_SRC)))
+# bench_table times operators, and bench_numerics the decoder's in several number
+# formats.
+BENCH := $(addprefix $(BUILD)/,bench_table bench_numerics)
+BENCH_OBJ := $(call obj,$(filter-out bench/bench_numerics.c,$(BENCH_SRC)))
 
 # ---------------------------------------------------------------- flags
 
@@ -407,7 +406,7 @@ $(TESTS): $(HELPERS) $(REFERENCE) $(TRAIN) $(LIB)
 # This program has a saga_crc32c of its own, which calls the library's.
 WRAP_test_read_once = -Wl,--wrap=saga_crc32c
 
-$(BUILD)/bench_share $(BUILD)/bench_numerics: $(BUILD)/%: $(OBJ)/bench/%.o
+$(BUILD)/bench_numerics: $(OBJ)/bench/bench_numerics.o
 $(BUILD)/bench_table: $(BENCH_OBJ)
 $(BENCH): $(HELPERS) $(REFERENCE) $(TRAIN) $(LIB)
 	$(LINK) $(OMP) $(filter %.o,$^) $(filter %.a,$^) $(HOST_LIBS) -o $@

@@ -29,9 +29,8 @@ static const struct {
     void (*run)(void);
 } parts[] = {
     { "ceilings", bench_ceilings }, { "mlp", bench_mlp },
-    { "coder", bench_coder }, { "bank", bench_bank },
-    { "decode", bench_decode }, { "stages", bench_stages },
-    { "net", bench_net }, { "splat", bench_splat }, { "train", bench_train }
+    { "coder", bench_coder }, { "stages", bench_stages },
+    { "net", bench_net }, { "splat", bench_splat }
 };
 
 enum { N_PARTS = sizeof parts / sizeof *parts };

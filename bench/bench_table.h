@@ -47,11 +47,8 @@ void *bench_need(size_t nbytes);
 void bench_ceilings(void);
 void bench_mlp(void);
 void bench_coder(void);
-void bench_bank(void);
-void bench_decode(void);
 void bench_stages(void);
 void bench_net(void);
 void bench_splat(void);
-void bench_train(void);
 
 #endif

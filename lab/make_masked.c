@@ -196,7 +196,8 @@ static bool measure(const ref_file *f, saga_error *error)
 
     if (ok) {
         ref_scene_fine(&scene);
-        printf("                      neighbours         random           mean\n"
+        printf("                      neighbours         random"
+               "           mean\n"
                "tier  masked anchors   error cosine   error cosine   error "
                "cosine   alone\n");
         print_tier(&scene, SAGA_TIER_COARSE, now);

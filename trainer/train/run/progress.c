@@ -21,7 +21,7 @@ static const double cost[SAGA_TRAIN_N_STAGES] = { 1, SAGA_RENDER_COST, 0 };
 
 enum { LEAST_TIMED = 100, MOST_TIMED = 10000000 };
 
-const char *saga_train_stage_name(saga_train_stage stage)
+static const char *stage_name(saga_train_stage stage)
 {
     static const char *const names[SAGA_TRAIN_N_STAGES] = {
         "warm-up", "rendering", "packing"
@@ -135,7 +135,7 @@ bool saga_train_tell(const saga_train *t)
     const saga_train_progress p = {
         .stage = t->stage,
         .name = t->stage == SAGA_TRAIN_WARM && saga_train_is_teaching(t)
-            ? "teachers" : saga_train_stage_name(t->stage),
+            ? "teachers" : stage_name(t->stage),
         .segment = saga_train_segment(t),
         .iteration = saga_train_stage_iteration(t),
         .n_iterations = saga_train_stage_iterations(t, t->stage),

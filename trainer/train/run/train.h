@@ -211,6 +211,4 @@ const uint8_t *saga_train_bytes(const saga_train *train, size_t *n);
 bool saga_train_draw(saga_train *train, float *image, int view, int frame,
                      saga_error *error);
 
-const char *saga_train_stage_name(saga_train_stage stage);
-
 #endif
