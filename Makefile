@@ -19,6 +19,7 @@
 # folder of its own:
 #   make BUILD=build/clang CC=clang OPT=-O3
 
+QUIET := $(findstring s,$(firstword -$(MAKEFLAGS)))# make -s
 MAKEFLAGS += --no-builtin-rules
 .SUFFIXES:
 .DELETE_ON_ERROR:
@@ -41,6 +42,7 @@ LDFLAGS =# added to every link, before the objects
 SANITIZE =# 1: ASan and UBSan, and the domain checks of fx.h
 REAL =# double: the trainer computes in double, for tests
 ARGS =# selects parts of `make bench` or `make rd`
+V =# 1: prints every command, not one line for each file
 
 # The folders of `make install`; DESTDIR is put before each of them.
 PREFIX = /usr/local
@@ -183,6 +185,12 @@ EXR_INC   = $(patsubst -I%,-isystem %,$(shell pkg-config --cflags-only-I \
               OpenEXR 2>/dev/null))
 CMOCKA    = $(AS_NEEDED) -lcmocka
 
+# The first line of a recipe, which says what is made.
+say = $(if $(V)$(QUIET),,@printf '%-5s %s\n' $(1) $@)
+ifeq ($(V),)
+.SILENT:
+endif
+
 COMPILE = $(CC) $(1) $(OPT_LEVEL) $(SAN_FLAGS) $(CFLAGS)
 LINK    = $(CC) $(OPT) $(SAN_FLAGS) $(CFLAGS) $(LDFLAGS)
 
@@ -243,18 +251,22 @@ $(PLAIN): $(call obj,$(PLAIN_TRAINER) tests/support/vectors.c)
 $(REFERENCE): $(REFERENCE_OBJ)
 $(HELPERS): $(HELPER_OBJ)
 $(LIB) $(TRAIN) $(TWICE) $(PLAIN) $(REFERENCE) $(HELPERS): $(BUILD)/sources
+	$(call say,AR)
 	@rm -f $@
 	$(AR) rcs $@ $(filter %.o,$^)
 
 $(OBJ)/common/%.o: common/%.c $(BUILD)/flags
+	$(call say,CC)
 	@mkdir -p $(@D)
 	$(call COMPILE,$(CORE) $(I_COMMON)) -c $< -o $@
 
 $(OBJ)/decoder/%.o: decoder/%.c $(BUILD)/flags
+	$(call say,CC)
 	@mkdir -p $(@D)
 	$(call COMPILE,$(CORE) $(I_DECODER)) -c $< -o $@
 
 $(OBJ)/pic/%.o: %.c $(BUILD)/flags
+	$(call say,CC)
 	@mkdir -p $(@D)
 	$(call COMPILE,$(CORE) -fPIC $(I_CORE)) -c $< -o $@
 
@@ -267,35 +279,43 @@ $(OBJ)/saga.map: $(SAGA_H)
 
 $(SHARED): $(patsubst %.c,$(OBJ)/pic/%.o,$(COMMON_SRC) $(DECODER_SRC)) \
     $(OBJ)/saga.map $(BUILD)/sources
+	$(call say,LINK)
 	$(LINK) -shared -Wl,-soname,$(@F) -Wl,--version-script=$(OBJ)/saga.map \
 	    $(filter %.o,$^) -o $@
 
 $(OBJ)/trainer/%.o: trainer/%.c $(BUILD)/flags $(SAGA_H) $(REFERENCE_H)
+	$(call say,CC)
 	@mkdir -p $(@D)
 	$(call COMPILE,$(HOST) $(OMP) $(I_ROOM) $(DOUBLE)) -c $< -o $@
 
 $(OBJ)/f64/trainer/%.o: trainer/%.c $(BUILD)/flags $(SAGA_H)
+	$(call say,CC)
 	@mkdir -p $(@D)
 	$(call COMPILE,$(HOST) $(OMP) $(I_ROOM) -DSAGA_REAL_DOUBLE) -c $< -o $@
 
 $(OBJ)/tools/%.o: tools/%.c $(BUILD)/flags $(SAGA_H)
+	$(call say,CC)
 	@mkdir -p $(@D)
 	$(call COMPILE,$(HOST) $(I_SAGA) -DSAGA_LEVEL=$(LEVEL)) -c $< -o $@
 
 $(OBJ)/reference/%.o: reference/%.c $(BUILD)/flags
+	$(call say,CC)
 	@mkdir -p $(@D)
 	$(call COMPILE,$(HOST) $(I_REFERENCE)) -c $< -o $@
 
 $(OBJ)/tests/%.o: tests/%.c $(BUILD)/flags
+	$(call say,CC)
 	@mkdir -p $(@D)
 	$(call COMPILE,$(HOST) $(OMP) $(I_ALL) $(if $(filter %_f64.c,$<),\
 	    -DSAGA_REAL_DOUBLE)) -c $< -o $@
 
 $(OBJ)/lab/%.o: lab/%.c $(BUILD)/flags
+	$(call say,CC)
 	@mkdir -p $(@D)
 	$(call COMPILE,$(HOST) $(OMP) $(I_ALL)) -c $< -o $@
 
 $(OBJ)/bench/%.o: bench/%.c $(BUILD)/flags
+	$(call say,CC)
 	@mkdir -p $(@D)
 	$(call COMPILE,$(HOST) $(OMP) $(I_ALL) -Ibench) -c $< -o $@
 
@@ -331,16 +351,19 @@ ENGINE_FILES := $(patsubst ports/%,$(BUILD)/%,$(sort $(wildcard \
 web: $(WEB_FILES) $(WEB_PACK) $(ENGINE_FILES)
 
 $(OBJ)/wasm/%.o: %.c $(BUILD)/flags $(SAGA_H)
+	$(call say,WASM)
 	@mkdir -p $(@D)
 	$(WASM_CC) $(WASM_FLAGS) $(I_WASM) -c $< -o $@
 
 $(OBJ)/wasm_simd/%.o: %.c $(BUILD)/flags $(SAGA_H)
+	$(call say,WASM)
 	@mkdir -p $(@D)
 	$(WASM_CC) $(WASM_FLAGS) -msimd128 $(I_WASM) -c $< -o $@
 
 $(WEB)/saga.wasm: $(WASM_SRC:%.c=$(OBJ)/wasm/%.o)
 $(WEB)/saga_simd.wasm: $(WASM_SRC:%.c=$(OBJ)/wasm_simd/%.o)
 $(WEB)/%.wasm: $(BUILD)/sources
+	$(call say,LINK)
 	@mkdir -p $(@D)
 	$(WASM_LD) $(WASM_LDFLAGS) $(filter %.o,$^) -o $@
 
@@ -353,28 +376,35 @@ $(WEB)/%: ports/web/%
 	@cp $< $@
 
 $(OBJ)/view_files.c: $(WEB_FILES) tools/embed.sh $(BUILD)/sources
+	$(call say,EMBED)
 	@mkdir -p $(@D)
 	tools/embed.sh view $(WEB_FILES) >$@
 
 $(OBJ)/report_files.c: trainer/cli/report.html tools/embed.sh
+	$(call say,EMBED)
 	@mkdir -p $(@D)
 	tools/embed.sh report $< >$@
 
 EMBEDDED = $(addprefix $(OBJ)/,view_files.o report_files.o)
 $(EMBEDDED): $(OBJ)/%.o: $(OBJ)/%.c trainer/cli/view_files.h
+	$(call say,CC)
 	$(call COMPILE,$(HOST) -Itrainer/cli) -c $< -o $@
 
-# These two files are rewritten only if their contents change. Every object
+# These two files are made again only if their contents change. Every object
 # depends on `flags`, which has the compiler and its flags, and every library on
 # `sources`, which lists the source files.
-$(BUILD)/flags: NOW = $(CC) $(WARN) $(OPT) $(HOT_OPT) $(MARCH) $(WIDE_MARCH) \
-                      $(SAN_FLAGS) $(OMP) $(CFLAGS) $(CORE_CFLAGS) $(LDFLAGS) \
-                      $(LEVEL)
-$(BUILD)/sources: NOW = $(COMMON_SRC) $(DECODER_SRC) $(TRAINER_SRC) \
-                        $(REFERENCE_SRC) $(HELPER_SRC) $(WEB_FILES)
-$(BUILD)/flags $(BUILD)/sources: FORCE
+FLAGS   := $(CC) $(WARN) $(OPT) $(HOT_OPT) $(MARCH) $(WIDE_MARCH) $(SAN_FLAGS) \
+           $(OMP) $(CFLAGS) $(CORE_CFLAGS) $(LDFLAGS) $(LEVEL)
+SOURCES := $(COMMON_SRC) $(DECODER_SRC) $(TRAINER_SRC) $(REFERENCE_SRC) \
+           $(HELPER_SRC) $(WEB_FILES)
+unless = $(if $(shell echo '$(2)' | cmp -s - $(1) && echo same),,FORCE)
+$(BUILD)/flags: NOW = $(FLAGS)
+$(BUILD)/flags: $(call unless,$(BUILD)/flags,$(FLAGS))
+$(BUILD)/sources: NOW = $(SOURCES)
+$(BUILD)/sources: $(call unless,$(BUILD)/sources,$(SOURCES))
+$(BUILD)/flags $(BUILD)/sources:
 	@mkdir -p $(@D)
-	@echo '$(NOW)' | cmp -s - $@ || echo '$(NOW)' > $@
+	@echo '$(NOW)' >$@
 .PHONY: FORCE
 FORCE:
 
@@ -383,23 +413,28 @@ FORCE:
 # The reference decoder consists of common/, decoder/ and code for files.
 $(BUILD)/saga-dec: $(addprefix $(OBJ)/tools/,saga_dec.o dec_options.o \
     dec_output.o) $(LIB)
+	$(call say,LINK)
 	$(LINK) $^ -o $@
 
 # The example program of docs/threads.md.
 $(BUILD)/saga-play: $(addprefix $(OBJ)/tools/,saga_play.o dec_options.o \
     dec_output.o) $(LIB)
+	$(call say,LINK)
 	$(LINK) $^ -pthread -o $@
 
 $(BUILD)/saga: $(CLI_OBJ) $(EMBEDDED) $(REFERENCE) $(TRAIN) $(LIB)
+	$(call say,LINK)
 	$(LINK) $(OMP) $^ $(HOST_LIBS) -o $@
 
 $(BUILD)/gen_tables: $(OBJ)/tools/gen_tables.o
+	$(call say,LINK)
 	$(LINK) $^ -lm -o $@
 
 $(foreach t,$(TESTS_SRC:.c=),$(eval $(BUILD)/$(notdir $(t)): $(OBJ)/$(t).o))
 # Only tests that take finite differences in double link the second objects.
 $(filter %_f64,$(TESTS)): $(TWICE)
 $(TESTS): $(HELPERS) $(REFERENCE) $(TRAIN) $(LIB)
+	$(call say,LINK)
 	$(LINK) $(OMP) $(filter %.o,$^) $(filter $(TWICE),$^) \
 	    $(filter-out $(TWICE),$(filter %.a,$^)) $(WRAP_$(@F)) $(CMOCKA) \
 	    $(HOST_LIBS) -o $@
@@ -409,19 +444,23 @@ WRAP_test_read_once = -Wl,--wrap=saga_crc32c
 $(BUILD)/bench_numerics: $(OBJ)/bench/bench_numerics.o
 $(BUILD)/bench_table: $(BENCH_OBJ)
 $(BENCH): $(HELPERS) $(REFERENCE) $(TRAIN) $(LIB)
+	$(call say,LINK)
 	$(LINK) $(OMP) $(filter %.o,$^) $(filter %.a,$^) $(HOST_LIBS) -o $@
 
 $(LAB): $(BUILD)/%: $(OBJ)/lab/%.o $(HELPERS) $(REFERENCE) $(TRAIN) $(LIB)
+	$(call say,LINK)
 	$(LINK) $(OMP) $^ $(HOST_LIBS) -o $@
 
 # check_vectors is built for every target of tests/run_matrix.sh, so that it
 # links no libraries except libc and libm.
 $(BUILD)/check_vectors: $(OBJ)/tests/stream/check_vectors.o \
     $(OBJ)/reference/ref_recorder.o $(PLAIN) $(LIB)
+	$(call say,LINK)
 	$(LINK) $^ -lm -o $@
 
 # So does check_init, for builds that detect reads of uninitialised memory.
 $(BUILD)/check_init: $(OBJ)/tests/stream/check_init.o $(LIB)
+	$(call say,LINK)
 	$(LINK) $^ -o $@
 
 # Fuzzers, for libFuzzer; tests/run_fuzz.sh builds them.
@@ -434,6 +473,7 @@ $(BUILD)/fuzz_http: $(OBJ)/tests/cli/fuzz_http.o
 $(BUILD)/fuzz_path: $(OBJ)/tests/cli/fuzz_path.o $(addprefix \
     $(OBJ)/trainer/cli/,render_path.o render_colmap.o)
 $(FUZZ): $(HELPERS) $(REFERENCE) $(TRAIN) $(LIB)
+	$(call say,LINK)
 	$(LINK) $(OMP) -fsanitize=fuzzer $(filter %.o,$^) $(filter %.a,$^) \
 	    $(HOST_LIBS) -o $@
 
@@ -445,6 +485,7 @@ PAGE_FILES := $(foreach p,saga saga-dec saga-play,$(foreach f,man bash zsh fish,
                 $(PAGES)/$(p).$(f)))
 $(PAGE_FILES): $(addprefix $(BUILD)/,saga saga-dec saga-play) \
     tools/help_pages.sh
+	$(call say,PAGE)
 	@mkdir -p $(@D)
 	@tools/help_pages.sh $(subst .,,$(suffix $@)) \
 	    $(BUILD)/$(basename $(@F)) >$@
@@ -514,14 +555,17 @@ $(BUILD)/log/%.log: $(BUILD)/% FORCE
 	    echo $$s >$(@:.log=.rc); \
 	    times >$(@:.log=.cpu)
 
-.PHONY: check test test-all setup sanitize lint symbols nofloat stack headers \
-        tree circles docs tables matrix init mutants coverage prove fuzz bench \
+.PHONY: check test test-all setup setup-test setup-packages sanitize lint \
+        symbols nofloat stack headers tree circles docs tables matrix init mutants coverage prove fuzz bench \
         vectors clean
 setup:
-	@tests/setup.sh
+	@tests/setup.sh build
+setup-test setup-packages: setup-%:
+	@tests/setup.sh $*
 
 # tests/README.md lists the tests that each of these targets runs.
-check: setup
+check:
+	@tests/setup.sh check
 	@tests/run_tests.sh $@
 
 test:
@@ -679,6 +723,7 @@ numerics:
 # program that makes it does.
 $(BUILD)/make_vectors $(BUILD)/make_worst $(BUILD)/transcode: $(BUILD)/%: \
     $(OBJ)/tests/stream/%.o $(HELPERS) $(REFERENCE) $(TRAIN) $(LIB)
+	$(call say,LINK)
 	$(LINK) $(OMP) $^ $(HOST_LIBS) -o $@
 vectors: $(BUILD)/make_vectors $(BUILD)/transcode $(BUILD)/check_vectors
 	$(BUILD)/make_vectors vectors
@@ -704,7 +749,10 @@ make dist        wheel, npm packages, source and checksums; needs a git clone
 make sbom        what the programs load, as CycloneDX: build/dist/saga.cdx.json
 make conformance documents, vectors and a program that compares, for authors of
                  other decoders, in $(BUILD)/dist
-make setup       installs packages for building and testing (Debian, as root)
+make setup       installs the packages that a build needs (Debian, as root);
+                 setup-test: also what make test needs; setup-packages: what
+                 makes packages for Debian. Targets that need more say what is
+                 missing, and install it
 make install     programs, library, header, manual pages, completion; PREFIX=
                  /usr/local, DESTDIR=, BINDIR, LIBDIR, INCLUDEDIR, DATADIR
 make uninstall   removes what make install has installed
@@ -748,7 +796,7 @@ make ksy         writes docs/bitstream.ksy from the tables of bitstream.md
 make compile_commands.json   how each file is compiled, for editors
 
 CC=gcc|clang|...   OPT=-O2   HOT_OPT=-O3 (inner loops)   CFLAGS= LDFLAGS=
-WERROR=-Werror   SANITIZE=1   LEVEL=2 (memory of saga-dec)   BUILD=build
+WERROR=-Werror   SANITIZE=1   LEVEL=2 (memory of saga-dec)   BUILD=build   V=1
 THREADS=2 (demo, floors, ablation, rd)   CAPTURES='NAME=PATH ...' (rd)
 SCENES='NAME=FILE.saga ...' (ablation, numerics)
 Random tests: SAGA_TEST_SEED, SAGA_TEST_COUNT, SAGA_TEST_LONG=1 (environment)

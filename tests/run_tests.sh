@@ -241,6 +241,11 @@ many() {
     tree
     build gcc "all tests lab-programs bench-programs
         $build/gcc/check_vectors" CC=gcc
+    if make_in gcc CC=gcc -q all; then
+        pass "build gcc: nothing is left to make"
+    else
+        fail "build gcc: make -q: something is left to make"
+    fi
     check tables "$make" -s BUILD="$build/gcc" CC=gcc WERROR=-Werror tables
     check circles tests/check_circles.sh "$build/gcc"
     check headers tests/check_headers.sh
@@ -287,6 +292,7 @@ many() {
     # for clang's warnings.
     build clang objects CC=clang CFLAGS=-fsyntax-only \
         COMPILED="$build/sanitize"
+    [ "$what" != all ] || check cmake tests/check_cmake.sh
     [ "$what" != all ] || check debian tests/cli/check_debian.sh
     [ "$what" != all ] || check double tests/cli/check_double.sh
     [ "$what" != all ] || check schedulers tests/cli/check_schedulers.sh

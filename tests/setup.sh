@@ -1,26 +1,35 @@
 #!/bin/sh
 # SPDX-License-Identifier: MIT
 #
-# setup.sh [test|all|lint|prove|plot]: installs the Debian packages that the
-# tests need and that are missing ("test": also browser, npm and board emulator
-# of `make test`; "all": those of "test", and every cross compiler of `make
-# test-all`; "lint", "prove": also the programs of `make lint`, `make prove`;
-# "plot": also those that draw plots). If it cannot install, it prints the
-# command to be run and fails. SAGA_NO_SETUP=1 skips it.
+# setup.sh [FOR]: says which Debian packages are missing for a purpose, and
+# installs them. If it cannot, it prints the command to be run and fails.
+# SAGA_NO_SETUP=1 skips it. FOR is
+#   build      (the default) what `make` needs
+#   check      also that for the programs of tests/
+#   test       also the machines, the browser and npm of `make test`
+#   packages   what makes the packages of debian/
+#   all        all of these, and every compiler of `make test-all`
+#   lint, prove, plot   build, and clang-tidy, Frama-C, or what draws plots
 set -eu
 
 test -z "${SAGA_NO_SETUP:-}" || exit 0
 
-packages="gcc g++ make binutils libc6-dev clang lld pkg-config python3
-    libcmocka-dev libjansson-dev libpng-dev libtiff-dev libturbojpeg0-dev
-    zlib1g-dev libwebp-dev libzstd-dev libopenexr-dev ffmpeg
-    gcc-arm-none-eabi gcc-s390x-linux-gnu libc6-dev-s390x-cross
-    qemu-user-static"
-case ${1:-} in
-test) packages="$packages chromium qemu-system-arm" ;;
+build="gcc make binutils libc6-dev clang lld pkg-config python3
+    libjansson-dev libpng-dev libtiff-dev libturbojpeg0-dev zlib1g-dev
+    libwebp-dev libzstd-dev libopenexr-dev ffmpeg"
+check="$build libcmocka-dev"
+# `npm pack` fetches the engines that tests use.
+test="$check g++ gcc-arm-none-eabi gcc-s390x-linux-gnu libc6-dev-s390x-cross
+    qemu-user-static qemu-system-arm chromium
+    $(command -v npm >/dev/null || echo npm)"
+packages="debhelper dh-python dpkg-dev lintian"
+case ${1:-build} in
+build) packages=$build ;;
+check) packages=$check ;;
+test) packages=$test ;;
+packages) packages="$build $packages" ;;
 all)
-    packages="$packages chromium qemu-system-arm
-    debhelper dh-python dpkg-dev lintian
+    packages="$test $packages cmake
     slurm-wlm munge parallel openmpi-bin
     gcc-aarch64-linux-gnu libc6-dev-arm64-cross
     gcc-arm-linux-gnueabihf libc6-dev-armhf-cross
@@ -30,14 +39,14 @@ all)
     gcc-i686-linux-gnu libc6-dev-i386-cross
     gcc-riscv64-unknown-elf"
     ;;
-lint) packages="$packages clang-tidy" ;;
-prove) packages="$packages frama-c-base" ;;
-plot) packages="$packages gnuplot-nox valgrind" ;;
-esac
-
-# `npm pack` fetches the engines that tests use.
-case ${1:-} in
-test | all) command -v npm >/dev/null || packages="$packages npm" ;;
+lint) packages="$build clang-tidy" ;;
+prove) packages="$build frama-c-base" ;;
+plot) packages="$build gnuplot-nox valgrind" ;;
+*)
+    echo "setup: '$1' is not build, check, test, packages, all, lint, prove" \
+        "or plot"
+    exit 2
+    ;;
 esac
 
 # The name of the sanitizers' library contains clang's version.
@@ -51,7 +60,7 @@ clang_rt() {
 
 find_missing() {
     # shellcheck disable=SC2046,SC2086
-    set -- $packages $(clang_rt)
+    set -- $packages $(case $packages in *qemu*) clang_rt ;; esac)
     installed=" $(dpkg-query -W -f '${Package} ${db:Status-Status}\n' "$@" \
         2>/dev/null | sed -n 's/ installed$//p' | tr '\n' ' ')"
     missing=
@@ -81,7 +90,7 @@ give_up() {
 }
 
 [ "$(id -u)" = 0 ] || give_up "not root"
-echo "setup: installing$missing"
+echo "setup: installs with apt-get, unless SAGA_NO_SETUP=1 is set:$missing"
 export DEBIAN_FRONTEND=noninteractive
 log=$(mktemp)
 trap 'rm -f "$log"' EXIT
