@@ -4,11 +4,10 @@
  * can say so, and that the value of other pixels has no effect on those that
  * count. They also check cameras that are late by a fraction of a frame.
  */
-#include "capture_files.h"
 #include "picture.h"
-#include "testing.h"
+#include "video_files.h"
 
-enum { W = 32, H = 16, N_VIEWS = 2, N_FRAMES = 3 };
+enum { N_VIEWS = 2, N_FRAMES = 3 };
 
 /* Returns the grey of a picture; each picture has only one. */
 static int grey(int view, int frame)
@@ -207,35 +206,78 @@ TEST_IN_FOLDER(mask_of_any_two_values_should_work)
     refused(f->path, "masks/cam1.png", "leaves no pixel of camera cam1");
 }
 
-/* Pixels of alpha 128 to 254 must count with the colour in the file, not with
- * that over black; and a picture that is transparent is no picture. */
+/* Ways to store the opacity of a still or of a video; the last ones are only
+ * tried if SAGA_TEST_LONG is set. */
+static const struct {
+    const char *name, *codec;
+    int most;                /* difference of colours, which may be lossy */
+} stored[] = {
+    { "a.png", "png", 0 }, { "a.mov", "qtrle", 0 },
+    { "a.webm", "libvpx-vp9 -lossless 1 -pix_fmt yuva420p", 1 },
+    { "b.webm", "libvpx -crf 4 -b:v 2M -pix_fmt yuva420p -auto-alt-ref 0", 3 },
+    { "b.mov", "prores_ks -profile:v 4444 -pix_fmt yuva444p10le", 3 },
+    { "a.mkv", "ffv1 -pix_fmt yuva444p", 1 },
+    { "b.mkv", "ffv1 -pix_fmt bgra", 0 },
+};
+enum { N_STORED = sizeof stored / sizeof *stored, N_ALWAYS = 2 };
+
+/* Writes two frames of alpha 0, 127, 128 and 255, a quarter of the columns
+ * each, and of grey 40 under alpha 0, 200 elsewhere, in all ways. */
+static int write_opacities(folder *f)
+{
+    const int n = getenv("SAGA_TEST_LONG") ? N_STORED : N_ALWAYS;
+    char all[1200];
+    int used = 0;
+
+    for (int i = 0; i < n; i++)
+        used += snprintf(all + used, sizeof all - (size_t)used,
+                         " -frames:v %d -c:v %s %s", i ? 2 : 1,
+                         stored[i].codec, stored[i].name);
+    folder_run(f, "ffmpeg -nostdin -v error -y -f lavfi -i \"color=s=%dx%d:r=5,"
+               "format=rgba,geq=r='if(lt(X,8),40,200)':g='if(lt(X,8),40,200)':"
+               "b='if(lt(X,8),40,200)':"
+               "a='if(lt(X,8),0,if(lt(X,16),127,if(lt(X,24),128,255)))'\"%s",
+               W, H, all);
+    return n;
+}
+
+static void check_opacities(folder *f, int i, bool masks)
+{
+    static const int opacity[4] = { 0, 127, 128, 255 };
+    saga_capture_options o = saga_capture_defaults();
+
+    o.alpha_masks = masks;
+    FREED_BY(saga_capture_free) saga_capture c = load_with(f->path, &o);
+    assert_int_equal(c.views[0].mask != NULL, masks);
+    for (int k = 0; k < c.n_frames * W * H; k++) {
+        const int quarter = k % W / 8, a = opacity[quarter];
+        const int grey = masks ? quarter < 2 ? 0 : 200 : (200 * a + 127) / 255;
+
+        if ((masks && c.views[0].mask[k] != (quarter > 1)) ||
+            abs(c.views[0].rgb[3 * k] - grey) > stored[i].most)
+            fail_msg("%s, masks %d: pixel %d is %d, not %d", stored[i].name,
+                     masks, k, c.views[0].rgb[3 * k], grey);
+    }
+}
+
+/* In stills and videos alike, pixels of alpha 128 to 254 must count with the
+ * colour in the file, not with that over black, and other colours must have no
+ * effect; and a picture that is transparent is no picture. */
 TEST_IN_FOLDER(alpha_should_leave_no_dark_fringe)
 {
     saga_capture_options o = saga_capture_defaults();
-    saga_capture c;
+    const int n = write_opacities(f);
 
-    write_capture(f, "images", "");
-    folder_run(f, "ffmpeg -nostdin -v error -y -i images/cam1/0.png -vf "
-               "\"format=rgba,geq=r=200:g=200:b=200:"
-               "a='if(lt(X,16),127,128+X)'\" a.png && "
-               "for i in 0 1 2; do cp a.png images/cam1/$i.png; done");
-    o.alpha_masks = true;
-    c = load_with(f->path, &o);
-    for (int i = 0; i < W * H; i++) {
-        const bool counts = i % W >= W / 2;
-
-        assert_int_equal(saga_capture_mask(&c, 1, 0)[i], counts);
-        assert_int_equal(saga_capture_frame(&c, 1, 0)[3 * i],
-                         counts ? 200 : 0);
+    for (int i = 0; i < n; i++) {
+        write_json(f, "", &stored[i].name, 1);
+        check_opacities(f, i, false);
+        check_opacities(f, i, true);
     }
-    saga_capture_free(&c);
-    c = load(f->path);
-    assert_int_equal(saga_capture_frame(&c, 1, 0)[0], (200 * 127 + 127) / 255);
-    saga_capture_free(&c);
-    folder_run(f, "ffmpeg -nostdin -v error -y -i images/cam1/0.png -vf "
-               "\"format=rgba,geq=r=200:g=200:b=200:a=127\" a.png && "
-               "for i in 0 1 2; do cp a.png images/cam1/$i.png; done");
-    refused_with(f->path, &o, "images/cam1/0.png", "leaves no pixel");
+    folder_run(f, "ffmpeg -nostdin -v error -y -i a.png -frames:v 1 -vf "
+               "lutrgb=a=127 -c:v png a.mov");
+    o.alpha_masks = true;
+    write_json(f, "", (const char *[]){ "a.mov" }, 1);
+    refused_with(f->path, &o, "a.mov", "leaves no pixel");
 }
 
 TEST_IN_FOLDER(alpha_should_be_a_mask_when_wanted)

@@ -103,9 +103,8 @@ bool saga_picture_read(const char *path, const saga_picture_wish *wish,
     const bool ok = saga_turn_swaps(look.orientation)
         ? read_turned(kind, path, wish, look.orientation, pixels, error)
         : kind->read(path, wish, pixels, error);
-    const size_t n = (size_t)wish->width * (size_t)wish->height;
-    for (size_t i = 0; ok && wish->form == SAGA_PICTURE_RGBA && i < n; i++)
-        if (pixels[4 * i + 3] == 0)
-            memset(pixels + 4 * i, 0, 3);
+    if (ok && wish->form == SAGA_PICTURE_RGBA)
+        saga_picture_clear_hidden(pixels, (size_t)wish->width *
+                                          (size_t)wish->height);
     return ok;
 }

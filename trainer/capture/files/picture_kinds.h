@@ -31,5 +31,7 @@ static inline size_t saga_picture_pixel(saga_picture_form form)
 
 /* Lays RGBA, (n, 4), over black as (n, 3). */
 void saga_picture_over_black(const uint8_t *rgba, size_t n, uint8_t *rgb);
+/* Makes the colour under alpha 0 black in RGBA, (n, 4). */
+void saga_picture_clear_hidden(uint8_t *rgba, size_t n);
 
 #endif

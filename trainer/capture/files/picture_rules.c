@@ -57,6 +57,13 @@ void saga_picture_over_black(const uint8_t *rgba, size_t n, uint8_t *rgb)
             rgb[c] = (uint8_t)((rgba[c] * rgba[3] + 127) / 255);
 }
 
+void saga_picture_clear_hidden(uint8_t *rgba, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        if (rgba[4 * i + 3] == 0)
+            memset(rgba + 4 * i, 0, 3);
+}
+
 /* Reads n bytes at a place in EXIF, whose byte order its first byte tells; 0
  * beyond its end. */
 static uint32_t exif_number(const uint8_t *data, size_t size, size_t at,

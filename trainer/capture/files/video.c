@@ -63,31 +63,40 @@ bool saga_video_open(saga_video *video, const char *path,
     return start_ffmpeg(video, error);
 }
 
-/* Reads a frame, or as much of it as there is; returns the number of bytes in
- * `rgb`. */
-static size_t read_frame(saga_video *video, uint8_t *rgb)
+/* Reads RGBA and lays it over black; returns the number of whole pixels. */
+static size_t read_over_black(saga_video *video, size_t n, uint8_t *rgb)
 {
     enum { BLOCK = 4096 };
-    const size_t n = (size_t)video->info.width * (size_t)video->info.height;
     uint8_t rgba[4 * BLOCK];
-    if (!video->info.alpha)
-        return saga_child_read(&video->child, rgb, 3 * n);
     for (size_t done = 0; done < n;) {
         const size_t most = n - done < BLOCK ? n - done : BLOCK;
         const size_t got = saga_child_read(&video->child, rgba, 4 * most) / 4;
         saga_picture_over_black(rgba, got, rgb + 3 * done);
         done += got;
         if (got < most)
-            return 3 * done;
+            return done;
     }
-    return 3 * n;
+    return n;
 }
 
-bool saga_video_next(saga_video *video, uint8_t *rgb, saga_error *error)
+/* Reads a frame, or as much of it as there is; returns the number of whole
+ * pixels. */
+static size_t read_frame(saga_video *video, uint8_t *pixels)
 {
-    const size_t nbytes =
-        (size_t)video->info.width * (size_t)video->info.height * 3;
-    size_t got = read_frame(video, rgb);
+    const size_t n = (size_t)video->info.width * (size_t)video->info.height;
+    const size_t each = video->info.opacity ? 4 : 3;
+    if (video->info.alpha && !video->info.opacity)
+        return read_over_black(video, n, pixels);
+    const size_t got = saga_child_read(&video->child, pixels, each * n) / each;
+    if (video->info.opacity)
+        saga_picture_clear_hidden(pixels, got);
+    return got;
+}
+
+bool saga_video_next(saga_video *video, uint8_t *pixels, saga_error *error)
+{
+    const size_t n = (size_t)video->info.width * (size_t)video->info.height;
+    size_t got = read_frame(video, pixels);
     if (got == 0 && video->n_read == 0 && !video->old_ffmpeg) {
         /* If there was no output at all, ffmpeg may be too old to know
          * -fps_mode. */
@@ -97,10 +106,10 @@ bool saga_video_next(saga_video *video, uint8_t *rgb, saga_error *error)
             video->old_ffmpeg = true;
             if (!start_ffmpeg(video, error))
                 return false;
-            got = read_frame(video, rgb);
+            got = read_frame(video, pixels);
         }
     }
-    if (got == nbytes) {
+    if (got == n) {
         video->n_read++;
         return true;
     }

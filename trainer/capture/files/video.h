@@ -7,7 +7,7 @@
  * to the scaler explicitly, because ffmpeg would take untagged video as BT.601;
  * rounding is exact, and chroma is interpolated at full resolution. The
  * transfer function is not changed: the values are display-referred, as in a
- * PNG file. Pixels with alpha lie over black, by the rule of picture.h.
+ * PNG file. Alpha has the rule of picture.h.
  *
  * Frames: every frame that the file presents is read once, in the order of time
  * stamps. Frames that an edit list hides do not count. Interlaced frames are
@@ -23,6 +23,8 @@ typedef struct saga_video_info {
     int width, height;   /* as stored */
     int orientation;     /* how it asks to be shown (picture_turn.h), */
     bool upright;        /* and whether it is read so; set by the caller */
+    bool opacity;        /* frames are RGBA, not RGB over black; set by the
+                          * caller, only if alpha is set */
     int n_frames;
     double fps;          /* frames per second, not lowered by frames that were
                           * dropped; 0 if unknown */
@@ -61,8 +63,8 @@ typedef struct saga_video {
 bool saga_video_open(saga_video *video, const char *path,
                      const saga_video_info *info, int n_wanted,
                      saga_error *error);
-/* Reads the next frame into rgb, (height, width, 3). */
-bool saga_video_next(saga_video *video, uint8_t *rgb, saga_error *error);
+/* Reads the next frame into (height, width, 3) bytes, or 4 with opacity. */
+bool saga_video_next(saga_video *video, uint8_t *pixels, saga_error *error);
 /* Ends ffmpeg. If ok, checks that ffmpeg has no more frames and reported no
  * error; otherwise kills it. Returns false if anything failed. */
 bool saga_video_close(saga_video *video, bool ok, saga_error *error);

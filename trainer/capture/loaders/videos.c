@@ -104,8 +104,9 @@ static int name_those(const saga_listing *l, bool (*is)(const saga_source *),
     return n_all;
 }
 
-/* Notes what the videos' tags say that a film maker should know. */
-static void note_facts(saga_listing *l)
+/* Notes what the videos' tags say that a film maker should know; alpha only if
+ * it is not to be a mask. */
+static void note_facts(saga_listing *l, bool alpha_masks)
 {
     static const struct {
         bool (*is)(const saga_source *s);
@@ -123,9 +124,10 @@ static void note_facts(saga_listing *l)
         {is_interlaced, "time: interlaced; each frame is deinterlaced (bwdif) "
                         "at the time of its first field"},
         {has_alpha, "alpha: transparent pixels lie over black; --alpha-masks "
-                    "is not for videos"},
+                    "ignores them"},
     };
-    for (size_t i = 0; i < sizeof facts / sizeof facts[0]; i++) {
+    const size_t n_facts = sizeof facts / sizeof facts[0];
+    for (size_t i = 0; i < n_facts - alpha_masks; i++) {
         char names[320];
         const int n = name_those(l, facts[i].is, names, sizeof names);
         if (n > 0)
@@ -319,7 +321,7 @@ bool saga_listing_match_videos(saga_listing *listing,
     const int wanted = options->end_frame;
     int n = listing->sources[0].info.n_frames;
     double most = 0.0;
-    note_facts(listing);
+    note_facts(listing, options->alpha_masks);
     for (int i = 1; i < listing->n_sources; i++)
         n = listing->sources[i].info.n_frames < n
                 ? listing->sources[i].info.n_frames : n;

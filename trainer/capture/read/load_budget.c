@@ -11,9 +11,14 @@
 #include <stdio.h>
 #include <string.h>
 
+bool saga_load_has_opacity(const saga_load_job *job, const saga_source *s)
+{
+    return job->options->alpha_masks && (s->pictures || s->info.alpha);
+}
+
 bool saga_load_has_masks(const saga_load_job *job, const saga_source *s)
 {
-    bool any = job->options->alpha_masks && s->pictures;
+    bool any = saga_load_has_opacity(job, s);
     for (int k = 0; s->masks && !any && k < job->capture->n_frames; k++)
         any = s->masks[job->capture->first_frame + k] != NULL;
     return any;

@@ -22,6 +22,8 @@ typedef struct saga_load_job {
     int n_done, n_items;
 } saga_load_job;
 
+/* Returns whether the opacity of a source's pictures is to be their mask. */
+bool saga_load_has_opacity(const saga_load_job *job, const saga_source *s);
 /* Returns whether the pictures of a source have masks. */
 bool saga_load_has_masks(const saga_load_job *job, const saga_source *s);
 /* Returns whether a source has at most one picture although several frames are

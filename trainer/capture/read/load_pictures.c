@@ -55,61 +55,6 @@ static uint8_t *frame_to_fill(const saga_load_job *job, int v, int k)
                            (size_t)(view->single ? 0 : k);
 }
 
-/* Returns the number of the video's frames up to the last that is used. */
-static int n_decoded(const saga_load_job *job, const saga_source *s)
-{
-    const int first = job->capture->first_frame;
-    for (int k = job->capture->n_frames; k-- > 0;)
-        if (saga_source_frame(s, first + k) >= 0)
-            return saga_source_frame(s, first + k) + 1;
-    return 0;
-}
-
-static bool read_video(saga_load_job *job, int v, const saga_remap *remap,
-                       uint8_t *buffer, saga_error *error)
-{
-    const saga_source *const s = &job->listing->sources[v];
-    const int first = job->capture->first_frame, n = job->capture->n_frames;
-    const int end = n_decoded(job, s);
-    saga_video_info info = s->info;
-    saga_video video;
-    info.width = s->width;
-    info.height = s->height;
-    info.upright = s->upright;
-    if (end == 0)
-        return true;
-    if (!saga_video_open(&video, s->video, &info, end, error))
-        return false;
-    bool ok = true;
-    /* Videos are decoded from their start; frames that belong to no wanted
-     * moment are dropped. */
-    for (int j = 0, k = 0; ok && j < end; j++) {
-        ok = saga_video_next(&video, buffer, error);
-        while (k < n && saga_source_frame(s, first + k) < j)
-            k++;
-        if (ok && k < n && saga_source_frame(s, first + k) == j)
-            saga_remap_rgb(remap, buffer, frame_to_fill(job, v, k));
-        /* A cancelled load must not wait for the end of long videos. */
-        if (item_skipped(job, v))
-            ok = saga_fail(error, s->video, NULL, "stopped");
-    }
-    return saga_video_close(&video, ok, error);
-}
-
-static void load_video(saga_load_job *job, int v)
-{
-    const saga_source *const s = &job->listing->sources[v];
-    saga_error error = { "" };
-    saga_remap remap = job->remaps[v];
-    uint8_t *const buffer = saga_alloc((size_t)s->width * (size_t)s->height,
-                                       3, s->video, &error);
-    bool ok = buffer && saga_remap_build(&remap, &s->lens, s->video, &error);
-    ok = ok && read_video(job, v, &remap, buffer, &error);
-    saga_remap_free(&remap);
-    free(buffer);
-    item_done(job, v, ok, &error);
-}
-
 /* Fills a view's mask from a picture of its source, which is black or white.
  * Any other value after undistortion and scaling is a mixture at a border; a
  * pixel counts if it is nearly white, so that no pixel at the border does. */
@@ -147,29 +92,113 @@ static void split_opacity(uint8_t *pixels, size_t n, uint8_t *mask)
     }
 }
 
+/* A picture as it is read: RGB, or RGBA with room for the mask that its opacity
+ * is. */
+typedef struct canvas {
+    uint8_t *pixels, *mask;   /* no mask: NULL */
+} canvas;
+
+static bool make_canvas(canvas *c, const saga_load_job *job,
+                        const saga_source *s, const char *path,
+                        saga_error *error)
+{
+    const bool opacity = saga_load_has_opacity(job, s);
+    const size_t n = (size_t)s->width * (size_t)s->height;
+    c->pixels = saga_alloc(n, opacity ? 4 : 3, path, error);
+    c->mask = opacity ? saga_alloc(n, 3, path, error) : NULL;
+    return c->pixels && (c->mask || !opacity);
+}
+
+static void free_canvas(canvas *c)
+{
+    free(c->pixels);
+    free(c->mask);
+}
+
+/* Fills a view's picture, and its mask if there is opacity; a mask of its own
+ * takes precedence. */
+static bool fill_picture(const saga_load_job *job, int v, int k,
+                         const saga_remap *remap, const canvas *from,
+                         saga_error *error)
+{
+    const saga_source *const s = &job->listing->sources[v];
+    if (from->mask)
+        split_opacity(from->pixels, (size_t)s->width * (size_t)s->height,
+                      from->mask);
+    saga_remap_rgb(remap, from->pixels, frame_to_fill(job, v, k));
+    return !from->mask || mask_file(job, v, k) ||
+           fill_mask(job, v, k, remap, from->mask, error);
+}
+
+/* Returns the number of the video's frames up to the last that is used. */
+static int n_decoded(const saga_load_job *job, const saga_source *s)
+{
+    const int first = job->capture->first_frame;
+    for (int k = job->capture->n_frames; k-- > 0;)
+        if (saga_source_frame(s, first + k) >= 0)
+            return saga_source_frame(s, first + k) + 1;
+    return 0;
+}
+
+static bool read_video(saga_load_job *job, int v, const saga_remap *remap,
+                       const canvas *at, saga_error *error)
+{
+    const saga_source *const s = &job->listing->sources[v];
+    const int first = job->capture->first_frame, n = job->capture->n_frames;
+    const int end = n_decoded(job, s);
+    saga_video_info info = s->info;
+    saga_video video;
+    info.width = s->width;
+    info.height = s->height;
+    info.upright = s->upright;
+    info.opacity = at->mask != NULL;
+    if (end == 0)
+        return true;
+    if (!saga_video_open(&video, s->video, &info, end, error))
+        return false;
+    bool ok = true;
+    /* Videos are decoded from their start; frames that belong to no wanted
+     * moment are dropped. */
+    for (int j = 0, k = 0; ok && j < end; j++) {
+        ok = saga_video_next(&video, at->pixels, error);
+        while (k < n && saga_source_frame(s, first + k) < j)
+            k++;
+        if (ok && k < n && saga_source_frame(s, first + k) == j)
+            ok = fill_picture(job, v, k, remap, at, error);
+        /* A cancelled load must not wait for the end of long videos. */
+        if (item_skipped(job, v))
+            ok = saga_fail(error, s->video, NULL, "stopped");
+    }
+    return saga_video_close(&video, ok, error);
+}
+
+static void load_video(saga_load_job *job, int v)
+{
+    const saga_source *const s = &job->listing->sources[v];
+    saga_error error = { "" };
+    saga_remap remap = job->remaps[v];
+    canvas at = {NULL, NULL};
+    bool ok = make_canvas(&at, job, s, s->video, &error) &&
+              saga_remap_build(&remap, &s->lens, s->video, &error);
+    ok = ok && read_video(job, v, &remap, &at, &error);
+    saga_remap_free(&remap);
+    free_canvas(&at);
+    item_done(job, v, ok, &error);
+}
+
 static bool read_picture(const saga_load_job *job, int v, int k,
                          const saga_remap *remap, saga_error *error)
 {
     const saga_source *const s = &job->listing->sources[v];
     const char *const path = s->pictures[job->capture->first_frame + k];
-    const size_t n = (size_t)s->width * (size_t)s->height;
-    const bool opacity = job->options->alpha_masks;
+    canvas at;
+    bool ok = make_canvas(&at, job, s, path, error);
     const saga_picture_wish wish = {
         .width = s->width, .height = s->height, .upright = s->upright,
-        .form = opacity ? SAGA_PICTURE_RGBA : SAGA_PICTURE_RGB};
-    uint8_t *const buffer = saga_alloc(n, opacity ? 4 : 3, path, error);
-    uint8_t *const mask = opacity ? saga_alloc(n, 3, path, error) : NULL;
-    bool ok = buffer && (mask || !opacity) &&
-              saga_picture_read(path, &wish, buffer, error);
-    if (ok && opacity)
-        split_opacity(buffer, n, mask);
-    if (ok)
-        saga_remap_rgb(remap, buffer, frame_to_fill(job, v, k));
-    /* A mask of its own takes precedence over the picture's opacity. */
-    if (ok && opacity && !mask_file(job, v, k))
-        ok = fill_mask(job, v, k, remap, mask, error);
-    free(mask);
-    free(buffer);
+        .form = at.mask ? SAGA_PICTURE_RGBA : SAGA_PICTURE_RGB};
+    ok = ok && saga_picture_read(path, &wish, at.pixels, error) &&
+         fill_picture(job, v, k, remap, &at, error);
+    free_canvas(&at);
     return ok;
 }
 
@@ -282,15 +311,23 @@ static void load_view(saga_load_job *job, int v, load_what what)
 /* ---------------------------------------------------------- what is missing */
 
 /* Fills missing pictures with the nearest existing picture of the same camera,
- * so that code that compares moments sees no motion. */
+ * so that code that compares moments sees no motion. The mask that is that
+ * picture's opacity comes along. */
 static void fill_missing(saga_load_job *job, int v)
 {
     const saga_capture *const c = job->capture;
-    for (int k = 0; k < saga_view_n_held(&c->views[v], c->n_frames); k++)
-        if (!c->views[v].single && !saga_capture_has(c, v, k))
-            memcpy(frame_to_fill(job, v, k),
-                   frame_to_fill(job, v, saga_capture_near(c, v, k)),
-                   saga_view_frame_nbytes(&c->views[v]));
+    const saga_shot *const view = &c->views[v];
+    const size_t n = (size_t)view->width * (size_t)view->height;
+    for (int k = 0; k < saga_view_n_held(view, c->n_frames); k++) {
+        const int from = saga_capture_near(c, v, k);
+        if (view->single || saga_capture_has(c, v, k))
+            continue;
+        memcpy(frame_to_fill(job, v, k), frame_to_fill(job, v, from),
+               saga_view_frame_nbytes(view));
+        if (view->mask)
+            memcpy(view->mask + n * (size_t)k, view->mask + n * (size_t)from,
+                   n);
+    }
 }
 
 /* Refuses a camera of which nothing is left to be trained. */
@@ -368,8 +405,8 @@ bool saga_load_pictures(saga_load_job *job)
         load_view(job, v, PICTURES);
     if (job->first_failed != INT32_MAX)
         return false;
-    /* Missing pictures are filled before masked pixels: without a mask they
-     * count everywhere, and fill_masked may copy from them. */
+    /* Missing pictures are filled before masked pixels, since fill_masked may
+     * copy from them. */
     for (int v = 0; v < n_views; v++)
         fill_missing(job, v);
     /* Masks come next, then depth; progress begins at 0 for each. */
