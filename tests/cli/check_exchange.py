@@ -240,8 +240,14 @@ def check_sound(tmp):
     check_film_sound(film, tmp)
     hurt = bytearray(read(take))
     hurt[-1] ^= 1
+    # A playlist names another file or address, whatever its own name is.
+    concat = write(tmp + "/list.mp4", b"ffconcat version 1.0\nfile take.opus\n")
+    hls = write(tmp + "/list.opus", b"#EXTM3U\n#EXT-X-TARGETDURATION:5\n"
+                b"#EXTINF:5,\ntake.opus\n#EXT-X-ENDLIST\n")
     for name, says in ((write(tmp + "/hurt.opus", hurt), "wrong checksum"),
-                       (DEMO, "finds no sound")):
+                       (DEMO, "finds no sound"),
+                       (concat, '"concat", which can name other files'),
+                       (hls, '"hls", which can name other files')):
         saga("mux", DEMO, "--audio", name, "-o", tmp + "/none.saga",
              status=1 if "hurt" in name else 2, says=says)
     if os.path.exists(tmp + "/none.saga"):

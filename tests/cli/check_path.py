@@ -12,6 +12,8 @@ the file,
   look-at     so are those for --look-at, with and without --eye
   film        an .mp4 has the right pictures, number of pictures and rate; if
               ffmpeg fails or is missing, no file remains
+  full        if the disk is full at any moment of a film, an export or a mux,
+              the status is not 0, and there are the files of before
   bad         invalid paths give a message of one line"""
 
 import functools
@@ -24,7 +26,7 @@ import subprocess
 import sys
 import tempfile
 
-from verdict import SAGA, SAGA_DEC, Verdicts, pixels
+from verdict import SAGA, SAGA_DEC, Verdicts, pixels, read
 
 SCENE = "vectors/good/motion.saga"
 # Values of the vector's header, as tests/support/gen_stream.c writes it.
@@ -368,6 +370,38 @@ def check_film(tmp):
     verdict("film")
 
 
+def check_full(tmp):
+    """A film of 40 kB is more than ffmpeg holds back: the disk is full in the
+    middle of it, or for the last byte, which is written when the index is moved
+    to the front."""
+    sound, out = tmp + "/take.opus", tmp + "/out"
+    subprocess.run(["ffmpeg", "-v", "error", "-f", "lavfi", "-i", "sine=d=1",
+                    "-c:a", "libopus", sound], check=True)
+    for ending, words in (
+            (".mp4", ("render", SCENE, "--orbit", 8, "--size", "320x240")),
+            (".ply", ("export", SCENE, "--frame", 0)),
+            (".saga", ("mux", SCENE, "--audio", sound))):
+        checks.run(SAGA, *words, "-o", out + ending)
+        size = os.path.getsize(out + ending)
+        with open(out + ending, "wb") as f:
+            f.write(b"old")
+        before = sorted(os.listdir(tmp))
+        n = 16 if "SAGA_TEST_LONG" in os.environ else 1
+        for limit in [0, *(size * (2 * i + 1) // (2 * n) for i in range(n)),
+                      size - 1]:
+            checks.run(SAGA, *words, "-o", out + ending, status=2,
+                       says="free space", disk=limit)
+            if read(out + ending) != b"old":
+                complain(ending, "with", limit, "bytes left is replaced")
+            if sorted(os.listdir(tmp)) != before:
+                complain(ending, "with", limit, "bytes left leaves",
+                         set(os.listdir(tmp)) - set(before))
+        checks.run(SAGA, *words, "-o", out + ending, disk=size)
+        if os.path.getsize(out + ending) != size:
+            complain(ending, "is cut by a disk that it fits in")
+    verdict("full")
+
+
 def check_bad(tmp):
     def refused(what, says):
         render("-o", tmp + "/x%d.png", "--path", write(tmp, what), status=2,
@@ -407,6 +441,7 @@ def main():
         check_colmap(tmp)
         check_look_at(tmp)
         check_film(tmp)
+        check_full(tmp)
         check_bad(tmp)
     return 1 if checks.failed else 0
 

@@ -4,6 +4,8 @@ are collected, and a verdict prints them with one line "ok   CHECKS NAME" or
 "FAIL CHECKS NAME"."""
 
 import os
+import resource
+import signal
 import subprocess
 import sys
 
@@ -45,12 +47,17 @@ class Verdicts:
             print("ok   %s skipped: %s" % (self.checks, why))
         return bool(why)
 
-    def run(self, *command, status=0, says="", env=None):
+    def run(self, *command, status=0, says="", env=None, disk=None):
         """Runs a program, which must end with this status and say this; if the
-        status is not 0, its message must be one line. Returns what it
-        printed."""
+        status is not 0, its message must be one line. A file of more than
+        `disk` bytes fails as on a full disk. Returns what it printed."""
+        def limit():
+            if disk is not None:
+                signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+                resource.setrlimit(resource.RLIMIT_FSIZE, (disk, disk))
         done = subprocess.run([*map(str, command)], env=env, timeout=600,
-                              stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+                              preexec_fn=limit, stdout=subprocess.PIPE,
+                              stderr=subprocess.PIPE)
         text = done.stderr.decode()
         if done.returncode != status:
             self.complain(command, "ends with", done.returncode, "not", status,
