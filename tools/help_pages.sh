@@ -21,7 +21,7 @@ if grep -q "^usage: $name COMMAND" "$tmp/all"; then
 else
     : >"$tmp/commands"
 fi
-while read -r c; do "$program" help "$c" >"$tmp/$c"; done <"$tmp/commands"
+while read -r c; do "$program" help "$c" --all >"$tmp/$c"; done <"$tmp/commands"
 
 # table FILE: prints "NAME<tab>VALUE<tab>FIRST LINE OF ITS HELP<tab>CHOICES" for
 # each option. The help may begin on the next line. The choices are the words of

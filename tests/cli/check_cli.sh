@@ -57,10 +57,22 @@ for c in $(sed -n 's/^  \([a-z][a-z]*\)  *[A-Z].*/\1/p' "$tmp/out"); do
     cp "$tmp/out" "$tmp/help"
     expect 0 "$c" --help
     cmp -s "$tmp/out" "$tmp/help" || complain "$c --help is not help $c"
+    expect 0 help "$c" --all
+    cp "$tmp/out" "$tmp/help"
+    expect 0 "$c" --help --all
+    cmp -s "$tmp/out" "$tmp/help" || complain "$c --help --all is another"
     awk -v c="$c" 'length > 79 { print "help " c ": " length " columns" }' \
         "$tmp/out" >>"$tmp/bad"
 done
 grep -q . "$tmp/help" || complain "--help lists no command"
+# The help of encode has the 20 options that people use, and with --all each.
+expect 0 help encode
+[ "$(grep -c '^  -' "$tmp/out")" = 20 ] &&
+    tail -n 1 "$tmp/out" | grep -q '^`saga help encode --all` lists 17 more' &&
+    ! grep -q '^  --ablate' "$tmp/out" || complain "help encode: $(cat "$tmp/out")"
+expect 0 help encode --all
+[ "$(grep -c '^  -' "$tmp/out")" = 37 ] && grep -q '^  --ablate' "$tmp/out" ||
+    complain "help encode --all: $(cat "$tmp/out")"
 # The README's table of layouts must have what the help has from the loaders.
 "$saga" help check | awk '
     /^A capture is a folder/ { on = 1 }

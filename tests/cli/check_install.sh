@@ -158,7 +158,7 @@ commands=$("$at/bin/saga" --help |
     sed -n '/^usage/,/^First/s/^  \([a-z][a-z]*\)   *[A-Z-].*/\1/p')
 [ "$(echo "$commands" | wc -l)" -ge 15 ] ||
     complain "the help has the commands $commands"
-for c in $commands; do options "$at/bin/saga" "$c" help "$c"; done >"$tmp/all"
+for c in $commands; do options "$at/bin/saga" "$c" help "$c" --all; done >"$tmp/all"
 # The help of the commands must show all options that the source has in its
 # tables.
 grep -hoE '^    \{ "--?[a-z-]+"' trainer/cli/*.c | cut -d'"' -f2 | sort -u |
@@ -219,7 +219,7 @@ after '' saga encode vectors --primitives ''
 after vectors/MANIFEST saga encode vectors --log vectors/M
 # Each value that the help gives as a|b|c must be offered by each shell.
 for c in $commands; do
-    "$at/bin/saga" help "$c" |
+    "$at/bin/saga" help "$c" --all |
         sed -nE "s/^  --([a-z-]+) ([a-z0-9]+[|][^ ]*).*/$c \1 \2/p"
 done >"$tmp/sets"
 [ "$(wc -l <"$tmp/sets")" -ge 4 ] || complain "sets: $(cat "$tmp/sets")"

@@ -304,7 +304,7 @@ static int unknown_option(const saga_command *c, const char *name)
         name, &c->options[0].name, (size_t)c->n_options, sizeof c->options[0]);
 
     return saga_cli_error(SAGA_EXIT_USAGE, "%s: unknown option '%s'%s%s%s; "
-                          "`saga help %s` lists them", c->name, name,
+                          "`saga help %s --all` lists them", c->name, name,
                           near ? ", did you mean '" : "", near ? near : "",
                           near ? "'" : "", c->name);
 }
@@ -317,7 +317,7 @@ static int wrong_value(const saga_command *c, const saga_cli_option *o,
     if (o->max > o->min)
         snprintf(range, sizeof range, ", %ld to %ld", o->min, o->max);
     return saga_cli_error(SAGA_EXIT_USAGE, "%s: %s takes %s%s, not '%s'; see "
-                          "`saga help %s`", c->name, o->name,
+                          "`saga help %s --all`", c->name, o->name,
                           o->value, range, value, c->name);
 }
 
@@ -379,7 +379,7 @@ int saga_cli_parse(const saga_command *c, void *values,
 
         if (options && (!strcmp(argv[i], "--help") ||
                         !strcmp(argv[i], "-h"))) {
-            saga_cli_help(c);
+            saga_cli_help(c, i + 1 < argc && !strcmp(argv[i + 1], "--all"));
             return SAGA_EXIT_OK;
         }
         if (options && !strcmp(argv[i], "--"))
@@ -436,7 +436,7 @@ void saga_cli_row(const char *name, const char *meaning)
     putchar('\n');
 }
 
-void saga_cli_help(const saga_command *c)
+void saga_cli_help(const saga_command *c, bool all)
 {
     printf("usage: saga %s %s%s\n\n%s", c->name, c->arguments,
            c->n_options ? " [options]" : "", c->text);
@@ -444,8 +444,15 @@ void saga_cli_help(const saga_command *c)
         c->print_list();
     if (c->n_options)
         putchar('\n');
-    for (int i = 0; i < c->n_options; i++)
-        option_help(&c->options[i]);
+    for (int i = 0; i < c->n_options; i++) {
+        if (c->options[i].read)
+            option_help(&c->options[i]);
+        else if (!all) {
+            printf("\n`saga help %s --all` lists %d more.\n", c->name,
+                   c->n_options - 1 - i);
+            return;
+        }
+    }
 }
 
 /* --- Progress ------------------------------------------------------------ */

@@ -48,6 +48,10 @@ struct saga_cli_option {
     long min, max;          /* the range, for readers that have one */
 };
 
+/* A row of a table of options: those after it are for few users, and the help
+ * lists them only with --all. */
+#define SAGA_CLI_MORE { "", NULL, NULL, NULL, 0, 0, 0 }
+
 /* The largest number of arguments if the last may be repeated. */
 enum { SAGA_CLI_MOST_ARGUMENTS = 1024 };
 
@@ -87,13 +91,14 @@ typedef struct saga_cli_pair {
 /* Parses the options into the structure at `values`, which holds the defaults,
  * and the arguments into arguments[], which must have room for all that may be
  * given. Options may stand anywhere, also as --name=value; "--" ends them.
- * Returns SAGA_CLI_GO_ON or an exit status: 0 after --help, SAGA_EXIT_USAGE
- * after a mistake, which has been reported on stderr. */
+ * Returns SAGA_CLI_GO_ON or an exit status: 0 after --help [--all],
+ * SAGA_EXIT_USAGE after a mistake, which has been reported on stderr. */
 int saga_cli_parse(const saga_command *c, void *values,
                    const char **arguments, int argc, char **argv);
 
-/* Prints the help of one command on stdout. */
-void saga_cli_help(const saga_command *c);
+/* Prints the help of one command on stdout, with all of its options or without
+ * those after SAGA_CLI_MORE. */
+void saga_cli_help(const saga_command *c, bool all);
 
 /* Prints a row of a list in the help: a name, and its meaning, wrapped. */
 void saga_cli_row(const char *name, const char *meaning);

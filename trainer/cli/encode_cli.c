@@ -178,6 +178,21 @@ static const saga_cli_option option_list[] = {
     { "-o", "FILE.saga",
       "the file to write, or with --sweep the folder; required",
       saga_cli_text, AT(output), 0, 0 },
+    { "--preset", "fast|balanced|best",
+      "how much work to spend (default balanced);\n"
+      "`saga help presets` lists what each one means", saga_cli_text,
+      AT(preset), 0, 0 },
+    { "--size", "BYTES", "size of the file, met within 5 %: 150k, 1.2M",
+      saga_cli_nbytes, AT(size), 0, 0 },
+    { "--time", "MINUTES",
+      "instead of --iterations: train for about this long; a\n"
+      "trial of two seconds measures the speed of this machine",
+      saga_cli_real, AT(minutes), 0, 0 },
+    { "--sweep", NULL,
+      "make five files of different sizes, 1.saga to 5.saga, and\n"
+      "measure them; --primitives then counts for 4.saga", saga_cli_flag,
+      AT(sweep), 0, 0 },
+    SAGA_CAPTURE_OPTIONS(saga_encode_options, capture),
     { "--segment", "FRAMES",
       "approximate length of a segment in frames. Each segment\n"
       "plays without the others, and --primitives and\n"
@@ -185,30 +200,32 @@ static const saga_cli_option option_list[] = {
       "and at least 24 frames, or what fits in half of --memory;\n"
       "a capture by one moving camera is one segment", saga_cli_int,
       AT(segment), 2, SAGA_PLAN_MOST_FRAMES },
-    { "--networks-only", NULL,
-      "train only the segment that makes the networks, and write\n"
-      "the networks, so that other machines can train the other\n"
-      "segments (docs/scale.md)", saga_cli_flag, AT(networks_only), 0, 0 },
-    { "--only", "N",
-      "train only segment N (the first is 0) with the networks\n"
-      "of --networks. `saga join` makes one file of all\n"
-      "segments, with the same bytes as a single encode", saga_cli_int,
-      AT(only), 0, SAGA_MAX_SEGMENTS - 1 },
-    { "--networks", "FILE",
-      "networks that --networks-only wrote for this capture with\n"
-      "the same options", saga_cli_text, AT(networks), 0, 0 },
-    { "--preset", "fast|balanced|best",
-      "how much work to spend (default balanced);\n"
-      "`saga help presets` lists what each one means", saga_cli_text,
-      AT(preset), 0, 0 },
-    { "--size", "BYTES", "size of the file, met within 5 %: 150k, 1.2M",
-      saga_cli_nbytes, AT(size), 0, 0 },
+    { "--layers", "N",
+      "number of layers of each segment. `saga cut --layers` can\n"
+      "drop the last ones, which saves bytes and makes the\n"
+      "picture coarser (default 1)", saga_cli_int, AT(layers), 1,
+      SAGA_MAX_LAYERS },
+    { "--level", "0|1|2|3",
+      "limit on the memory of the decoder: 0 for 256 KiB, 1 for\n"
+      "4 MiB, 2 for 32 MiB, 3 for 1 GiB (default 2)", saga_cli_int, AT(level),
+      0, 3 },
+    { "--resume", NULL,
+      "continue from FILE.saga.ckpt; give the other options as\n"
+      "before. The result is the same as without the break.\n"
+      "--size may be another, and until the warm-up ends\n"
+      "--level, --lambda and --layers, too. A file that is\n"
+      "finished is left as it is, with status 0", saga_cli_flag,
+      AT(resume), 0, 0 },
+    { "--json", NULL, "print the report as JSON", saga_cli_flag, AT(json), 0,
+      0 },
+    SAGA_CLI_QUIET(saga_encode_options, quiet),
+    { "-v", NULL,
+      "print all of the report as text, also what it takes to\n"
+      "judge the method: tools, bytes by kind, the entropy\n"
+      "model, PSNR at each stage", saga_cli_flag, AT(verbose), 0, 0 },
+    SAGA_CLI_MORE,
     { "--bitrate", "BITS", "size of the file in bits per second: 500k",
       saga_cli_nbytes, AT(bitrate), 0, 0 },
-    { "--sweep", NULL,
-      "make five files of different sizes, 1.saga to 5.saga, and\n"
-      "measure them; --primitives then counts for 4.saga", saga_cli_flag,
-      AT(sweep), 0, 0 },
     { "--primitives", "N",
       "number of Gaussians (default: chosen from --size, or from\n"
       "--preset and the pixels and motion of the capture)", saga_cli_int,
@@ -217,10 +234,6 @@ static const saga_cli_option option_list[] = {
       "training steps of all stages together (default: chosen by\n"
       "--preset); the time grows with them", saga_cli_int, AT(iterations), 3,
       10000000 },
-    { "--time", "MINUTES",
-      "instead of --iterations: train for about this long; a\n"
-      "trial of two seconds measures the speed of this machine",
-      saga_cli_real, AT(minutes), 0, 0 },
     { "--lambda", "X", "price of a bit. Training minimises the mean squared\n"
       "error, in 8-bit levels, plus X times the bits per\n"
       "training pixel. A higher price makes a smaller file, and\n"
@@ -232,16 +245,18 @@ static const saga_cli_option option_list[] = {
       "them, for research (paper): shared anchors,\n"
       "interpolation, fusing networks, residual hash, memory\n"
       "bank", saga_cli_text, AT(model), 0, 0 },
-    { "--level", "0|1|2|3",
-      "limit on the memory of the decoder: 0 for 256 KiB, 1 for\n"
-      "4 MiB, 2 for 32 MiB, 3 for 1 GiB (default 2)", saga_cli_int, AT(level),
-      0, 3 },
-    { "--layers", "N",
-      "number of layers of each segment. `saga cut --layers` can\n"
-      "drop the last ones, which saves bytes and makes the\n"
-      "picture coarser (default 1)", saga_cli_int, AT(layers), 1,
-      SAGA_MAX_LAYERS },
-    SAGA_CAPTURE_OPTIONS(saga_encode_options, capture),
+    { "--networks-only", NULL,
+      "train only the segment that makes the networks, and write\n"
+      "the networks, so that other machines can train the other\n"
+      "segments (docs/scale.md)", saga_cli_flag, AT(networks_only), 0, 0 },
+    { "--networks", "FILE",
+      "networks that --networks-only wrote for this capture with\n"
+      "the same options", saga_cli_text, AT(networks), 0, 0 },
+    { "--only", "N",
+      "train only segment N (the first is 0) with the networks\n"
+      "of --networks. `saga join` makes one file of all\n"
+      "segments, with the same bytes as a single encode", saga_cli_int,
+      AT(only), 0, SAGA_MAX_SEGMENTS - 1 },
     { "--metres", "X",
       "length in metres of one unit of the capture, stored in\n"
       "the file (default: what the capture says)", saga_cli_real, AT(metres),
@@ -263,24 +278,10 @@ static const saga_cli_option option_list[] = {
       AT(seed), 0, INT32_MAX },
     { "--checkpoint-every", "S", "seconds between checkpoints (default 300)",
       saga_cli_int, AT(every), 0, 1000000 },
-    { "--resume", NULL,
-      "continue from FILE.saga.ckpt; give the other options as\n"
-      "before. The result is the same as without the break.\n"
-      "--size may be another, and until the warm-up ends\n"
-      "--level, --lambda and --layers, too. A file that is\n"
-      "finished is left as it is, with status 0", saga_cli_flag,
-      AT(resume), 0, 0 },
     { "--log", "FILE",
       "record the training: a line for every tenth iteration, as\n"
       "CSV in FILE.csv or as JSON lines in FILE.jsonl;\n"
       "lab/log.gp plots it", saga_cli_text, AT(log), 0, 0 },
-    { "--json", NULL, "print the report as JSON", saga_cli_flag, AT(json), 0,
-      0 },
-    SAGA_CLI_QUIET(saga_encode_options, quiet),
-    { "-v", NULL,
-      "print all of the report as text, also what it takes to\n"
-      "judge the method: tools, bytes by kind, the entropy\n"
-      "model, PSNR at each stage", saga_cli_flag, AT(verbose), 0, 0 },
     { "--ablate", "LIST",
       "for research: leave out parts of the entropy model or of\n"
       "the training, to measure what they save. LIST has words\n"

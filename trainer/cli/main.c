@@ -95,7 +95,8 @@ static int unknown(const char *name)
                           near ? "'" : "");
 }
 
-static int help(const char *name)
+/* `more` is what stands after the name: --all, or NULL. */
+static int help(const char *name, const char *more)
 {
     const saga_command *const c = name ? find(name) : NULL;
 
@@ -106,7 +107,7 @@ static int help(const char *name)
     if (name && !c)
         return unknown(name);
     if (c)
-        saga_cli_help(c);
+        saga_cli_help(c, more && !strcmp(more, "--all"));
     else
         print_help();
     return SAGA_EXIT_OK;
@@ -134,7 +135,7 @@ static int run(int argc, char **argv)
     }
     if (!strcmp(name, "--help") || !strcmp(name, "-h") ||
         !strcmp(name, "help"))
-        return help(argc > 2 ? argv[2] : NULL);
+        return help(argc > 2 ? argv[2] : NULL, argc > 3 ? argv[3] : NULL);
     if (!strcmp(name, "--version")) {
         puts("saga " SAGA_RELEASE ", format " SAGA_FORMAT);
         return SAGA_EXIT_OK;
