@@ -22,14 +22,17 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <tiffio.h>
 #include <turbojpeg.h>
 #include <unistd.h>
+#include <webp/encode.h>
 #include <zlib.h>
 
 const char *const input_kind_text[INPUT_N_KINDS] = {
     "PNG", "JPEG", "EXR", "EXR depth", "npy", "PLY", "PLY text", "JSON",
     "Panoptic Sports", "TOML", "COLMAP", "COLMAP text", "compressed PLY",
-    "PLY of splats", "SPZ", "GLB", "SOG", "checkpoint", "film"
+    "PLY of splats", "SPZ", "GLB", "SOG", "checkpoint", "film", "TIFF",
+    "TIFF in YCbCr", "WebP"
 };
 
 enum { W = 8, H = 6, MAX_PIXELS = 1 << 16, N_COLMAP = 3 };
@@ -182,6 +185,52 @@ static void seed_jpeg(bytes *b)
     put(b, jpeg, n);
     tjFree(jpeg);
     tjDestroy(encoder);
+}
+
+/* RGB with opacity by LZW, or YCbCr, which only JPEG makes of RGB. Three strips
+ * of 16 rows: JPEG has blocks of these. */
+static uint8_t *seed_tiff(int ycbcr, size_t *n)
+{
+    enum { H48 = 48, ROWS = 16 };
+    const uint16_t opacity = EXTRASAMPLE_UNASSALPHA;
+    const int each = ycbcr ? 3 : 4;
+    uint8_t strip[4 * W * ROWS];
+    TIFF *const t = must(TIFFOpen(path_of("seed"), "w"));
+
+    for (int i = 0; i < 4 * W * ROWS; i++)
+        strip[i] = (uint8_t)(i * i * 37 >> 3);
+    TIFFSetField(t, TIFFTAG_IMAGEWIDTH, W);
+    TIFFSetField(t, TIFFTAG_IMAGELENGTH, H48);
+    TIFFSetField(t, TIFFTAG_BITSPERSAMPLE, 8);
+    TIFFSetField(t, TIFFTAG_SAMPLESPERPIXEL, each);
+    TIFFSetField(t, TIFFTAG_PLANARCONFIG, PLANARCONFIG_CONTIG);
+    TIFFSetField(t, TIFFTAG_ROWSPERSTRIP, ROWS);
+    TIFFSetField(t, TIFFTAG_COMPRESSION, ycbcr ? COMPRESSION_JPEG
+                                               : COMPRESSION_LZW);
+    TIFFSetField(t, TIFFTAG_PHOTOMETRIC, ycbcr ? PHOTOMETRIC_YCBCR
+                                               : PHOTOMETRIC_RGB);
+    if (ycbcr)
+        TIFFSetField(t, TIFFTAG_JPEGCOLORMODE, JPEGCOLORMODE_RGB);
+    else
+        TIFFSetField(t, TIFFTAG_EXTRASAMPLES, 1, &opacity);
+    for (uint32_t s = 0; s < H48 / ROWS; s++)
+        check(TIFFWriteEncodedStrip(t, s, strip, W * ROWS * each) > 0,
+              "no TIFF");
+    TIFFClose(t);
+    return read_file("seed", n);
+}
+
+/* VP8 with opacity, whose plane is without loss. */
+static void seed_webp(bytes *b)
+{
+    uint8_t rgba[4 * W * H], *webp = NULL;
+
+    for (int i = 0; i < 4 * W * H; i++)
+        rgba[i] = (uint8_t)(i * i * 37 >> 3);
+    const size_t n = WebPEncodeRGBA(rgba, W, H, 4 * W, 80, &webp);
+    check(n > 0, "no WebP");
+    put(b, webp, n);
+    WebPFree(webp);
 }
 
 static void seed_npy(bytes *b)
@@ -394,6 +443,8 @@ uint8_t *input_seed(input_kind kind, size_t *n)
         return seed_film(n);
     if (kind == INPUT_PNG)
         return read_file("a.png", n);
+    if (kind == INPUT_TIFF || kind == INPUT_TIFF_YCBCR)
+        return seed_tiff(kind == INPUT_TIFF_YCBCR, n);
     if (kind == INPUT_EXR)
         write_pixels("seed", 1);
     else if (kind == INPUT_EXR_DEPTH)
@@ -403,6 +454,8 @@ uint8_t *input_seed(input_kind kind, size_t *n)
         return read_file("seed", n);
     if (kind == INPUT_JPEG)
         seed_jpeg(&b);
+    else if (kind == INPUT_WEBP)
+        seed_webp(&b);
     else if (kind == INPUT_NPY)
         seed_npy(&b);
     else if (kind == INPUT_PLY || kind == INPUT_PLY_TEXT)

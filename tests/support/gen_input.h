@@ -2,8 +2,8 @@
  *
  * Small valid files of each kind that a capture has, clouds of splats in each
  * format that is imported, and checkpoints; damage to them; and the call of
- * their reader, which may refuse any file but must never crash. Only the
- * readers that use ffmpeg (video, WebP, TIFF) are missing.
+ * their reader, which may refuse any file but must never crash. Only videos,
+ * which ffmpeg reads, are missing.
  */
 #ifndef GEN_INPUT_H
 #define GEN_INPUT_H
@@ -28,6 +28,10 @@ typedef enum input_kind {
     INPUT_CHECKPOINT = INPUT_CLOUD + 5,
     INPUT_FILM,              /* a .saga file, for cut, join and mux; also with
                               * its checksums computed anew */
+    INPUT_TIFF,              /* in strips of LZW, and of JPEG in YCbCr, which
+                              * libtiff converts */
+    INPUT_TIFF_YCBCR,
+    INPUT_WEBP,
     INPUT_N_KINDS
 } input_kind;
 
