@@ -505,6 +505,123 @@ static const char *write_turned(folder *f, int k, int orientation)
     return names[k];
 }
 
+/* --- Profiles ------------------------------------------------------------ */
+
+/* Appends an ICC profile with the primaries of sRGB, or a red of Display P3,
+ * whose curves are a power, and with a name. */
+static void put_profile(bytes *b, bool wide, double power, const char *name)
+{
+    static const double xyz[3][3] = {
+        { 0.4361, 0.2225, 0.0139 }, { 0.3851, 0.7169, 0.0971 },
+        { 0.1431, 0.0606, 0.7141 }
+    };
+    static const double red[3] = { 0.5151, 0.2412, -0.0011 };
+    static const char tags[7][5] = { "rXYZ", "gXYZ", "bXYZ", "rTRC", "gTRC",
+                                     "bTRC", "desc" };
+    const size_t begin = b->n, table = 132 + 12 * 7, curve = table + 60;
+    const size_t desc = curve + 16;
+
+    put_be(b, desc + 96, 4);
+    put_be(b, 0, 4);
+    put(b, "\2\0\0\0mntrRGB XYZ ", 16);
+    put(b, "\0\0\0\0\0\0\0\0\0\0\0\0acsp", 16);
+    while (b->n < begin + 68)
+        put_be(b, 0, 4);
+    put(b, "\0\0\xf6\xd6\0\1\0\0\0\0\xd3\x2d", 12); /* D50 */
+    while (b->n < begin + 128)
+        put_be(b, 0, 4);
+    put_be(b, 7, 4);
+    for (size_t i = 0; i < 7; i++) {
+        put(b, tags[i], 4);
+        put_be(b, i < 3 ? table + 20 * i : i < 6 ? curve : desc, 4);
+        put_be(b, i < 3 ? 20 : i < 6 ? 14 : 96, 4);
+    }
+    for (size_t i = 0; i < 3; i++) {
+        put(b, "XYZ \0\0\0\0", 8);
+        for (size_t k = 0; k < 3; k++)
+            put_be(b, (uint32_t)(int32_t)lround(
+                65536 * (i == 0 && wide ? red[k] : xyz[i][k])), 4);
+    }
+    put(b, "curv\0\0\0\0\0\0\0\1", 12);
+    put_be(b, (uint64_t)lround(256 * power), 2);
+    put(b, "\0\0desc\0\0\0\0", 10);
+    put_be(b, strlen(name) + 1, 4);
+    put(b, name, strlen(name));
+    while (b->n < begin + desc + 96)
+        put(b, "", 1);
+}
+
+/* Puts a profile into the files of write_turned. */
+static const char *write_profiled(folder *f, int k, const bytes *profile)
+{
+    static const char *const names[] = { "a.jpg", "b.png", "a.tif", "a.webp" };
+    FREED_BY(saga_bytes_free) saga_bytes whole = { 0 };
+    uint8_t packed[1000] = "x\0"; /* a name and a method */
+    uLongf n = sizeof packed - 3;
+    const size_t at = k == 0 ? 20 : 30;
+    bytes b = { 0 };
+
+    write_turned(f, k, 1);
+    if (k == 1) {
+        assert_int_equal(compress(packed + 3, &n, profile->data, profile->n),
+                         Z_OK);
+        write_with_chunk(f, "iCCP", (const char *)packed, 3 + n, false);
+    } else if (k == 2) {
+        TIFF *const t = TIFFOpen(folder_file(f, names[k]), "r+");
+
+        TIFFSetField(t, TIFFTAG_ICCPROFILE, (uint32_t)profile->n,
+                     profile->data);
+        TIFFRewriteDirectory(t);
+        TIFFClose(t);
+    } else {
+        assert_done(saga_read_file(&whole, folder_file(f, names[k]), &error));
+        put(&b, whole.data, at);
+        put(&b, k == 0 ? "\xff\xe2" : "ICCP", k == 0 ? 2 : 4);
+        if (k == 0)
+            put_be(&b, 2 + 14 + profile->n, 2);
+        else
+            put_le(&b, profile->n, 4);
+        put(&b, "ICC_PROFILE\0\1\1", k == 0 ? 14 : 0);
+        put(&b, profile->data, profile->n);
+        put(&b, whole.data + at, whole.nbytes - at);
+        if (k == 3) {
+            b.data[4] = (uint8_t)(b.n - 8);
+            b.data[5] = (uint8_t)((b.n - 8) >> 8);
+            b.data[20] |= 0x20; /* VP8X says that there is a profile */
+        }
+        write_bytes(f, names[k], &b);
+    }
+    return names[k];
+}
+
+/* A profile that means sRGB says nothing, whatever its name; another is
+ * named, without the control characters that it may hold. */
+TEST_IN_FOLDER(profiles_should_be_named_unless_they_are_of_srgb)
+{
+    static const struct {
+        bool wide; double power; const char *name, *says;
+    } kinds[] = {
+        { true, 2.2, "Display P3", "the ICC profile \"Display P3\"" },
+        { false, 2.2, "c2", "" },
+        { false, 1.0, "sRGB\33[1m", "the ICC profile \"sRGB?[1m\"" },
+    };
+
+    for (int k = 0; k < 4; k++)
+        for (size_t i = 0; i < sizeof kinds / sizeof kinds[0]; i++) {
+            saga_picture_look look;
+            bytes profile = { 0 };
+
+            put_profile(&profile, kinds[i].wide, kinds[i].power,
+                        kinds[i].name);
+            assert_done(saga_picture_probe(
+                folder_file(f, write_profiled(f, k, &profile)), &look,
+                &error));
+            assert_string_equal(look.ignored, kinds[i].says);
+            assert_int_equal(look.width, W);
+            free(profile.data);
+        }
+}
+
 static void check_pixel(const uint8_t *shown, const int at[2])
 {
     for (int c = 0; c < 3; c++)
@@ -533,7 +650,18 @@ TEST_IN_FOLDER(pictures_should_be_turned_as_their_exif_says)
         }
 }
 
-/* The size of the calibration decides whether a picture is turned. */
+static void write_calibration(folder *f, int w, int h, const char *picture)
+{
+    bytes b = { 0 };
+
+    put_text(&b, "{\"w\": %d, \"h\": %d, \"fl_x\": 30, \"frames\": "
+             "[{\"file_path\": \"%s\", \"transform_matrix\": [[1,0,0,0]"
+             ",[0,1,0,0],[0,0,1,0]]}]}", w, h, picture);
+    write_bytes(f, "transforms.json", &b);
+}
+
+/* The size of the calibration decides whether a picture is turned; one that
+ * does not say that it is turned is refused. */
 TEST_IN_FOLDER(calibration_should_decide_whether_pictures_are_turned)
 {
     static const struct { int w, h; const char *says; } sizes[] = {
@@ -543,13 +671,9 @@ TEST_IN_FOLDER(calibration_should_decide_whether_pictures_are_turned)
     for (int k = 0; k < 4; k++)
         for (int i = 0; i < 2; i++) {
             FREED_BY(saga_capture_free) saga_capture c = { 0 };
-            bytes b = { 0 };
 
-            put_text(&b, "{\"w\": %d, \"h\": %d, \"fl_x\": 30, \"frames\": "
-                     "[{\"file_path\": \"%s\", \"transform_matrix\": [[1,0,0,0]"
-                     ",[0,1,0,0],[0,0,1,0]]}]}", sizes[i].w, sizes[i].h,
-                     write_turned(f, k, 6));
-            write_bytes(f, "transforms.json", &b);
+            write_calibration(f, sizes[i].w, sizes[i].h,
+                              write_turned(f, k, 6));
             c = load(f->path);
             assert_int_equal(c.views[0].width, sizes[i].w);
             assert_int_equal(c.views[0].height, sizes[i].h);
@@ -558,4 +682,6 @@ TEST_IN_FOLDER(calibration_should_decide_whether_pictures_are_turned)
             assert_non_null(strstr(c.notes, "1 cameras ask to be shown"));
             assert_non_null(strstr(c.notes, sizes[i].says));
         }
+    write_calibration(f, H, W, write_turned(f, 0, 1));
+    refused(f->path, "transforms.json", "width and height are exchanged");
 }

@@ -53,28 +53,36 @@ static void jpeg_end(jpeg_job *job)
         tjDestroy(job->decoder);
 }
 
-/* Finds the orientation in the EXIF of a JPEG. */
-static int jpeg_orientation(const saga_bytes *bytes)
+/* Finds the orientation in the EXIF of a JPEG, and the first part of its
+ * profile, of 64 kB. */
+static void jpeg_tell(const saga_bytes *bytes, saga_picture_look *look)
 {
-    enum { START_OF_SCAN = 0xda, APP1 = 0xe1 };
+    enum { START_OF_SCAN = 0xda, APP1 = 0xe1, APP2 = 0xe2 };
+    static const char icc[] = "ICC_PROFILE\0\1";
     saga_cursor c = {bytes->data + 2, bytes->data + bytes->nbytes, false};
     /* Before the first scan there are segments of FF, a type, and a length that
      * counts itself. More FF may fill up. */
     for (;;) {
         const uint8_t *p = saga_take(&c, 1);
         if (!p || *p != 0xff)
-            return 0;
+            return;
         while (p && *p == 0xff)
             p = saga_take(&c, 1);
         const uint8_t *const high = saga_take(&c, 2);
         if (!p || !high || *p == START_OF_SCAN)
-            return 0;
+            return;
         const size_t n = (size_t)high[0] << 8 | high[1];
         const uint8_t *const data = n < 2 ? NULL : saga_take(&c, n - 2);
         if (!data)
-            return 0;
-        if (*p == APP1 && n >= 8 && memcmp(data, "Exif", 4) == 0)
-            return saga_exif_orientation(data, n - 2);
+            return;
+        if (*p == APP1 && n >= 8 && memcmp(data, "Exif", 4) == 0 &&
+            !look->orientation)
+            look->orientation = saga_exif_orientation(data, n - 2);
+        /* Behind the sign come the part's number and the number of parts. */
+        if (*p == APP2 && n > 2 + sizeof icc &&
+            memcmp(data, icc, sizeof icc - 1) == 0)
+            saga_picture_tell_profile(data + sizeof icc, n - 2 - sizeof icc,
+                                      look);
     }
 }
 
@@ -84,7 +92,7 @@ static bool jpeg_probe(const char *path, saga_picture_look *look,
     jpeg_job job = {.path = path, .error = error};
     const bool ok = jpeg_begin(&job, &look->width, &look->height);
     if (ok)
-        look->orientation = jpeg_orientation(&job.bytes);
+        jpeg_tell(&job.bytes, look);
     jpeg_end(&job);
     return ok;
 }

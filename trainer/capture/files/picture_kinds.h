@@ -23,6 +23,11 @@ extern const saga_picture_kind saga_png_kind, saga_jpeg_kind, saga_exr_kind,
  * without "Exif" before it; 0 if it has none. */
 int saga_exif_orientation(const uint8_t *data, size_t n);
 
+/* Sets look->ignored to the name of an ICC profile that is not sRGB, unless
+ * something else is ignored. The profile may be cut. */
+void saga_picture_tell_profile(const uint8_t *data, size_t n,
+                               saga_picture_look *look);
+
 /* Returns the bytes of a pixel of a form. */
 static inline size_t saga_picture_pixel(saga_picture_form form)
 {

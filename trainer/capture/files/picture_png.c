@@ -231,6 +231,12 @@ static bool png_probe(const char *path, saga_picture_look *look,
     if (ok) {
         look->width = (int)png_get_image_width(job.png, job.info);
         look->height = (int)png_get_image_height(job.png, job.info);
+        png_charp name;
+        png_bytep profile;
+        png_uint_32 n;
+        int packed;
+        if (png_get_iCCP(job.png, job.info, &name, &packed, &profile, &n))
+            saga_picture_tell_profile(profile, n, look);
     }
     read_job_end(&job);
     return ok;

@@ -238,6 +238,8 @@ static bool tiff_open(tiff_job *job, saga_picture_look *look)
         return tiff_failed(job);
     TIFF *const t = job->tiff;
     uint16_t orientation = 0;
+    uint32_t n_profile = 0;
+    const uint8_t *profile = NULL;
     if (!TIFFGetField(t, TIFFTAG_IMAGEWIDTH, &job->width) ||
         !TIFFGetField(t, TIFFTAG_IMAGELENGTH, &job->height) ||
         !TIFFGetField(t, TIFFTAG_PHOTOMETRIC, &job->model))
@@ -249,6 +251,8 @@ static bool tiff_open(tiff_job *job, saga_picture_look *look)
     look->width = (int)job->width;
     look->height = (int)job->height;
     look->orientation = orientation <= 8 ? orientation : 0;
+    if (TIFFGetField(t, TIFFTAG_ICCPROFILE, &n_profile, &profile))
+        saga_picture_tell_profile(profile, n_profile, look);
     const bool ok = saga_check_size(job->path, job->width, job->height,
                                     job->error) &&
                     check_model(job) && check_compression(job) &&

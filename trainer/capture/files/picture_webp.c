@@ -32,9 +32,9 @@ static bool webp_open(saga_bytes *bytes, WebPBitstreamFeatures *found,
     return saga_check_size(path, found->width, found->height, error);
 }
 
-/* Finds the orientation in a WebP, which is a RIFF of chunks with a name and a
- * length each; those of odd lengths are padded. */
-static int webp_orientation(const saga_bytes *bytes)
+/* Finds the orientation and the profile in a WebP, which is a RIFF of chunks
+ * with a name and a length each; those of odd lengths are padded. */
+static void webp_tell(const saga_bytes *bytes, saga_picture_look *look)
 {
     saga_cursor c = {bytes->data, bytes->data + bytes->nbytes, false};
     (void)saga_take(&c, 12);
@@ -44,9 +44,11 @@ static int webp_orientation(const saga_bytes *bytes)
         const uint8_t *const data = saga_take(&c, n);
         (void)saga_take(&c, n % 2);
         if (!name || !data)
-            return 0;
-        if (memcmp(name, "EXIF", 4) == 0)
-            return saga_exif_orientation(data, n);
+            return;
+        if (memcmp(name, "EXIF", 4) == 0 && !look->orientation)
+            look->orientation = saga_exif_orientation(data, n);
+        if (memcmp(name, "ICCP", 4) == 0)
+            saga_picture_tell_profile(data, n, look);
     }
 }
 
@@ -59,7 +61,7 @@ static bool webp_probe(const char *path, saga_picture_look *look,
     if (ok) {
         look->width = found.width;
         look->height = found.height;
-        look->orientation = webp_orientation(&bytes);
+        webp_tell(&bytes, look);
     }
     saga_bytes_free(&bytes);
     return ok;

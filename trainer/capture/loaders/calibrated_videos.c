@@ -476,8 +476,10 @@ static bool give_videos(calibration *c, const char *folder)
 static bool fit_size(const calibration *c, saga_source *s, const double size[2])
 {
     if (!saga_source_fit(s, size[0], size[1]))
-        return saga_fail(c->error, c->path, "calibrate with pictures that are "
-                         "neither rotated nor cropped", "%s was "
+        return saga_fail(c->error, c->path,
+                         saga_source_fit_remedy(
+                             s, size[0], size[1], "calibrate with pictures "
+                             "that are neither rotated nor cropped"), "%s was "
                          "calibrated with %g x %g pixels, the video has "
                          "%d x %d", s->name, size[0], size[1], s->width,
                          s->height);

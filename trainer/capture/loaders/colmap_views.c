@@ -38,7 +38,10 @@ bool saga_colmap_adopt(saga_source *s, const saga_colmap *model,
         return false;
     s->lens = camera->lens;
     if (!saga_source_fit(s, camera->width, camera->height))
-        return saga_fail(error, folder, "reconstruct from uncropped frames",
+        return saga_fail(error, folder,
+                         saga_source_fit_remedy(
+                             s, camera->width, camera->height,
+                             "reconstruct from uncropped frames"),
                          "camera of %s has %d x %d pixels, its pictures "
                          "%d x %d", s->name, camera->width, camera->height,
                          s->width, s->height);

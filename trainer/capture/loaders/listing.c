@@ -82,6 +82,15 @@ bool saga_source_fit(saga_source *source, double width, double height)
     return true;
 }
 
+const char *saga_source_fit_remedy(const saga_source *source, double width,
+                                   double height, const char *usual)
+{
+    return source->width == height && source->height == width
+               ? "width and height are exchanged: turn the pictures by 90 "
+                 "degrees, since nothing in them asks for it"
+               : usual;
+}
+
 void saga_listing_free(saga_listing *listing)
 {
     for (int i = 0; i < listing->n_sources; i++)

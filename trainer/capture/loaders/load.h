@@ -88,6 +88,10 @@ void saga_listing_note_turns(saga_listing *listing);
  * nothing, if the ratio of the sides differs by more than 1 %: then the
  * pictures were cropped, which scaling cannot undo. */
 bool saga_source_fit(saga_source *source, double width, double height);
+/* Returns the remedy for pictures that did not fit: `usual`, unless width and
+ * height are exchanged, which the files do not tell. */
+const char *saga_source_fit_remedy(const saga_source *source, double width,
+                                   double height, const char *usual);
 void saga_listing_free(saga_listing *listing);
 /* Takes the path of a picture that is missing, so that a message can name the
  * first. The path may be NULL. */

@@ -104,8 +104,11 @@ static bool fill_lens(const saga_transforms *r, saga_source *s,
         saga_source_turn(s, k->width, k->height);
     if ((k->width != 0.0 && k->width != s->width) ||
         (k->height != 0.0 && k->height != s->height))
-        return saga_fail(r->error, r->path, "correct w and h together with "
-                         "fl_x fl_y cx cy, or scale the pictures back",
+        return saga_fail(r->error, r->path,
+                         saga_source_fit_remedy(
+                             s, k->width, k->height, "correct w and h together "
+                             "with fl_x fl_y cx cy, or scale the pictures "
+                             "back"),
                          "w x h of %s is %g x %g, the file has %d x %d "
                          "pixels", e->file, k->width, k->height, s->width,
                          s->height);

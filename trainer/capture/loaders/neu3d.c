@@ -86,9 +86,12 @@ static bool row_intrinsics(saga_source *source, double h, double w, double f,
                          "row of %s has height %g, width %g, focal length %g",
                          source->name, h, w, f);
     if (!saga_source_fit(source, w, h))
-        return saga_fail(error, path, "scale the videos alike on both axes, "
-                         "do not crop them", "row of %s is for %g x %g pixels, "
-                         "the video has %d x %d", source->name, w, h,
+        return saga_fail(error, path,
+                         saga_source_fit_remedy(
+                             source, w, h, "scale the videos alike on both "
+                             "axes, do not crop them"),
+                         "row of %s is for %g x %g pixels, the video has "
+                         "%d x %d", source->name, w, h,
                          source->width, source->height);
     /* The file has one focal length, for the width; the principal point is the
      * picture's middle. */
