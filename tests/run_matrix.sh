@@ -28,11 +28,11 @@ export UBSAN_OPTIONS=print_stacktrace=1
 # MemorySanitizer; plain, x4: the path instead of the best one)
 table='
 all gcc-O0                 | gcc   | | -O0 |
-small gcc-O3               | gcc   | | -O3 |
+all gcc-O3                 | gcc   | | -O3 |
 small clang-O0-zero        | clang | | -O0 | ZERO
 small clang-O3             | clang | | -O3 |
 small gcc-O3-avx2          | gcc   | | -O3 | AVX2
-small gcc-O1-pattern       | gcc   | | -O1 | PATTERN
+all gcc-O1-pattern         | gcc   | | -O1 | PATTERN
 small s390x-gcc-O2         | s390x-linux-gnu-gcc | s390x | -O2 | STATIC
 all gcc-O2-sanitize        | gcc   | | -O2 | SANITIZE=1
 all clang-O0               | clang | | -O0 |
