@@ -206,6 +206,7 @@ frozen() {
 tree() {
     check tree tests/check_tree.sh
     check docs tests/check_docs.sh
+    check page python3 tests/check_page.py
     check paper python3 tests/check_paper.py
     check places python3 tests/check_coverage.py places
     check faults python3 tests/run_planted.py places

@@ -442,30 +442,6 @@ static inline void visit(const table *t, uint8_t *p, visitor each, void *user)
     }
 }
 
-static inline void check_value(const table *t, const field *f, uint8_t *p,
-                               void *user)
-{
-    const file *const where = user;
-
-    if (f->range[0] == '"') {
-        assert_int_equal(strlen(f->range), f->count + 2);
-        assert_memory_equal(p + f->offset, f->range + 1, f->count);
-    }
-    for (uint32_t i = 0; is_plain(f) && i < f->count; i++) {
-        const int64_t v = element(f, p, i);
-        int64_t lo, hi;
-
-        if (!in_range(f, v, &lo, &hi))
-            fail_msg("%s: %s of %s is %lld, not in %s", where->name, f->name,
-                     t->name, (long long)v, f->range);
-    }
-}
-
-static inline void check_values(int t, uint8_t *p, file *where)
-{
-    visit(&tables[t], p, check_value, where);
-}
-
 /* --- Chunks and segments ------------------------------------------------- */
 
 /* Returns the CRC with which the CRC of a chunk begins: that of the header for
